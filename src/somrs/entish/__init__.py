@@ -1,0 +1,35 @@
+"""Entish: the quantifier-free formula language in which tasks, preconditions, effects and situations are written."""
+
+from somrs.entish.formula import (
+    And,
+    Attribute,
+    Call,
+    Comparison,
+    Formula,
+    Name,
+    Not,
+    Number,
+    Or,
+    Relation,
+    Term,
+    Text,
+    Truth,
+    Variable,
+)
+
+__all__ = [
+    "And",
+    "Attribute",
+    "Call",
+    "Comparison",
+    "Formula",
+    "Name",
+    "Not",
+    "Number",
+    "Or",
+    "Relation",
+    "Term",
+    "Text",
+    "Truth",
+    "Variable",
+]

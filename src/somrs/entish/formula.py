@@ -1,0 +1,259 @@
+"""Formulas as frozen values, and their printed form. Parsing is `parse.py`; what is true lives in `ontology.truth`.
+
+Paper, "Services": Entish is first-order logic without quantifiers, with AND, OR, names of relations, names of functions
+and variables. `NOT` before an atom is SO-MRS's one extension.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+
+from msgspec import Struct
+
+
+class Name(Struct, frozen=True):
+    """A constant: an object of the map, or a value of an enumeration."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+class Variable(Struct, frozen=True):
+    """`?Shelf` or, typed, `?Shelf: Shelf`. One variable has the same type at every occurrence in one formula."""
+
+    name: str
+    type: str | None = None
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+class Number(Struct, frozen=True):
+    """A number, with a unit where one is written (`12.5`, `500 g`). Without one, the unit is the attribute's own."""
+
+    value: float
+    unit: str | None = None
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+class Text(Struct, frozen=True):
+    """A quoted text."""
+
+    value: str
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+class Truth(Struct, frozen=True):
+    """`TRUE` or `FALSE`: the value of a truth attribute."""
+
+    value: bool
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+class Attribute(Struct, frozen=True):
+    """An attribute of an object: `Jar002.PositionX`, or of a complex one: `Jar002.Shape.Height` (path `Shape.Height`)."""
+
+    of: Name | Variable
+    path: str
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+class Call(Struct, frozen=True):
+    """A function applied to terms: `distance(?Object, ?Place)`."""
+
+    function: str
+    arguments: tuple[Term, ...]
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+Term = Name | Variable | Number | Text | Truth | Attribute | Call
+
+
+class Relation(Struct, frozen=True):
+    """An atom: a relation between objects. Two arguments print infix, any other number prefix."""
+
+    relation: str
+    arguments: tuple[Name | Variable, ...]
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+class Comparison(Struct, frozen=True):
+    """An atom: two terms compared by `=`, `!=`, `<`, `<=`, `>` or `>=`."""
+
+    left: Term
+    operator: str
+    right: Term
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+class Not(Struct, frozen=True):
+    """`NOT` before an atom."""
+
+    atom: Relation | Comparison
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+class And(Struct, frozen=True):
+    """Two or more parts that all hold. Never holds another And directly; `conjunction` keeps it so."""
+
+    parts: tuple[Formula, ...]
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+class Or(Struct, frozen=True):
+    """Two or more parts of which one holds. Never holds another Or directly; `disjunction` keeps it so."""
+
+    parts: tuple[Formula, ...]
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+Formula = Relation | Comparison | Not | And | Or
+Atom = Relation | Comparison
+Substitution = Mapping[str, Term]
+
+
+def show(node: Formula | Term, declared: set[str]) -> str:
+    """The text of a node. `declared` are the variables whose type is already written; it grows as they are shown."""
+    match node:
+        case Name(name):
+            return name
+        case Variable(name, None):
+            return f"?{name}"
+        case Variable(name, type_name):
+            if name in declared:
+                return f"?{name}"
+            declared.add(name)
+            return f"?{name}: {type_name}"
+        case Number(value, unit):
+            plain = repr(float(value)).removesuffix(".0")
+            return f"{plain} {unit}" if unit else plain
+        case Text(text):
+            return json.dumps(text, ensure_ascii=False)
+        case Truth(value):
+            return "TRUE" if value else "FALSE"
+        case Attribute(of, path):
+            return f"{show(of, declared)}.{path}"
+        case Call(name, arguments):
+            return f"{name}({', '.join(show(argument, declared) for argument in arguments)})"
+        case Relation(name, (first, second)):
+            return f"{show(first, declared)} {name} {show(second, declared)}"
+        case Relation(name, arguments):
+            return f"{name}({', '.join(show(argument, declared) for argument in arguments)})"
+        case Comparison(left, operator, right):
+            return f"{show(left, declared)} {operator} {show(right, declared)}"
+        case Not(atom):
+            return f"NOT {show(atom, declared)}"
+        case And(parts):
+            shown = (show(part, declared) for part in parts)
+            return " AND ".join(f"({text})" if isinstance(part, Or) else text for part, text in zip(parts, shown, strict=True))
+        case Or(parts):
+            return " OR ".join(show(part, declared) for part in parts)
+    raise TypeError(f"not a formula or term: {node!r}")
+
+
+def conjunction(*parts: Formula) -> Formula:
+    """The parts joined by AND, flattened, repeats dropped. At least one part is needed."""
+    flat = dict.fromkeys(p for part in parts for p in (part.parts if isinstance(part, And) else (part,)))
+    return next(iter(flat)) if len(flat) == 1 else And(tuple(flat))
+
+
+def disjunction(*parts: Formula) -> Formula:
+    """The parts joined by OR, flattened, repeats dropped. At least one part is needed."""
+    flat = dict.fromkeys(p for part in parts for p in (part.parts if isinstance(part, Or) else (part,)))
+    return next(iter(flat)) if len(flat) == 1 else Or(tuple(flat))
+
+
+def conjuncts(formula: Formula) -> tuple[Formula, ...]:
+    """The parts of a conjunction; of anything else, itself."""
+    return formula.parts if isinstance(formula, And) else (formula,)
+
+
+def terms(formula: Formula | Term) -> Iterator[Term]:
+    """Every term in the formula, outer ones first, in the order they are written."""
+    match formula:
+        case And(parts) | Or(parts):
+            for part in parts:
+                yield from terms(part)
+        case Not(atom):
+            yield from terms(atom)
+        case Relation(_, arguments):
+            yield from arguments
+        case Comparison(left, _, right):
+            yield from terms(left)
+            yield from terms(right)
+        case Call(_, inner):
+            yield formula
+            for argument in inner:
+                yield from terms(argument)
+        case Attribute(of, _):
+            yield formula
+            yield of
+        case _:
+            yield formula
+
+
+def variables(formula: Formula | Term) -> dict[str, Variable]:
+    """The variables by name, in order of first occurrence."""
+    return {term.name: term for term in terms(formula) if isinstance(term, Variable)}
+
+
+def names(formula: Formula | Term) -> tuple[str, ...]:
+    """The constants, each once, in order of first occurrence."""
+    return tuple(dict.fromkeys(term.name for term in terms(formula) if isinstance(term, Name)))
+
+
+def substitute_term(term: Term, bindings: Substitution) -> Term:
+    """The term with its bound variables replaced."""
+    match term:
+        case Variable(name):
+            return bindings.get(name, term)
+        case Attribute(of, path):
+            replaced = substitute_term(of, bindings)
+            assert isinstance(replaced, Name | Variable), f"{of} is bound to {replaced}, which has no attributes"
+            return Attribute(replaced, path)
+        case Call(function, arguments):
+            return Call(function, tuple(substitute_term(argument, bindings) for argument in arguments))
+        case _:
+            return term
+
+
+def substitute(formula: Formula, bindings: Substitution) -> Formula:
+    """The formula with its bound variables replaced; unbound ones stay."""
+    match formula:
+        case And(parts):
+            return conjunction(*(substitute(part, bindings) for part in parts))
+        case Or(parts):
+            return disjunction(*(substitute(part, bindings) for part in parts))
+        case Not(atom):
+            inner = substitute(atom, bindings)
+            assert isinstance(inner, Relation | Comparison)
+            return Not(inner)
+        case Relation(relation, arguments):
+            replaced = tuple(substitute_term(argument, bindings) for argument in arguments)
+            assert all(isinstance(argument, Name | Variable) for argument in replaced), formula
+            return Relation(relation, replaced)  # type: ignore[arg-type]  # the line above is the proof
+        case Comparison(left, operator, right):
+            return Comparison(substitute_term(left, bindings), operator, substitute_term(right, bindings))

@@ -1,0 +1,193 @@
+"""The definitions an ontology is made of, as frozen values. Objects are in `objects.py`, service types in `services.py`.
+
+Paper, "Environment representation": attributes, relations, types with parent, attributes, obligatory sub-objects and
+constraints. Effects need to know a little more of relations: what is functional, and what excludes what.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from enum import StrEnum
+
+from msgspec import Struct
+
+from somrs.ontology.services import ServiceType
+
+Value = float | str | bool
+
+ROOT = "Object"
+PHYSICAL = "PhysicalObject"
+ABSTRACT = "AbstractObject"
+PART_OF = "isPartOf"
+"""The relation of a sub-object to the object that it is a part of; built in, because maps are nested by it."""
+
+
+class Kind(StrEnum):
+    """What the values of an attribute are."""
+
+    NUMBER = "number"
+    """A number, in the attribute's unit."""
+    TEXT = "text"
+    TRUTH = "truth"
+    ENUMERATION = "enumeration"
+    """One of a list of names."""
+    COMPLEX = "complex"
+    """Made of attributes itself, as Shape is."""
+
+
+class AttributeType(Struct, frozen=True, kw_only=True):
+    """A property that objects can have. `unit` is a pint unit; `tolerance` is in that unit, for `=` between numbers."""
+
+    name: str
+    kind: Kind
+    unit: str | None = None
+    tolerance: float = 0.0
+    minimum: float | None = None
+    maximum: float | None = None
+    values: tuple[str, ...] = ()
+    attributes: tuple[str, ...] = ()
+    doc: str = ""
+
+
+class RelationType(Struct, frozen=True, kw_only=True):
+    """A relation and the types it joins.
+
+    `functional`: the first argument stands in it to one tuple of others at a time (a jar is on one thing).
+    `excludes`: the name of a group; a first argument is in one relation of the group at a time (on, held by, in transit).
+    """
+
+    name: str
+    joins: tuple[str, ...]
+    symmetric: bool = False
+    functional: bool = False
+    excludes: str | None = None
+    doc: str = ""
+
+
+class FunctionType(Struct, frozen=True, kw_only=True):
+    """A function of objects, with a number as result. With `attribute` it reads that attribute of its one argument
+    (`range(?Provider)`); without, it is one that SO-MRS computes (`distance`)."""
+
+    name: str
+    parameters: tuple[str, ...]
+    attribute: str | None = None
+    unit: str | None = None
+    doc: str = ""
+
+
+class Constraint(Struct, frozen=True, kw_only=True):
+    """A rule for the objects of a type: a range or an enumeration for an attribute path, or a formula about `?Self`
+    in which further typed variables stand for its sub-objects."""
+
+    attribute: str | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    values: tuple[Value, ...] = ()
+    formula: str | None = None
+
+
+class Part(Struct, frozen=True, kw_only=True):
+    """Sub-objects that every object of a type has: of which type, and how many (`maximum` None: no limit)."""
+
+    type: str
+    minimum: int = 1
+    maximum: int | None = None
+
+
+class ObjectType(Struct, frozen=True, kw_only=True):
+    """A type of objects.
+
+    `attributes` may be had, `required` must be; both add to the parent's. `defaults` are values that objects of the type
+    have unless they say otherwise. `driver` names the program (`module:Class`) that serves such a device.
+    """
+
+    name: str
+    parent: str | None
+    attributes: tuple[str, ...] = ()
+    required: tuple[str, ...] = ()
+    parts: tuple[Part, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
+    defaults: dict[str, Value] = {}
+    driver: str | None = None
+    doc: str = ""
+
+
+Definition = AttributeType | RelationType | FunctionType | ObjectType | ServiceType
+
+
+class Ontology:
+    """All definitions by name. Never changed: `extended` returns another one."""
+
+    def __init__(self, definitions: Iterable[Definition] = ()) -> None:
+        self.attributes: dict[str, AttributeType] = {}
+        self.relations: dict[str, RelationType] = {}
+        self.functions: dict[str, FunctionType] = {}
+        self.types: dict[str, ObjectType] = {}
+        self.services: dict[str, ServiceType] = {}
+        for definition in definitions:
+            match definition:
+                case AttributeType():
+                    self.attributes[definition.name] = definition
+                case RelationType():
+                    self.relations[definition.name] = definition
+                case FunctionType():
+                    self.functions[definition.name] = definition
+                case ObjectType():
+                    self.types[definition.name] = definition
+                case ServiceType():
+                    self.services[definition.name] = definition
+
+    def __iter__(self) -> Iterator[Definition]:
+        yield from self.attributes.values()
+        yield from self.relations.values()
+        yield from self.functions.values()
+        yield from self.types.values()
+        yield from self.services.values()
+
+    def extended(self, definitions: Iterable[Definition]) -> Ontology:
+        """This ontology with more definitions; one with a known name replaces the old one."""
+        return Ontology([*self, *definitions])
+
+    def ancestors(self, type_name: str) -> Iterator[str]:
+        """The type itself, then its parent, and so on up to the root. Unknown types and cycles end the walk."""
+        seen: set[str] = set()
+        current: str | None = type_name
+        while current is not None and current in self.types and current not in seen:
+            yield current
+            seen.add(current)
+            current = self.types[current].parent
+
+    def is_a(self, type_name: str, ancestor: str) -> bool:
+        """Whether every object of `type_name` is one of `ancestor` too."""
+        return ancestor == ROOT or ancestor in self.ancestors(type_name)
+
+    def subtypes(self, type_name: str) -> Iterator[str]:
+        """The type itself and every type below it."""
+        return (name for name in self.types if self.is_a(name, type_name))
+
+    def attributes_of(self, type_name: str) -> dict[str, AttributeType]:
+        """What objects of the type may have, inherited ones included, complex ones spread out: by path (`Shape.Height`)."""
+        found: dict[str, AttributeType] = {}
+        for ancestor in self.ancestors(type_name):
+            for name in (*self.types[ancestor].attributes, *self.types[ancestor].required):
+                found.update(self._spread(name, name))
+        return found
+
+    def _spread(self, name: str, path: str) -> Iterator[tuple[str, AttributeType]]:
+        attribute = self.attributes.get(name)
+        if attribute is None or path.count(".") > 8:
+            return
+        yield path, attribute
+        for inner in attribute.attributes:
+            yield from self._spread(inner, f"{path}.{inner}")
+
+    def default(self, type_name: str, path: str) -> Value | None:
+        """The value that objects of the type have at the path unless they say otherwise."""
+        for ancestor in self.ancestors(type_name):
+            if path in self.types[ancestor].defaults:
+                return self.types[ancestor].defaults[path]
+        return None
+
+    def driver(self, type_name: str) -> str | None:
+        """The program that serves devices of the type, its own or the nearest ancestor's."""
+        return next((d for ancestor in self.ancestors(type_name) if (d := self.types[ancestor].driver)), None)

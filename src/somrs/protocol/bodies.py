@@ -1,0 +1,27 @@
+"""The closed set of message bodies, by protocol."""
+
+from __future__ import annotations
+
+from somrs.protocol import clients, directory, frp, knowledge
+
+FrpBody = (
+    frp.Arrange | frp.Terms | frp.Refuse | frp.Accept | frp.Cancel | frp.Execute | frp.Progress | frp.Completed
+    | frp.Failed | frp.Stop | frp.Stopped | frp.Compensate | frp.Compensated | frp.Stranded | frp.Query | frp.Status
+    | frp.End | frp.Fault
+)  # fmt: skip
+DirectoryBody = (
+    directory.Publish | directory.Published | directory.Renew | directory.Retract | directory.Retracted
+    | directory.Discover | directory.Discovered | directory.SubscribeServices | directory.ServicesSubscribed
+    | directory.ServicesJoined | directory.ServicesLeft
+)  # fmt: skip
+KnowledgeBody = (
+    knowledge.ReadOntology | knowledge.OntologyPage | knowledge.Define | knowledge.Defined | knowledge.ReadMap
+    | knowledge.MapPage | knowledge.QueryMap | knowledge.Rows | knowledge.UpdateMap | knowledge.Updated
+    | knowledge.Rejected | knowledge.ReadHistory | knowledge.History | knowledge.SubscribeMap | knowledge.MapSubscribed
+    | knowledge.MapChanged | knowledge.OntologyChanged
+)  # fmt: skip
+ClientBody = (
+    clients.Submit | clients.Submitted | clients.TaskRejected | clients.CancelTask | clients.Cancelling
+    | clients.ReadTasks | clients.Tasks | clients.WatchTask | clients.TaskNews | clients.Preview | clients.Previewed
+)  # fmt: skip
+Body = FrpBody | DirectoryBody | KnowledgeBody | ClientBody

@@ -1,0 +1,89 @@
+"""The bodies of the Service Registry's protocol: who offers what, until when."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import Value
+
+
+class Offer(Struct, frozen=True, kw_only=True):
+    """One service of one device. `service` is its name in the whole system (`Robot1.TransferObject`), `provider` the
+    device's object in the map, `address` where its Service Manager listens. `attributes`: operation range, price, ..."""
+
+    service: str
+    provider: str
+    provider_type: str
+    address: str
+    service_type: ServiceType
+    attributes: dict[str, Value] = {}
+
+
+class Publish(Struct, frozen=True, kw_only=True, tag=True):
+    """Offer these services for `lease` seconds. Publishing again renews, and replaces what the provider offered."""
+
+    provider: str
+    offers: tuple[Offer, ...]
+    lease: float
+
+
+class Published(Struct, frozen=True, kw_only=True, tag=True):
+    """Kept until `until`, on the Registry's clock; renew at the latest every `renew_within` seconds."""
+
+    until: float
+    renew_within: float
+
+
+class Renew(Struct, frozen=True, kw_only=True, tag=True):
+    """Still there: another lease. Answered by Published, or by a Fault when the Registry does not know the provider."""
+
+    provider: str
+    lease: float
+
+
+class Retract(Struct, frozen=True, kw_only=True, tag=True):
+    """Withdraw a provider's services: those named, or all."""
+
+    provider: str
+    services: tuple[str, ...] = ()
+
+
+class Retracted(Struct, frozen=True, kw_only=True, tag=True):
+    services: tuple[str, ...]
+
+
+class Discover(Struct, frozen=True, kw_only=True, tag=True):
+    """Which services fit all that is given: a service type (its sub-types included), a provider, equal attributes, and a
+    formula that the service's effect can make true."""
+
+    service_type: str | None = None
+    provider: str | None = None
+    attributes: dict[str, Value] = {}
+    effect: str | None = None
+
+
+class Discovered(Struct, frozen=True, kw_only=True, tag=True):
+    offers: tuple[Offer, ...]
+
+
+class SubscribeServices(Struct, frozen=True, kw_only=True, tag=True):
+    """Tell the sender who comes and goes, for `lease` seconds."""
+
+    lease: float
+
+
+class ServicesSubscribed(Struct, frozen=True, kw_only=True, tag=True):
+    until: float
+
+
+class ServicesJoined(Struct, frozen=True, kw_only=True, tag=True):
+    offers: tuple[Offer, ...]
+
+
+class ServicesLeft(Struct, frozen=True, kw_only=True, tag=True):
+    """`reason`: retracted, or expired (the device fell silent)."""
+
+    services: tuple[str, ...]
+    provider: str
+    reason: str

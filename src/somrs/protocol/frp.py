@@ -1,0 +1,171 @@
+"""The bodies of the Failure Recovery Protocol, between a Task Manager (coordinator) and a service (participant).
+
+Formulas are Entish text. Times are seconds: `duration` and `reply_by` etc. on the clock of the coordinator's node.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from msgspec import Struct
+
+from somrs.ontology.types import Value
+
+
+class State(StrEnum):
+    """The states of a participant; the coordinator's view of it has `UNREACHABLE` besides."""
+
+    NEW = "New"
+    """Nothing is known of it yet."""
+    ARRANGING = "Arranging"
+    """Working out terms."""
+    OFFERED = "Offered"
+    COMMITTED = "Committed"
+    """Its terms were accepted."""
+    EXECUTING = "Executing"
+    COMPLETED = "Completed"
+    FAILED = "Failed"
+    STOPPING = "Stopping"
+    STOPPED = "Stopped"
+    COMPENSATING = "Compensating"
+    COMPENSATED = "Compensated"
+    STRANDED = "Stranded"
+    """It could not be undone."""
+    ENDED = "Ended"
+    UNREACHABLE = "Unreachable"
+    """The coordinator's view only: silent past every deadline."""
+
+
+class Outcome(StrEnum):
+    """How a transaction ends."""
+
+    ACCOMPLISHED = "accomplished"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+class Arrange(Struct, frozen=True, kw_only=True, tag=True):
+    """The intention: can you, and on what terms? `inputs` are Entish terms by the service type's input names."""
+
+    service_type: str
+    inputs: dict[str, str]
+    effect: str
+    precondition: str | None = None
+    earliest_start: float | None = None
+    latest_finish: float | None = None
+    reply_by: float | None = None
+
+
+class Terms(Struct, frozen=True, kw_only=True, tag=True):
+    """The commitment the service would enter. `price` in `currency`, `duration` in seconds."""
+
+    effect: str
+    price: float
+    duration: float
+    precondition: str | None = None
+    currency: str = "EUR"
+    start_from: float | None = None
+    start_until: float | None = None
+    valid_until: float | None = None
+
+
+class Refuse(Struct, frozen=True, kw_only=True, tag=True):
+    """Cannot, or will not."""
+
+    reason: str
+
+
+class Accept(Struct, frozen=True, kw_only=True, tag=True):
+    """The commitment holds. `terms` is the message id of the Terms."""
+
+    terms: str
+
+
+class Cancel(Struct, frozen=True, kw_only=True, tag=True):
+    """Leave before execution: a losing bid, or a plan that changed."""
+
+    reason: str
+
+
+class Execute(Struct, frozen=True, kw_only=True, tag=True):
+    """Start. `precondition` is the situation as it is now."""
+
+    inputs: dict[str, str]
+    precondition: str | None = None
+
+
+class Progress(Struct, frozen=True, kw_only=True, tag=True):
+    """Monitoring and liveness: the fraction done (0 to 1), the situation if it changed, and a word for people."""
+
+    fraction: float
+    situation: str | None = None
+    note: str = ""
+
+
+class Completed(Struct, frozen=True, kw_only=True, tag=True):
+    """The effect holds; this is the situation now."""
+
+    situation: str
+    outputs: dict[str, Value] = {}
+
+
+class Failed(Struct, frozen=True, kw_only=True, tag=True):
+    """The effect does not hold; here is what does, as far as it is known."""
+
+    description: str
+    situation: str | None = None
+
+
+class Stop(Struct, frozen=True, kw_only=True, tag=True):
+    """Stop executing."""
+
+    reason: str
+
+
+class Stopped(Struct, frozen=True, kw_only=True, tag=True):
+    """It stopped, safely."""
+
+    situation: str | None = None
+
+
+class Compensate(Struct, frozen=True, kw_only=True, tag=True):
+    """Undo: the situation to restore, or an equivalent from which the task can go on."""
+
+    situation: str
+
+
+class Compensated(Struct, frozen=True, kw_only=True, tag=True):
+    """Undone."""
+
+    situation: str
+
+
+class Stranded(Struct, frozen=True, kw_only=True, tag=True):
+    """Could not be undone; a person or another service must."""
+
+    description: str
+    situation: str | None = None
+
+
+class Query(Struct, frozen=True, kw_only=True, tag=True):
+    """What state are you in?"""
+
+
+class Status(Struct, frozen=True, kw_only=True, tag=True):
+    """The state, and the id of the last message sent."""
+
+    state: State
+    last_message: str | None = None
+
+
+class End(Struct, frozen=True, kw_only=True, tag=True):
+    """The transaction is over for you."""
+
+    outcome: Outcome
+
+
+class Fault(Struct, frozen=True, kw_only=True, tag=True):
+    """The message could not be processed (malformed, unknown version, not allowed). `code` is a SOAP fault (sub)code."""
+
+    code: str
+    text: str
