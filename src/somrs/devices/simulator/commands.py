@@ -1,0 +1,116 @@
+"""What can be said to a simulated robot and by it: commands, states, and how commands end. Plain values; the wire form of
+them is `server.py`'s business, carrying them out `simulation.py`'s.
+
+Positions are in metres on the map, angles in radians, times in seconds of simulated time.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from msgspec import Struct
+
+
+class DriveTo(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Drive to a place, around whatever is in the way; then turn to `yaw`, if it is given."""
+
+    x: float
+    y: float
+    yaw: float | None = None
+
+
+class Approach(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Drive to a free side of the object, so that the gripper can reach it, or can put something on it."""
+
+    object: str
+
+
+class Grip(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Take the object, which is within reach, and lift it to the transport position."""
+
+    object: str
+
+
+class Place(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Put what is held on the object in reach (a support, or a floor), let go, and back off. `x`, `y`: just there."""
+
+    on: str
+    x: float | None = None
+    y: float | None = None
+
+
+class PutDown(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Lower what is held to the floor right here, and open clear of it. Works with a dead drive, too."""
+
+
+class Sense(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Look around: what can be seen from here within `radius`, and where it is."""
+
+    radius: float = 4.0
+
+
+class Stop(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Stop at once; what is held stays held."""
+
+
+class Status(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Say the state now."""
+
+
+Command = DriveTo | Approach | Grip | Place | PutDown | Sense | Stop | Status
+
+
+class Fault(StrEnum):
+    """What can be broken on command."""
+
+    DRIVE = "drive"
+    """The drive is dead: wheels stop at once and stay. Control unit, gripper and link work."""
+    GRIPPER = "gripper"
+    """The gripper is stuck as it is."""
+    SILENT = "silent"
+    """The robot stops, and says nothing any more, though its connection stands."""
+    LINK = "link"
+    """The connection is cut, and refused until repaired; the robot stops."""
+
+
+class RobotState(Struct, frozen=True, kw_only=True):
+    """What a robot reports of itself: pose, what it holds, what it is doing, its faults as far as it can say them."""
+
+    time: float
+    x: float
+    y: float
+    yaw: float
+    holding: str | None = None
+    doing: str | None = None
+    faults: tuple[Fault, ...] = ()
+
+
+class Seen(Struct, frozen=True, kw_only=True):
+    """An object as sensors see it: the middle of its underside, and what it stands on (None: cannot tell)."""
+
+    object: str
+    x: float
+    y: float
+    z: float
+    yaw: float
+    on: str | None = None
+
+
+class Done(Struct, frozen=True, kw_only=True):
+    """A command was carried out. `seen`: what it touched or looked at, as it is now."""
+
+    state: RobotState
+    seen: tuple[Seen, ...] = ()
+
+
+class Gave(Struct, frozen=True, kw_only=True):
+    """A command was given up: a word for programs, a sentence for people, and what is known now.
+
+    Reasons: `drive-dead`, `gripper-stuck`, `blocked` (no way there now), `unreachable` (no way there at all),
+    `slipped` (it is not in the gripper), `unknown-object`, `not-holding`, `holding`, `no-space`, `stopped`, `not-possible`.
+    """
+
+    reason: str
+    description: str
+    state: RobotState
+    seen: tuple[Seen, ...] = ()
