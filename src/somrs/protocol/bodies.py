@@ -25,3 +25,25 @@ ClientBody = (
     | clients.ReadTasks | clients.Tasks | clients.WatchTask | clients.TaskNews | clients.Preview | clients.Previewed
 )  # fmt: skip
 Body = FrpBody | DirectoryBody | KnowledgeBody | ClientBody
+
+REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
+    directory.Publish: (directory.Published,),
+    directory.Renew: (directory.Published,),
+    directory.Retract: (directory.Retracted,),
+    directory.Discover: (directory.Discovered,),
+    directory.SubscribeServices: (directory.ServicesSubscribed,),
+    knowledge.ReadOntology: (knowledge.OntologyPage,),
+    knowledge.Define: (knowledge.Defined, knowledge.Rejected),
+    knowledge.ReadMap: (knowledge.MapPage,),
+    knowledge.QueryMap: (knowledge.Rows,),
+    knowledge.UpdateMap: (knowledge.Updated, knowledge.Rejected),
+    knowledge.ReadHistory: (knowledge.History,),
+    knowledge.SubscribeMap: (knowledge.MapSubscribed,),
+    clients.Submit: (clients.Submitted, clients.TaskRejected),
+    clients.CancelTask: (clients.Cancelling,),
+    clients.ReadTasks: (clients.Tasks,),
+    clients.WatchTask: (clients.TaskNews,),
+    clients.Preview: (clients.Previewed,),
+    frp.Query: (frp.Status,),
+}
+"""What is always answered, and by what; a Fault besides. All else is one-way."""
