@@ -1,0 +1,99 @@
+"""Who is asked for a step, and whose Terms are taken (paper, "SO-MRS architecture": Arrangement)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+
+from somrs.entish import Formula
+from somrs.entish.formula import conjunction, conjuncts, names, substitute
+from somrs.entish.parse import parse
+from somrs.ontology.objects import Map
+from somrs.ontology.services import PROVIDER, ServiceType
+from somrs.ontology.truth import bindings
+from somrs.ontology.types import Ontology
+from somrs.planner.plan import Step
+from somrs.protocol.clients import Policy, Submit
+from somrs.protocol.directory import Offer
+from somrs.protocol.frp import Terms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bid:
+    """Terms that a service gave, with when it would start and finish (seconds, the coordinator's clock)."""
+
+    participant: str
+    terms: Terms
+    terms_id: str
+    start: float
+    finish: float
+
+
+def bid(participant: str, terms: Terms, terms_id: str, earliest: float) -> Bid:
+    """The bid that Terms are, for a step that can start at `earliest`."""
+    start = max(earliest, terms.start_from or earliest)
+    return Bid(participant=participant, terms=terms, terms_id=terms_id, start=start, finish=start + terms.duration)
+
+
+def choose(bids: Sequence[Bid], task: Submit, now: float) -> Bid:
+    """The bid that the task's policy prefers; the participant's name settles what is left equal."""
+
+    def preference(bid: Bid) -> tuple[float, float, str]:
+        match task.policy:
+            case Policy.PRICE:
+                return bid.terms.price, bid.finish, bid.participant
+            case Policy.TIME:
+                return bid.finish, bid.terms.price, bid.participant
+            case Policy.WEIGHTED:
+                return bid.terms.price + task.time_value * (bid.finish - now), bid.finish, bid.participant
+
+    return min(bids, key=preference)
+
+
+def service_types(ontology: Ontology, offers: Iterable[Offer]) -> dict[str, ServiceType]:
+    """Every service type known: the ontology's, and those that come with offers."""
+    return {**ontology.services, **{offer.service_type.name: offer.service_type for offer in offers}}
+
+
+def able(step: Step, offers: Sequence[Offer], known: dict[str, ServiceType], excluded: Collection[str]) -> list[Offer]:
+    """The services that can be asked for the step: of its type or a sub-type, of its provider if the plan names one, and
+    not among those that failed or refused it."""
+
+    def is_a(name: str | None) -> bool:
+        seen: set[str] = set()
+        while name is not None and name not in seen:
+            if name == step.service_type:
+                return True
+            seen.add(name)
+            name = known[name].parent if name in known else None
+        return False
+
+    return [
+        offer
+        for offer in offers
+        if is_a(offer.service_type.name) and step.provider in (None, offer.provider) and offer.service not in excluded
+    ]
+
+
+def precondition_now(step: Step, service_type: ServiceType, map: Map, ontology: Ontology) -> Formula | None:
+    """The step's precondition as the map makes it true now; the step's inputs stay, what they leave open is found anew.
+
+    Raises LookupError when the map does not make it true at all. A service type without precondition gives None.
+    """
+    if service_type.precondition is None:
+        return None
+    wanted = substitute(parse(service_type.precondition), step.inputs)
+    given = {PROVIDER: step.inputs[PROVIDER]} if PROVIDER in step.inputs else {}
+    found = next(iter(bindings(wanted, map, ontology, given)), None)
+    if found is None:
+        raise LookupError(f"{wanted} does not hold")
+    return substitute(wanted, found)
+
+
+def about(step: Step, situation: Formula | None) -> Formula | None:
+    """What a situation says of the step's inputs: a failed service tells more than the next one needs to know."""
+    if situation is None:
+        return None
+    inputs = {name for term in step.inputs.values() for name in names(term)}
+    told = [part for part in conjuncts(situation) if names(part) and names(part)[0] in inputs]
+    return conjunction(*told) if told else None

@@ -1,0 +1,118 @@
+"""The concrete plan of one task: each step of the abstract plan, who does it, and how far it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from somrs.entish import Formula
+from somrs.planner.plan import Plan, Step
+from somrs.protocol.directory import Offer
+from somrs.protocol.frp import State
+from somrs.protocol.session import CoordinatorSession
+from somrs.task_manager.arrange import Bid
+
+
+class Progress(StrEnum):
+    """How far a step is."""
+
+    OPEN = "open"
+    """Nobody has it yet."""
+    ARRANGING = "arranging"
+    """Services were asked, and their answers are awaited."""
+    ARRANGED = "arranged"
+    """One service is committed to it."""
+    EXECUTING = "executing"
+    REPORTING = "reporting"
+    """It is over, and what it came to is being put on the map."""
+    DONE = "done"
+
+
+@dataclass(slots=True, kw_only=True)
+class Member:
+    """One participant of the transaction, as the coordinator sees it."""
+
+    id: str
+    session: CoordinatorSession
+    offer: Offer
+    step: str
+    bid: Bid | None = None
+    committed: bool = False
+    fraction: float = 0.0
+    heard_at: float = 0.0
+    queried: bool = False
+    last_word: str = ""
+
+
+@dataclass(slots=True, kw_only=True)
+class StepRun:
+    """A step of the plan and its life so far. `reported` is what a failed service said is so now."""
+
+    step: Step
+    progress: Progress = Progress.OPEN
+    attempt: int = 0
+    precondition: Formula | None = None
+    reported: Formula | None = None
+    member: str | None = None
+    invited: list[str] = field(default_factory=list)
+    excluded: dict[str, str] = field(default_factory=dict)
+    """Services not to be asked again for this step, and why."""
+    start: float = 0.0
+    finish: float = 0.0
+
+
+class Workflow:
+    """The steps of a plan with their states; order comes from the plan's links."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.runs = {step.id: StepRun(step=step) for step in plan.topological()}
+
+    def __iter__(self) -> Iterator[StepRun]:
+        return iter(self.runs.values())
+
+    def before(self, step: str) -> list[StepRun]:
+        """The steps that must be done before this one."""
+        return [self.runs[before] for before in self.plan.before(step)]
+
+    def open(self) -> StepRun | None:
+        """The next step to arrange, in causal order, when none is being arranged."""
+        if any(run.progress is Progress.ARRANGING for run in self):
+            return None
+        return next((run for run in self if run.progress is Progress.OPEN), None)
+
+    def ready(self) -> Iterable[StepRun]:
+        """Arranged steps whose predecessors are all done."""
+        return [
+            run for run in self if run.progress is Progress.ARRANGED and all(b.progress is Progress.DONE for b in self.before(run.step.id))
+        ]
+
+    @property
+    def arranged(self) -> bool:
+        """Whether every step has its service, or had it."""
+        return all(run.progress not in (Progress.OPEN, Progress.ARRANGING) for run in self)
+
+    @property
+    def busy(self) -> bool:
+        """Whether any step is under way."""
+        return any(run.progress in (Progress.EXECUTING, Progress.REPORTING) for run in self)
+
+    @property
+    def done(self) -> bool:
+        return all(run.progress is Progress.DONE for run in self)
+
+    def earliest_start(self, run: StepRun, now: float) -> float:
+        """When everything before the step is promised to be finished."""
+        return max([now, *(before.finish for before in self.before(run.step.id) if before.progress is not Progress.DONE)])
+
+
+STEP_STATE = {
+    Progress.OPEN: State.NEW,
+    Progress.ARRANGING: State.ARRANGING,
+    Progress.ARRANGED: State.COMMITTED,
+    Progress.EXECUTING: State.EXECUTING,
+    Progress.REPORTING: State.EXECUTING,
+    Progress.DONE: State.COMPLETED,
+}
+"""How a step looks to clients who know the protocol's states only."""
