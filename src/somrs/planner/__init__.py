@@ -1,0 +1,1 @@
+"""From a formula, a map and the services on offer to an abstract plan."""

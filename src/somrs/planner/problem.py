@@ -1,0 +1,35 @@
+"""What the planner is asked: bring this about, on this map, with the services that are on offer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from msgspec import Struct
+
+from somrs.entish import Formula
+from somrs.ontology.objects import Map
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import Ontology
+
+
+class Available(Struct, frozen=True):
+    """A service type that can be used now, and the devices (objects of the map, if they are on it) that offer it."""
+
+    service_type: ServiceType
+    providers: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """A task as the planner sees it. It can be pickled: search may happen in another process.
+
+    `goal` may have variables (any binding will do) and OR. `precondition` is what the client says is so at the start.
+    `excluded` are objects that no step may involve: promised to another task, or in a state that nobody knows.
+    """
+
+    ontology: Ontology
+    map: Map
+    goal: Formula
+    services: tuple[Available, ...] = ()
+    precondition: Formula | None = None
+    excluded: frozenset[str] = frozenset()
