@@ -84,6 +84,8 @@ class Constraint(Struct, frozen=True, kw_only=True):
     maximum: float | None = None
     values: tuple[Value, ...] = ()
     formula: str | None = None
+    doc: str = ""
+    """What the rule means, for the person who broke it."""
 
 
 class Part(Struct, frozen=True, kw_only=True):

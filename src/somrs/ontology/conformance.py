@@ -1,0 +1,270 @@
+"""Does a map obey its ontology? The rules for ontologies themselves are `consistency.py`'s.
+
+Every rule looks at one object and the facts about it, so that an update is checked by checking what it touched.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from somrs.entish import Name
+from somrs.entish.formula import substitute
+from somrs.entish.parse import nearest, parse
+from somrs.ontology.objects import Fact, Map, Object
+try:
+    from somrs.ontology.truth import bindings
+except ImportError:
+    def bindings(*a): return [1]
+from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, ObjectType, Ontology, Value
+
+SELF = "Self"
+"""In the formulas of a type's constraints, `?Self` is the object of that type."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Violation:
+    """A broken rule. `subject` is an object, a fact or a definition; `path` the attribute or key in it that is at fault."""
+
+    subject: str
+    rule: str
+    message: str
+    path: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.subject}: {self.message} [{self.rule}]"
+
+
+def violations(map: Map, ontology: Ontology) -> list[Violation]:
+    """Everything that is wrong with the map."""
+    return [*_tree(map, ontology), *_Checker(map, ontology, None).all()]
+
+
+def violations_of(map: Map, ontology: Ontology, objects: Iterable[str]) -> list[Violation]:
+    """What is wrong with these objects, with the facts about them, and with what they are part of; names that are not on the
+    map (any more) are checked for facts that still speak of them."""
+    return [*_Checker(map, ontology, set(objects)).all()]
+
+
+def _tree(map: Map, ontology: Ontology) -> Iterator[Violation]:
+    """One root, which is an AbstractObject, and no object a part of itself."""
+    roots = [name for name in map.roots() if map.objects[name].type not in ontology.types or ontology.is_a(map.objects[name].type, ABSTRACT)]
+    if not roots:
+        what = "no object" if not map.objects else "no AbstractObject (a building, a site, a room) that is part of nothing"
+        yield Violation(subject="map", rule="root", message=f"the map has {what}; one must hold all others")
+    for extra in roots[1:]:
+        message = f"{roots[0]} is the map's root already; make {extra} a part of it, or of one of its parts"
+        yield Violation(subject=extra, rule="root", message=message)
+    wholes = {arguments[0]: arguments[1] for arguments in (fact.arguments for fact in map.facts(PART_OF)) if len(arguments) == 2}
+    safe: set[str] = set()
+    for name in wholes:
+        chain: dict[str, None] = {}
+        while name in wholes and name not in safe:
+            if name in chain:
+                loop = [*chain][[*chain].index(name) :]
+                yield Violation(subject=name, rule="cycle", message=f"is a part of itself: {' isPartOf '.join([*loop, name])}")
+                break
+            chain[name] = None
+            name = wholes[name]
+        safe.update(chain)
+
+
+class _Checker:
+    """One pass over the map, or over what the `touched` objects concern."""
+
+    def __init__(self, map: Map, ontology: Ontology, touched: set[str] | None) -> None:
+        self.map, self.ontology, self.touched = map, ontology, touched
+        self.by_first: dict[str, list[Fact]] = {}
+        self.facts: list[Fact] = []
+        self.parts: dict[str, list[str]] = {}
+        self.schemas: dict[str, _Schema] = {}
+        self._index()
+
+    def _index(self) -> None:
+        facts = [*self.map.facts()]
+        if self.touched is not None:
+            # A whole is checked when one of its parts changes: its counts and its formulas speak of the parts.
+            wholes = {f.arguments[1] for f in facts if f.relation == PART_OF and f.arguments[0] in self.touched and len(f.arguments) == 2}
+            self.touched = self.touched | wholes
+            touched = self.touched
+            facts = [fact for fact in facts if not touched.isdisjoint(fact.arguments)]
+        self.facts = facts
+        for fact in facts:
+            if fact.arguments:
+                self.by_first.setdefault(fact.arguments[0], []).append(fact)
+            if fact.relation == PART_OF and len(fact.arguments) == 2:
+                self.parts.setdefault(fact.arguments[1], []).append(fact.arguments[0])
+
+    def all(self) -> Iterator[Violation]:
+        for name, object in self.map.objects.items() if self.touched is None else self._touched_objects():
+            if object.type not in self.ontology.types:
+                message = _unknown("type", object.type, self.ontology.types)
+                yield Violation(subject=name, rule="unknown-type", message=message, path="type")
+                continue
+            schema = self._schema(object.type)
+            yield from self._values(object, schema)
+            yield from self._parts(object, schema)
+            yield from self._place(object)
+            yield from self._constraints(object, schema)
+        for fact in self.facts:
+            yield from self._fact(fact)
+        for name, facts in self.by_first.items():
+            if self.touched is None or name in self.touched:
+                yield from self._exclusive(name, facts)
+
+    def _touched_objects(self) -> Iterator[tuple[str, Object]]:
+        assert self.touched is not None
+        return ((name, self.map.objects[name]) for name in sorted(self.touched) if name in self.map.objects)
+
+    def _schema(self, type_name: str) -> _Schema:
+        if type_name not in self.schemas:
+            self.schemas[type_name] = _Schema(self.ontology, type_name)
+        return self.schemas[type_name]
+
+    def _values(self, object: Object, schema: _Schema) -> Iterator[Violation]:
+        for path, value in object.values.items():
+            attribute = schema.attributes.get(path)
+            message = value_problem(attribute, value) if attribute is not None else self._not_of_type(object, path, schema)
+            if message:
+                rule = "value" if attribute is not None else "unknown-attribute"
+                yield Violation(subject=object.name, rule=rule, message=message, path=path)
+        for name in schema.required:
+            if name not in schema.defaulted and not any(path == name or path.startswith(f"{name}.") for path in object.values):
+                message = f"a {object.type} must have {name}; write {name}: and its value"
+                yield Violation(subject=object.name, rule="required", message=message)
+
+    def _not_of_type(self, object: Object, path: str, schema: _Schema) -> str:
+        known = self.ontology.attributes
+        if path.split(".")[0] not in known:
+            return _unknown("attribute", path, {*schema.attributes, *known})
+        return f"a {object.type} has no attribute {path}; it has {', '.join(sorted({p.split('.')[0] for p in schema.attributes}))}"
+
+    def _parts(self, object: Object, schema: _Schema) -> Iterator[Violation]:
+        if not schema.parts:
+            return
+        types = [self.map.objects[part].type for part in self.parts.get(object.name, ()) if part in self.map.objects]
+        for part in schema.parts:
+            count = sum(1 for type_name in types if self.ontology.is_a(type_name, part.type))
+            if count < part.minimum or (part.maximum is not None and count > part.maximum):
+                limits = f"at least {part.minimum}" if part.maximum is None else f"{part.minimum} to {part.maximum}"
+                if part.minimum == part.maximum:
+                    limits = f"exactly {part.minimum}"
+                message = f"a {object.type} has {limits} of type {part.type} among its parts; this one has {count}"
+                yield Violation(subject=object.name, rule="parts", message=message, path="parts")
+
+    def _place(self, object: Object) -> Iterator[Violation]:
+        """What is part of nothing stands somewhere: a position, or a relation that says where."""
+        if self.ontology.is_a(object.type, ABSTRACT):
+            return
+        for fact in self.by_first.get(object.name, ()):
+            relation = self.ontology.relations.get(fact.relation)
+            if fact.relation == PART_OF or (relation is not None and relation.excludes is not None):
+                return
+        if not {"PositionX", "PositionY"} <= object.values.keys():
+            message = "is nowhere: it is part of nothing, has no position, and no fact such as isOn says where it is"
+            yield Violation(subject=object.name, rule="place", message=message)
+
+    def _constraints(self, object: Object, schema: _Schema) -> Iterator[Violation]:
+        for owner, constraint in schema.constraints:
+            if constraint.formula is not None:
+                if not self._holds(object, constraint.formula):
+                    message = f"{constraint.doc or f'every {owner} obeys {constraint.formula}'}; this one does not"
+                    yield Violation(subject=object.name, rule="constraint", message=message)
+            elif constraint.attribute is not None:
+                value = object.values.get(constraint.attribute, schema.defaults.get(constraint.attribute))
+                message = _limit_problem(constraint, value) if value is not None else ""
+                if message:
+                    yield Violation(subject=object.name, rule="constraint", message=f"for a {owner}, {message}", path=constraint.attribute)
+
+    def _holds(self, object: Object, text: str) -> bool:
+        formula = substitute(parse(text), {SELF: Name(object.name)})
+        return any(True for _ in bindings(formula, self.ontology, self.map))
+
+    def _fact(self, fact: Fact) -> Iterator[Violation]:
+        relation = self.ontology.relations.get(fact.relation)
+        if relation is None:
+            yield Violation(subject=str(fact), rule="unknown-relation", message=_unknown("relation", fact.relation, self.ontology.relations))
+            return
+        if len(relation.joins) != len(fact.arguments):
+            message = f"{fact.relation} joins {len(relation.joins)} objects ({', '.join(relation.joins)}), not {len(fact.arguments)}"
+            yield Violation(subject=str(fact), rule="relation-types", message=message)
+            return
+        for name, wanted in zip(fact.arguments, relation.joins, strict=True):
+            object = self.map.objects.get(name)
+            if object is None:
+                yield Violation(subject=str(fact), rule="unknown-object", message=_unknown("object", name, self.map.objects))
+            elif object.type in self.ontology.types and not self.ontology.is_a(object.type, wanted):
+                message = f"{fact.relation} needs a {wanted} where {name} stands, which is a {object.type}"
+                yield Violation(subject=str(fact), rule="relation-types", message=message)
+
+    def _exclusive(self, name: str, facts: list[Fact]) -> Iterator[Violation]:
+        """A functional relation has one value; of a group of excluding relations one holds."""
+        first: dict[str, Fact] = {}
+        for fact in facts:
+            relation = self.ontology.relations.get(fact.relation)
+            if relation is None:
+                continue
+            for group in ((relation.name,) if relation.functional else ()) + ((f"group {relation.excludes}",) if relation.excludes else ()):
+                other = first.setdefault(group, fact)
+                if other is not fact and (group == relation.name or other.relation != fact.relation):
+                    rule = "functional" if group == relation.name else "exclusive"
+                    message = f"cannot hold together with {other}; keep one of the two"
+                    yield Violation(subject=str(fact), rule=rule, message=message)
+
+
+class _Schema:
+    """What a type asks of its objects, inherited rules included, looked up once for all of them."""
+
+    def __init__(self, ontology: Ontology, type_name: str) -> None:
+        types: list[ObjectType] = [ontology.types[name] for name in ontology.ancestors(type_name)]
+        self.attributes: dict[str, AttributeType] = ontology.attributes_of(type_name)
+        self.required = tuple(dict.fromkeys(name for type in reversed(types) for name in type.required))
+        self.parts = tuple(part for type in types for part in type.parts)
+        self.constraints: tuple[tuple[str, Constraint], ...] = tuple((type.name, c) for type in reversed(types) for c in type.constraints)
+        self.defaults: dict[str, Value] = {}
+        for type in reversed(types):
+            self.defaults.update(type.defaults)
+        self.defaulted = {path.split(".")[0] for path in self.defaults}
+
+
+def value_problem(attribute: AttributeType, value: Value) -> str:
+    """What is wrong with the value of an attribute; empty when nothing is."""
+    match attribute.kind:
+        case Kind.COMPLEX:
+            return f"{attribute.name} is made of {', '.join(attribute.attributes)}; write them below it, not a value"
+        case Kind.NUMBER:
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                unit = f" in {attribute.unit}" if attribute.unit else ""
+                return f"{attribute.name} is a number{unit}, not {value!r}"
+            if not math.isfinite(value):
+                return f"{attribute.name} must be a finite number"
+        case Kind.TEXT:
+            if not isinstance(value, str):
+                return f"{attribute.name} is a text, not {value!r}; write it in quotes"
+        case Kind.TRUTH:
+            if not isinstance(value, bool):
+                return f"{attribute.name} is true or false, not {value!r}"
+        case Kind.ENUMERATION:
+            if value not in attribute.values or not isinstance(value, str):
+                return f"{attribute.name} is one of {', '.join(attribute.values)}, not {value!r}. {nearest(str(value), attribute.values)}".rstrip()
+    return _limit_problem(Constraint(attribute=attribute.name, minimum=attribute.minimum, maximum=attribute.maximum), value)
+
+
+def _limit_problem(constraint: Constraint, value: Value) -> str:
+    number = not isinstance(value, bool | str)
+    if number and constraint.minimum is not None and value < constraint.minimum:  # type: ignore[operator]  # a number, as the line says
+        return f"{constraint.attribute} is at least {constraint.minimum:g}, not {value:g}"
+    if number and constraint.maximum is not None and value > constraint.maximum:  # type: ignore[operator]
+        return f"{constraint.attribute} is at most {constraint.maximum:g}, not {value:g}"
+    if constraint.values and value not in constraint.values:
+        return f"{constraint.attribute} is one of {', '.join(map(str, constraint.values))}, not {value}"
+    return ""
+
+
+def _unknown(what: str, name: str, known: Iterable[str]) -> str:
+    hint = nearest(name, known)
+    return f"no {what} is called {name}" + (f"; {hint}" if hint else f"; define it, or use one of the {what}s there are")
+
+
+__all__ = ["SELF", "Violation", "value_problem", "violations", "violations_of"]

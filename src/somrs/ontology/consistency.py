@@ -1,0 +1,205 @@
+"""Does an ontology make sense by itself: known names, no cycles, units that exist, formulas that can be checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from somrs.entish.parse import nearest, parse
+from somrs.errors import FormulaError
+try:
+    from somrs.ontology.check import check
+except ImportError:
+    def check(*a): pass
+from somrs.ontology.conformance import SELF, Violation, value_problem
+from somrs.ontology.schema import RESERVED
+from somrs.ontology.services import PROVIDER, ServiceType
+from somrs.ontology.types import (
+    ROOT,
+    AttributeType,
+    Constraint,
+    FunctionType,
+    Kind,
+    ObjectType,
+    Ontology,
+    RelationType,
+)
+from somrs.ontology.units import known as unit_known
+
+COMMON_UNITS = frozenset({"m", "rad", "kg", "s", "m/s", "percent", "EUR"})
+"""Known without asking pint, whose import takes longer than reading most files."""
+
+VALUES = ("number", "text", "truth")
+"""What an input or output of a service can be besides an object."""
+
+
+def ontology_violations(ontology: Ontology) -> list[Violation]:
+    """Everything that is wrong with the ontology, definition by definition."""
+    found: list[Violation] = []
+    for definition in ontology:
+        match definition:
+            case AttributeType():
+                found.extend(_attribute(definition, ontology))
+            case RelationType():
+                found.extend(_types_known(definition.name, "joins", definition.joins, ontology))
+                found.extend(_relation(definition))
+            case FunctionType():
+                found.extend(_function(definition, ontology))
+            case ObjectType():
+                found.extend(_type(definition, ontology))
+            case ServiceType():
+                found.extend(_service(definition, ontology))
+    return found
+
+
+def _relation(relation: RelationType) -> Iterator[Violation]:
+    if relation.symmetric and (len(relation.joins) != 2 or len(set(relation.joins)) > 1):
+        message = f"a symmetric relation joins two objects of the same type, not {', '.join(relation.joins)}"
+        yield Violation(subject=relation.name, rule="relation", message=message, path="joins")
+
+
+def _attribute(attribute: AttributeType, ontology: Ontology) -> Iterator[Violation]:
+    if attribute.name in RESERVED:
+        message = f"objects have a key {attribute.name} of their own; give the attribute another name"
+        yield Violation(subject=attribute.name, rule="reserved", message=message)
+    number, wanted = attribute.kind is Kind.NUMBER, {Kind.ENUMERATION: "values", Kind.COMPLEX: "attributes"}.get(attribute.kind)
+    for key in ("unit", "minimum", "maximum", "tolerance"):
+        if not number and getattr(attribute, key):
+            yield Violation(subject=attribute.name, rule="kind", message=f"only a number has a {key}; leave it out, or write kind: number", path=key)
+    for key, kind in (("values", "an enumeration"), ("attributes", "a complex attribute")):
+        if key == wanted and not getattr(attribute, key):
+            yield Violation(subject=attribute.name, rule="kind", message=f"{kind} needs {key}; list them", path="kind")
+        elif key != wanted and getattr(attribute, key):
+            yield Violation(subject=attribute.name, rule="kind", message=f"only {kind} has {key}; this one is a {attribute.kind}", path=key)
+    if attribute.unit is not None:
+        yield from _unit(attribute.name, attribute.unit)
+    for index, inner in enumerate(attribute.attributes):
+        if inner not in ontology.attributes:
+            yield _unknown(attribute.name, "attribute", inner, ontology.attributes, f"attributes.{index}")
+        elif inner == attribute.name or any(path.split(".")[-1] == attribute.name for path in _inside(ontology, inner)):
+            message = f"is made of itself, through {inner}; leave it out there"
+            yield Violation(subject=attribute.name, rule="cycle", message=message, path=f"attributes.{index}")
+
+
+def _inside(ontology: Ontology, name: str) -> set[str]:
+    """All attributes that a complex one is made of, at any depth."""
+    found: set[str] = set()
+    waiting = [name]
+    while waiting:
+        attribute = ontology.attributes.get(waiting.pop())
+        for inner in attribute.attributes if attribute is not None else ():
+            if inner not in found:
+                found.add(inner)
+                waiting.append(inner)
+    return found
+
+
+def _unit(subject: str, unit: str) -> Iterator[Violation]:
+    if unit not in COMMON_UNITS and not unit_known(unit):
+        message = f"pint knows no unit {unit}; {nearest(unit, COMMON_UNITS) or 'write one such as m, cm, kg, rad, deg, s, m/s, percent, EUR'}"
+        yield Violation(subject=subject, rule="unit", message=message, path="unit")
+
+
+def _function(function: FunctionType, ontology: Ontology) -> Iterator[Violation]:
+    yield from _types_known(function.name, "parameters", function.parameters, ontology)
+    if function.unit is not None:
+        yield from _unit(function.name, function.unit)
+    if function.attribute is not None and function.attribute.split(".")[0] not in ontology.attributes:
+        yield _unknown(function.name, "attribute", function.attribute, ontology.attributes, "attribute")
+    elif function.attribute is not None and len(function.parameters) != 1:
+        message = "a function that reads an attribute has one parameter, the object whose attribute it is"
+        yield Violation(subject=function.name, rule="function", message=message, path="parameters")
+
+
+def _type(type: ObjectType, ontology: Ontology) -> Iterator[Violation]:
+    yield from _parent(type.name, type.parent, "type", ontology.types)
+    if type.parent is None and type.name != ROOT:
+        yield Violation(subject=type.name, rule="parent", message=f"has no parent; write parent: {ROOT}, or a type below it")
+    for key, names in (("attributes", type.attributes), ("required", type.required)):
+        for index, name in enumerate(names):
+            if name not in ontology.attributes:
+                yield _unknown(type.name, "attribute", name, ontology.attributes, f"{key}.{index}")
+    for index, part in enumerate(type.parts):
+        if part.type not in ontology.types:
+            yield _unknown(type.name, "type", part.type, ontology.types, f"parts.{index}.type")
+        if part.maximum is not None and part.maximum < part.minimum:
+            message = f"at least {part.minimum} and at most {part.maximum} of {part.type} cannot be; swap or mend them"
+            yield Violation(subject=type.name, rule="parts", message=message, path=f"parts.{index}")
+    attributes = ontology.attributes_of(type.name)
+    for path, value in type.defaults.items():
+        problem = value_problem(attributes[path], value) if path in attributes else ""
+        if path not in attributes:
+            yield _unknown(type.name, "attribute of this type", path, attributes, f"defaults.{path}")
+        elif problem:
+            yield Violation(subject=type.name, rule="value", message=problem, path=f"defaults.{path}")
+    for index, constraint in enumerate(type.constraints):
+        yield from _constraint(type, constraint, f"constraints.{index}", attributes, ontology)
+
+
+def _constraint(
+    type: ObjectType, constraint: Constraint, path: str, attributes: dict[str, AttributeType], ontology: Ontology
+) -> Iterator[Violation]:
+    if (constraint.attribute is None) == (constraint.formula is None):
+        message = "a constraint has either an attribute with limits, or a formula"
+        yield Violation(subject=type.name, rule="constraint", message=message, path=path)
+    elif constraint.formula is not None:
+        yield from _formula(type.name, constraint.formula, ontology, {SELF: type.name}, f"{path}.formula")
+    elif constraint.attribute not in attributes:
+        yield _unknown(type.name, "attribute of this type", str(constraint.attribute), attributes, f"{path}.attribute")
+    elif constraint.minimum is None and constraint.maximum is None and not constraint.values:
+        message = f"says nothing about {constraint.attribute}; give minimum, maximum or values"
+        yield Violation(subject=type.name, rule="constraint", message=message, path=path)
+    elif attributes[constraint.attribute].kind is not Kind.NUMBER and (constraint.minimum, constraint.maximum) != (None, None):
+        message = f"{constraint.attribute} is no number, so it has no minimum or maximum; give values"
+        yield Violation(subject=type.name, rule="constraint", message=message, path=path)
+
+
+def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
+    yield from _parent(service.name, service.parent, "service", ontology.services)
+    typed: dict[str, str] = {PROVIDER: "Device"} if "Device" in ontology.types else {}
+    for side in ("inputs", "outputs"):
+        for parameter in getattr(service, side):
+            if parameter.type not in ontology.types and parameter.type not in VALUES:
+                yield _unknown(service.name, "type", parameter.type, [*ontology.types, *VALUES], f"{side}.{parameter.name}")
+            if parameter.name in typed:
+                message = f"?{parameter.name} is there twice; give one of them another name"
+                yield Violation(subject=service.name, rule="duplicate", message=message, path=f"{side}.{parameter.name}")
+            typed[parameter.name] = parameter.type
+    for key, text in (("precondition", service.precondition), ("effect", service.effect)):
+        if text is not None:
+            yield from _formula(service.name, text, ontology, typed, key)
+
+
+def _formula(subject: str, text: str, ontology: Ontology, typed: dict[str, str], path: str) -> Iterator[Violation]:
+    try:
+        check(parse(text), ontology, None, typed)
+    except FormulaError as error:
+        yield Violation(subject=subject, rule="formula", message=str(error), path=path)
+
+
+def _parent(subject: str, parent: str | None, what: str, known: dict[str, ObjectType] | dict[str, ServiceType]) -> Iterator[Violation]:
+    if parent is None:
+        return
+    if parent not in known:
+        yield _unknown(subject, what, parent, known, "parent")
+        return
+    chain = [subject]
+    while parent is not None and parent in known:
+        chain.append(parent)
+        if parent == subject:
+            message = f"is its own ancestor ({' below '.join(chain)}); give one of them another parent"
+            yield Violation(subject=subject, rule="cycle", message=message, path="parent")
+            return
+        if parent in chain[:-1]:
+            return  # a cycle above; said of those in it
+        parent = known[parent].parent
+
+
+def _types_known(subject: str, key: str, types: Iterable[str], ontology: Ontology) -> Iterator[Violation]:
+    for index, name in enumerate(types):
+        if name not in ontology.types:
+            yield _unknown(subject, "type", name, ontology.types, f"{key}.{index}")
+
+
+def _unknown(subject: str, what: str, name: str, known: Iterable[str], path: str) -> Violation:
+    hint = nearest(name, known) or "define it, or use one that is there"
+    return Violation(subject=subject, rule="unknown-name", message=f"no {what} is called {name}; {hint}", path=path)

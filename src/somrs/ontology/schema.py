@@ -1,0 +1,138 @@
+"""The structure of ontology and map files, as pydantic models, and the JSON Schema that editors complete and check with."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from somrs.ontology.services import ServiceKind
+from somrs.ontology.types import Kind
+
+Plain = str | float | bool
+Attributes = dict[str, Any]
+Count = Annotated[float, Field(ge=0, multiple_of=1)]
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class AttributeEntry(_Entry):
+    """A property that objects can have."""
+
+    kind: Kind = Field(strict=False, description="number, text, truth, enumeration (one of `values`) or complex (made of `attributes`)")
+    unit: str | None = Field(None, description="Of a number: a unit such as m, rad, kg, m/s, EUR, percent")
+    tolerance: float = Field(0.0, ge=0, description="Of a number: how far two values may differ and still be equal, in the unit")
+    minimum: float | None = None
+    maximum: float | None = None
+    values: list[str] = Field([], description="Of an enumeration: the names that it may be")
+    attributes: list[str] = Field([], description="Of a complex attribute: the attributes it is made of")
+    doc: str = ""
+
+
+class RelationEntry(_Entry):
+    """A relation and the types it joins."""
+
+    joins: list[str] = Field(min_length=1, description="The type of each argument")
+    symmetric: bool = False
+    functional: bool = Field(False, description="The first argument stands in it to one tuple of others at a time")
+    excludes: str | None = Field(None, description="A group: a first argument is in one relation of the group at a time")
+    doc: str = ""
+
+
+class FunctionEntry(_Entry):
+    """A function of objects whose result is a number."""
+
+    parameters: list[str] = Field(min_length=1, description="The type of each argument")
+    attribute: str | None = Field(None, description="The attribute of its one argument that it reads; without, SO-MRS computes it")
+    unit: str | None = None
+    doc: str = ""
+
+
+class PartEntry(_Entry):
+    """Sub-objects that every object of the type has."""
+
+    type: str
+    minimum: Count = 1
+    maximum: Count | None = None
+
+
+class ConstraintEntry(_Entry):
+    """A rule for the objects of a type: limits of an attribute, or a formula about ?Self."""
+
+    attribute: str | None = Field(None, description="An attribute, or a path into a complex one: Shape.Height")
+    minimum: float | None = None
+    maximum: float | None = None
+    values: list[Plain] = Field([], description="The values that the attribute may have")
+    formula: str | None = Field(None, description="Entish; ?Self is the object, further typed variables are sub-objects of it")
+    doc: str = Field("", description="What the rule means, for the person who broke it")
+
+
+class TypeEntry(_Entry):
+    """A type of objects."""
+
+    parent: str | None = Field(None, description="The type whose attributes and rules this one has, too")
+    attributes: list[str] = Field([], description="What objects of the type may have")
+    required: list[str] = Field([], description="What objects of the type must have")
+    parts: list[PartEntry] = []
+    constraints: list[ConstraintEntry] = []
+    defaults: Attributes = Field({}, description="Values that objects of the type have unless they say otherwise")
+    driver: str | None = Field(None, description="module:Class of the program that serves such a device")
+    doc: str = ""
+
+
+class ServiceEntry(_Entry):
+    """A type of service."""
+
+    inputs: dict[str, str] = Field({}, description="Variables and their types; number, text and truth are for values")
+    outputs: dict[str, str] = {}
+    precondition: str | None = Field(None, description="Entish; what must hold for the service to be possible")
+    effect: str = Field(description="Entish; what holds after it")
+    kind: ServiceKind = Field(ServiceKind.PHYSICAL, strict=False)
+    parent: str | None = None
+    doc: str = ""
+
+
+class ObjectEntry(BaseModel):
+    """An object: its type, its parts, and its attributes by name."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+
+    type: str
+    at: list[str | float] | None = Field(None, min_length=2, max_length=3, description="PositionX, PositionY and, if given, PositionZ")
+    turned: str | float | None = Field(None, description="RotationZ: counter-clockwise, in radians unless a unit is written: 90 deg")
+    parts: dict[str, ObjectEntry] = Field({}, description="The objects that are integral parts of this one")
+
+
+RESERVED = frozenset(ObjectEntry.model_fields)
+"""Keys of an object that are no attributes."""
+
+
+class File(_Entry):
+    """A file with a part of an ontology, a part of a map, or both."""
+
+    uses: list[str] = Field([], description="Other files that this one builds on, relative to it")
+    ontology: str | None = Field(None, description="The ontology's name")
+    attributes: dict[str, AttributeEntry] = {}
+    relations: dict[str, RelationEntry] = {}
+    functions: dict[str, FunctionEntry] = {}
+    types: dict[str, TypeEntry] = {}
+    services: dict[str, ServiceEntry] = {}
+    map: str | None = Field(None, description="The map's name")
+    objects: dict[str, ObjectEntry] = Field({}, description="The map's objects; exactly one, the root, holds all others")
+    facts: list[str] = Field([], description="Relations that hold between objects: Jar002 isOn Cupboard001")
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of `File`."""
+    schema = File.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def published() -> dict[str, Any]:
+    """The JSON Schema as it lies in the package."""
+    found: dict[str, Any] = json.loads(resources.files("somrs.ontology").joinpath("data/somrs.schema.json").read_text("utf-8"))
+    return found
