@@ -169,7 +169,7 @@ class Node:
             value = await self._carry_out(task, lambda partial: self.feed(Answered(question, partial)))
         except asyncio.CancelledError as error:
             value = error
-        except Exception as error:  # noqa: BLE001  # whatever went wrong is the answer; the component says what it means
+        except Exception as error:  # whatever went wrong is the answer; the component says what it means
             log.debug("%s: %s failed", self.address, question, exc_info=True)
             value = error
         self._asked.pop(question, None)

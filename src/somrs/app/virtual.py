@@ -45,7 +45,7 @@ def at_once(answer: Callable[[object], object]) -> CarryOut:
     def work(task: object) -> Work:
         try:
             yield 0.0, answer(task)
-        except Exception as error:  # the component says what it means, as in node.py
+        except Exception as error:  # noqa: BLE001  # the component says what it means, as in node.py
             yield 0.0, error
 
     return work

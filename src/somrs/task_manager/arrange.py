@@ -9,7 +9,7 @@ from somrs.entish import Formula
 from somrs.entish.formula import conjunction, conjuncts, names, substitute
 from somrs.entish.parse import parse
 from somrs.ontology.objects import Map
-from somrs.ontology.services import PROVIDER, ServiceType
+from somrs.ontology.services import ServiceType
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import Ontology
 from somrs.planner.plan import Step
@@ -82,9 +82,8 @@ def precondition_now(step: Step, service_type: ServiceType, map: Map, ontology: 
     """
     if service_type.precondition is None:
         return None
-    wanted = substitute(parse(service_type.precondition), step.inputs)
-    given = {PROVIDER: step.inputs[PROVIDER]} if PROVIDER in step.inputs else {}
-    found = next(iter(bindings(wanted, map, ontology, given)), None)
+    wanted = substitute(parse(service_type.precondition), step.bindings)
+    found = next(iter(bindings(wanted, map, ontology)), None)
     if found is None:
         raise LookupError(f"{wanted} does not hold")
     return substitute(wanted, found)

@@ -18,7 +18,6 @@ from somrs.task_manager.transaction import Setting, Transaction, problem, wrong_
 from somrs.task_manager.workflow import STEP_STATE, StepRun
 
 Then = Callable[[Message, float], None]
-MAP_TIMER = "map"
 
 
 @dataclass(slots=True, kw_only=True)
@@ -55,10 +54,16 @@ class TaskManager:
         )
 
     def handle(self, event: Input, now: float) -> list[Effect]:
+        news = self.replica.handle(event, now)
+        if news is not None:
+            self._effects += news.effects
+            self._map_moved(now)
         match event:
+            case _ if news is not None:
+                pass
             case Started():
                 self._incarnation = now
-                self._effects += self.replica.start(now, MAP_TIMER)
+                self._effects += self.replica.start(now)
             case Received(message):
                 self._receive(message, now)
             case Rang(timer):
@@ -80,9 +85,6 @@ class TaskManager:
         body = message.body
         if (then := self._awaited.pop(message.header.relates_to or "", None)) is not None:
             then(message, now)
-        elif self.replica.concerns(message):
-            self._effects += self.replica.receive(message, now)
-            self._map_moved(now)
         elif isinstance(body, FrpBody) and message.header.transaction is not None:
             if (transaction := self.transactions.get(message.header.transaction)) is not None:
                 transaction.receive(message, now)
@@ -148,9 +150,7 @@ class TaskManager:
     # What the node answers
 
     def _ring(self, timer: str, now: float) -> None:
-        if timer == MAP_TIMER:
-            self._effects += self.replica.rang(now)
-        elif timer.startswith("watch "):
+        if timer.startswith("watch "):
             id = timer.removeprefix("watch ")
             for watcher in [w for w in self._watchers if w.request.header.message_id == id]:
                 self._tell(watcher)
@@ -169,7 +169,6 @@ class TaskManager:
             transaction.planned(value, now)
 
     def _undelivered(self, message: Message, reason: str, now: float) -> None:
-        self._effects += self.replica.undelivered(message, now) if self.replica.concerns(message) else []
         if (then := self._awaited.pop(message.header.message_id, None)) is not None:
             fault = frp.Fault(code="env:Receiver", text=f"{message.header.recipient} could not be reached: {reason}")
             then(Message(header=message.header, body=fault), now)

@@ -25,8 +25,9 @@ from somrs.protocol.envelope import Message
 from somrs.protocol.frp import Outcome, State
 from somrs.protocol.knowledge import Rejected, Updated, UpdateMap
 from somrs.protocol.replica import Replica
-from somrs.protocol.session import CoordinatorSession
-from somrs.task_manager.arrange import about, able, bid, choose, precondition_now, service_types
+from somrs.protocol.session import CoordinatorBody, CoordinatorSession, participant_id
+from somrs.protocol.states import COORDINATOR_SENDS
+from somrs.task_manager.arrange import able, about, bid, choose, precondition_now, service_types
 from somrs.task_manager.workflow import Member, Progress, StepRun, Workflow
 
 REPLY_TIME = 10.0
@@ -76,6 +77,8 @@ class Transaction:
     events: list[TaskEvent] = field(default_factory=list)
     effects: list[Effect] = field(default_factory=list)
     replans: int = 0
+    invitations: int = 0
+    """Makes the ids of participants differ, however often a service is asked for a step."""
     replan_because: str | None = None
     """Why the plan is given up as soon as nothing of it runs any more."""
     stopping: Outcome | None = None
@@ -195,8 +198,9 @@ class Transaction:
         self.tell(now, f"asking {', '.join(offer.service for offer in invited)}", run)
 
     def _invite(self, run: StepRun, offer: Offer) -> Member:
-        id = f"{offer.service}#{run.step.id}.{self.replans}.{run.attempt}"
-        session = CoordinatorSession(transaction=self.id, participant=id, sender=self.setting.address, recipient=offer.address)
+        self.invitations += 1
+        id = participant_id(offer.service, run.step.id, self.invitations)
+        session = CoordinatorSession(transaction=self.id, participant=id, me=self.setting.address, peer=offer.address)
         member = Member(id=id, session=session, offer=offer, step=run.step.id)
         self.members[id] = member
         run.invited.append(id)
@@ -210,11 +214,11 @@ class Transaction:
 
     def _choose(self, run: StepRun, now: float, *, waited: bool = False) -> None:
         invited = [self.members[id] for id in run.invited]
-        if not waited and any(member.session.state in (State.NEW, State.ARRANGING) for member in invited):
+        if not waited and any(member.session.state is State.ARRANGING for member in invited):
             return
         bids = [m.bid for m in invited if m.bid is not None and m.session.state is State.OFFERED]
         for member in invited:
-            if member.session.state in (State.NEW, State.ARRANGING):
+            if member.session.state is State.ARRANGING:
                 self._send(member, frp.Cancel(reason="no answer in time"))
                 run.excluded[member.offer.service] = "did not answer"
         if not bids:
@@ -270,9 +274,13 @@ class Transaction:
     def receive(self, message: Message, now: float) -> None:
         """A message of the protocol from a participant."""
         member = self.members.get(message.header.participant or "")
-        if member is None or not member.session.receive(message).moved:
+        if member is None:
             return
+        heard = member.session.receive(message)
+        self.effects += [Send(answer) for answer in heard.answers]
         member.heard_at, member.queried = now, False
+        if not heard.moved:
+            return
         run = self.workflow.runs.get(member.step) if self.workflow else None
         if run is None:
             return
@@ -283,10 +291,8 @@ class Transaction:
                 self.tell(now, f"{member.offer.service} offers {terms.price:g} {terms.currency}, {terms.duration:.0f} s", run)
                 self._answered(run, member, now)
             case frp.Refuse(reason=reason):
-                member.last_word = reason
-                run.excluded[member.offer.service] = reason
                 self.tell(now, f"{member.offer.service} refuses: {reason}", run)
-                self._answered(run, member, now)
+                self._left(run, member, reason, now)
             case frp.Progress(fraction=fraction, situation=situation, note=note):
                 member.fraction = fraction
                 if situation is not None:
@@ -304,6 +310,22 @@ class Transaction:
             case frp.Stopped(situation=situation) | frp.Compensated(situation=situation) | frp.Stranded(situation=situation):
                 self.tell(now, f"{member.offer.service} {type(message.body).__name__.lower()}", run)
                 self._reported(run, member, situation, now, failed="stopped")
+            case frp.Fault(text=text) if member.session.state is State.ENDED:
+                self._left(run, member, text, now)
+            case frp.Fault() | frp.Status() if member.session.state is State.FAILED:
+                member.last_word = message.body.text if isinstance(message.body, frp.Fault) else "it has forgotten its contract"
+                self.tell(now, f"{member.offer.service}: {member.last_word}", run)
+                self._reported(run, member, None, now, failed=member.last_word)
+
+    def _left(self, run: StepRun, member: Member, reason: str, now: float) -> None:
+        """A participant is out before it did anything."""
+        member.last_word, member.bid = reason, None
+        run.excluded[member.offer.service] = reason
+        if run.member == member.id:
+            run.progress, run.member = Progress.OPEN, None
+            self.proceed(now)
+        else:
+            self._answered(run, member, now)
 
     def _answered(self, run: StepRun, member: Member, now: float) -> None:
         if run.progress is Progress.ARRANGING and member.id in run.invited:
@@ -418,6 +440,7 @@ class Transaction:
         for member in self.members.values():
             if member.session.state in (State.EXECUTING, State.STOPPING):
                 self.explanation += f"; {member.offer.service} did not say that it stopped"
+                member.session.give_up()
         self._end(now, self.stopping)
 
     def _finish(self, now: float) -> None:
@@ -430,7 +453,7 @@ class Transaction:
     def _end(self, now: float, outcome: Outcome) -> None:
         """End goes to everyone that was ever committed (FRP, property 6)."""
         for member in self.members.values():
-            if member.committed and member.session.state is not State.ENDED:
+            if member.committed and frp.End in COORDINATOR_SENDS.get(member.session.state, {}):
                 self._send(member, frp.End(outcome=outcome))
         self.phase, self.outcome, self.ended_at = Phase.ENDED, outcome, now
         if outcome is not Outcome.ACCOMPLISHED and self.workflow is not None:
@@ -455,7 +478,7 @@ class Transaction:
             self.effects.append(Wake(f"{self.id}/silence/{participant}", now + SILENCE))
             self.tell(now, f"{member.offer.service} is silent; asking for its state")
         else:
-            member.session.unreachable()
+            member.session.give_up()
             self.give_up(now, f"{member.offer.service} fell silent while it worked; nothing is known of what it left")
 
     def undelivered(self, message: Message, reason: str, now: float) -> None:
@@ -466,15 +489,12 @@ class Transaction:
             return
         member.last_word = f"could not be reached: {reason}"
         match message.body:
-            case frp.Arrange():
-                member.session.unreachable()
-                run.excluded[member.offer.service] = member.last_word
-                self._answered(run, member, now)
-            case frp.Accept() if run.member == member.id:
-                member.session.unreachable()
-                run.excluded[member.offer.service] = member.last_word
-                run.progress, run.member = Progress.OPEN, None
-                self.proceed(now)
+            case frp.Arrange() if member.session.state is State.ARRANGING:
+                self._send(member, frp.Cancel(reason=member.last_word))
+                self._left(run, member, member.last_word, now)
+            case frp.Accept() if member.session.state is State.COMMITTED:
+                member.session.give_up()
+                self._left(run, member, member.last_word, now)
 
     def tell(self, now: float, text: str, run: StepRun | None = None) -> None:
         """Something happened that the client wants to know."""
@@ -483,7 +503,7 @@ class Transaction:
     def _ask(self, address: str, body: object, then: Callable[[Message, float], None]) -> None:
         self.effects.append(self.setting.request(address, body, then))
 
-    def _send(self, member: Member, body: frp.Arrange | frp.Accept | frp.Cancel | frp.Execute | frp.Stop | frp.Query | frp.End, until: float | None = None) -> None:
+    def _send(self, member: Member, body: CoordinatorBody, until: float | None = None) -> None:
         self.effects.append(Send(member.session.send(body), until))
 
 

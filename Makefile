@@ -1,0 +1,39 @@
+# The two commands: `make demo` and `make test`. Both set everything up by themselves.
+PYTHON ?= python3
+SCENARIO ?= 1b
+RUNS ?= 20
+BIN := .venv/bin
+
+.PHONY: setup demo test lint scenarios benchmarks docs clean
+
+setup: .venv/.ready
+
+.venv/.ready: pyproject.toml constraints.txt scripts/setup
+	@scripts/setup "$(PYTHON)"
+
+demo: setup
+	@$(BIN)/somrs demo $(SCENARIO) --out out/scenario-$(SCENARIO)
+
+test: setup lint
+	@$(BIN)/pytest
+
+lint: setup
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+
+# Slow suites: each prints `N passed, N failed`.
+scenarios: setup
+	@$(BIN)/python scripts/scenarios.py --runs $(RUNS)
+
+benchmarks: setup
+	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+# What is generated: the state diagrams and the JSON Schema.
+docs: setup
+	@$(BIN)/python -m somrs.protocol.diagram
+	@$(BIN)/python -m somrs.ontology.schema
+
+clean:
+	@rm -rf .venv out .somrs build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -1,0 +1,153 @@
+"""How programs outside the system (the command line, windows, scripts) talk to it: one question, one answer."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from somrs.app.http import Wire
+from somrs.errors import RemoteError, UsageError
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.types import Definition, Ontology
+from somrs.protocol import clients, directory, frp, knowledge
+from somrs.protocol.bodies import Body
+from somrs.protocol.envelope import ANONYMOUS, Header, Message
+
+SYSTEM_FILE = "system.json"
+Answer = TypeVar("Answer")
+
+
+class Addresses(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the parts of a running system listen; `simulator` is `host:port`."""
+
+    repository: str
+    registry: str
+    task_manager: str
+    simulator: str | None = None
+
+    @classmethod
+    def read(cls, data: Path) -> Addresses:
+        """The addresses that a running system left in its data folder."""
+        file = data / SYSTEM_FILE
+        try:
+            return msgspec.json.decode(file.read_bytes(), type=cls)
+        except FileNotFoundError:
+            raise UsageError(f"no system runs here: there is no {file}. Start one with `somrs up SITE`, or say where with --data") from None
+        except (msgspec.DecodeError, OSError) as error:
+            raise UsageError(f"{file} cannot be read: {error}") from None
+
+    def write(self, data: Path) -> None:
+        (data / SYSTEM_FILE).write_bytes(msgspec.json.format(msgspec.json.encode(self)))
+
+
+class Client:
+    """Asks the parts of a running system."""
+
+    def __init__(self, addresses: Addresses) -> None:
+        self.addresses = addresses
+        self._wire = Wire()
+
+    async def __aenter__(self) -> Client:
+        return self
+
+    async def __aexit__(self, *exception: object) -> None:
+        await self._wire.close()
+
+    async def ask(self, address: str, body: Body, expected: type[Answer], timeout: float = 30.0) -> Answer:
+        """The answer, which is of the expected type. Raises RemoteError when it is not, or none came."""
+        header = Header(sender=ANONYMOUS, recipient=address, message_id=uuid.uuid4().urn)
+        answer = await self._wire.post(Message(header=header, body=body), timeout=timeout)
+        if answer is None:
+            raise RemoteError(f"{address} took the {type(body).__name__} without an answer")
+        if isinstance(answer.body, expected):
+            return answer.body
+        if isinstance(answer.body, frp.Fault):
+            raise RemoteError(answer.body.text)
+        if isinstance(answer.body, knowledge.Rejected):
+            raise RemoteError("\n".join(answer.body.problems))
+        raise RemoteError(f"{address} answered {type(body).__name__} with {type(answer.body).__name__}")
+
+    # The Repository
+
+    async def ontology(self) -> Ontology:
+        """All definitions."""
+        found: list[Definition] = []
+        after, more = 0, True
+        while more:
+            page = await self.ask(self.addresses.repository, knowledge.ReadOntology(after=after), knowledge.OntologyPage)
+            part = page.definitions
+            found += [*part.attributes, *part.relations, *part.functions, *part.types, *part.services]
+            after, more = page.next, page.more
+        return Ontology(found)
+
+    async def map(self) -> Map:
+        """The whole map as it is now. Read again from the start when it changes between two pages."""
+        while True:
+            objects: list[Object] = []
+            facts: list[Fact] = []
+            versions: set[int] = set()
+            after, more = "", True
+            while more:
+                page = await self.ask(self.addresses.repository, knowledge.ReadMap(after=after), knowledge.MapPage)
+                objects += page.objects
+                facts += page.facts
+                versions.add(page.version)
+                after, more = (page.objects[-1].name if page.objects else after), page.more
+            if len(versions) <= 1:
+                return Map(objects, facts)
+
+    async def query(self, formula: str, limit: int = 100) -> knowledge.Rows:
+        return await self.ask(self.addresses.repository, knowledge.QueryMap(formula=formula, limit=limit), knowledge.Rows)
+
+    async def update(self, update: knowledge.UpdateMap) -> int:
+        """The version of the map with the update in it."""
+        return (await self.ask(self.addresses.repository, update, knowledge.Updated)).version
+
+    async def history(self, name: str, limit: int = 100) -> knowledge.History:
+        return await self.ask(self.addresses.repository, knowledge.ReadHistory(object=name, limit=limit), knowledge.History)
+
+    # The Service Registry
+
+    async def services(self, wanted: directory.Discover | None = None) -> tuple[directory.Offer, ...]:
+        found = await self.ask(self.addresses.registry, wanted or directory.Discover(), directory.Discovered)
+        return found.offers
+
+    # The Task Manager
+
+    async def submit(self, task: clients.Submit) -> str:
+        """The task's id. Raises UsageError, with the caret under the mistake, when it is no task."""
+        answer: object = await self.ask(self.addresses.task_manager, task, object)
+        match answer:
+            case clients.Submitted(task=id):
+                return id
+            case clients.TaskRejected(problem=wrong):
+                raise UsageError(wrong)
+            case frp.Fault(text=text):
+                raise RemoteError(text)
+            case _:
+                raise RemoteError(f"the Task Manager answered {type(answer).__name__}")
+
+    async def news(self, task: str) -> AsyncIterator[clients.TaskNews]:
+        """What happens to the task, until it ended."""
+        after = 0
+        while True:
+            news = await self.ask(self.addresses.task_manager, clients.WatchTask(task=task, after=after), clients.TaskNews, timeout=60)
+            yield news
+            if news.view.phase is clients.Phase.ENDED:
+                return
+            after += len(news.events)
+
+    async def tasks(self) -> tuple[clients.TaskView, ...]:
+        return (await self.ask(self.addresses.task_manager, clients.ReadTasks(), clients.Tasks)).tasks
+
+    async def cancel(self, task: str, reason: str) -> None:
+        await self.ask(self.addresses.task_manager, clients.CancelTask(task=task, reason=reason), clients.Cancelling)
+
+    async def preview(self, effect: str, precondition: str | None = None) -> clients.Previewed:
+        return await self.ask(
+            self.addresses.task_manager, clients.Preview(effect=effect, precondition=precondition), clients.Previewed, timeout=60
+        )
