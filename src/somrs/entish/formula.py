@@ -6,7 +6,9 @@ and variables. `NOT` before an atom is SO-MRS's one extension.
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
@@ -132,6 +134,8 @@ class Or(Struct, frozen=True):
 
 Formula = Relation | Comparison | Not | And | Or
 Atom = Relation | Comparison
+Literal = Relation | Comparison | Not
+Constant = Name | Number | Text | Truth
 Substitution = Mapping[str, Term]
 
 
@@ -189,6 +193,30 @@ def disjunction(*parts: Formula) -> Formula:
 def conjuncts(formula: Formula) -> tuple[Formula, ...]:
     """The parts of a conjunction; of anything else, itself."""
     return formula.parts if isinstance(formula, And) else (formula,)
+
+
+def alternatives(formula: Formula) -> Iterator[tuple[Literal, ...]]:
+    """The disjunctive normal form, one conjunction at a time, its literals in the order they are written."""
+    match formula:
+        case Or(parts):
+            for part in parts:
+                yield from alternatives(part)
+        case And(parts):
+            for choice in itertools.product(*(tuple(alternatives(part)) for part in parts)):
+                yield tuple(dict.fromkeys(itertools.chain.from_iterable(choice)))
+        case _:
+            yield (formula,)
+
+
+def count_alternatives(formula: Formula) -> int:
+    """How many conjunctions `alternatives` would yield, without making them."""
+    match formula:
+        case Or(parts):
+            return sum(map(count_alternatives, parts))
+        case And(parts):
+            return math.prod(map(count_alternatives, parts))
+        case _:
+            return 1
 
 
 def terms(formula: Formula | Term) -> Iterator[Term]:
@@ -257,3 +285,8 @@ def substitute(formula: Formula, bindings: Substitution) -> Formula:
             return Relation(relation, replaced)  # type: ignore[arg-type]  # the line above is the proof
         case Comparison(left, operator, right):
             return Comparison(substitute_term(left, bindings), operator, substitute_term(right, bindings))
+
+
+def typed(formula: Formula, types: Mapping[str, str]) -> Formula:
+    """The formula with types given to its variables; names of variables that it does not have are ignored."""
+    return substitute(formula, {name: Variable(name, type_name) for name, type_name in types.items()})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from msgspec import Struct, structs
 
@@ -78,6 +78,9 @@ class Map:
     def __init__(self, objects: Iterable[Object] = (), facts: Iterable[Fact] = ()) -> None:
         self.objects: dict[str, Object] = {object.name: object for object in objects}
         self._facts: dict[str, dict[tuple[str, ...], None]] = {}
+        # Made when first asked for: the facts of a relation by the object at a place in them, the objects by exact type.
+        self._by_argument: dict[str, dict[int, dict[str, list[tuple[str, ...]]]]] = {}
+        self._by_type: dict[str, list[str]] | None = None
         for fact in facts:
             self._facts.setdefault(fact.relation, {})[fact.arguments] = None
 
@@ -96,17 +99,47 @@ class Map:
             for arguments in self._facts.get(name, ()):
                 yield Fact(name, arguments)
 
+    def count(self, relation: str) -> int:
+        """How many facts of the relation there are."""
+        return len(self._facts.get(relation, ()))
+
+    def facts_with(self, relation: str, place: int, name: str) -> Sequence[tuple[str, ...]]:
+        """The arguments of the relation's facts in which the object is the argument at `place`, counted from 0."""
+        return self._index(relation, place).get(name, ())
+
+    def _index(self, relation: str, place: int) -> Mapping[str, list[tuple[str, ...]]]:
+        places = self._by_argument.setdefault(relation, {})
+        if place not in places:
+            index: dict[str, list[tuple[str, ...]]] = {}
+            for arguments in self._facts.get(relation, ()):
+                if place < len(arguments):
+                    index.setdefault(arguments[place], []).append(arguments)
+            places[place] = index
+        return places[place]
+
     def facts_about(self, name: str) -> Iterator[Fact]:
         """The facts in which the object takes part."""
-        return (fact for fact in self.facts() if name in fact.arguments)
+        for relation, tuples in self._facts.items():
+            arity = max(map(len, tuples), default=0)
+            about = (arguments for place in range(arity) for arguments in self.facts_with(relation, place, name))
+            yield from (Fact(relation, arguments) for arguments in dict.fromkeys(about))
+
+    def of_type(self, type_name: str) -> Sequence[str]:
+        """The names of the objects of exactly this type; sub-types are the ontology's business."""
+        if self._by_type is None:
+            by_type: dict[str, list[str]] = {}
+            for object in self.objects.values():
+                by_type.setdefault(object.type, []).append(object.name)
+            self._by_type = by_type
+        return self._by_type.get(type_name, ())
 
     def parts(self, whole: str) -> Iterator[Object]:
         """The direct sub-objects."""
-        return (self.objects[a[0]] for a in self._facts.get(PART_OF, ()) if a[1] == whole and a[0] in self.objects)
+        return (self.objects[a[0]] for a in self.facts_with(PART_OF, 1, whole) if a[0] in self.objects)
 
     def whole(self, part: str) -> str | None:
         """The object that this one is a direct part of."""
-        return next((a[1] for a in self._facts.get(PART_OF, ()) if a[0] == part), None)
+        return next((a[1] for a in self.facts_with(PART_OF, 0, part)), None)
 
     def roots(self) -> list[str]:
         """The objects that are part of nothing; a map has one."""
@@ -118,21 +151,26 @@ class Map:
         after = Map()
         after.objects = dict(self.objects)
         after._facts = dict(self._facts)
+        after._by_argument = dict(self._by_argument)
+        after._by_type = self._by_type
         copied: set[str] = set()
 
         def relation(name: str) -> dict[tuple[str, ...], None]:
             if name not in copied:
                 after._facts[name] = dict(after._facts.get(name, ()))
                 copied.add(name)
+                after._by_argument.pop(name, None)
             return after._facts[name]
 
         for change in changes:
             match change:
                 case ObjectAdded(object):
                     after.objects[object.name] = object
+                    after._by_type = None
                 case ObjectRemoved(name):
                     after.objects.pop(name, None)
-                    for fact in [*after.facts_about(name)]:
+                    after._by_type = None
+                    for fact in [fact for fact in after.facts() if name in fact.arguments]:
                         relation(fact.relation).pop(fact.arguments)
                 case ValueSet(name, path, value):
                     object = after.objects[name]

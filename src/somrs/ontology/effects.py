@@ -1,0 +1,157 @@
+"""What must change in a map so that an effect holds. What the change removes follows from the relations' definitions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from somrs.entish.formula import Attribute, Comparison, Formula, Name, Not, Number, Or, Relation, Term, Text, Truth, conjuncts, variables
+from somrs.entish.parse import nearest
+from somrs.errors import FormulaError
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet
+from somrs.ontology.truth import holds
+from somrs.ontology.types import AttributeType, Kind, Ontology, RelationType, Value
+from somrs.ontology.units import converted
+from somrs.ontology.values import measure
+
+
+def changes(effect: Formula, map: Map, ontology: Ontology) -> list[Change]:
+    """The changes that make an effect without variables true, and no others: none when it already holds.
+
+    A functional relation gives up the old tuple with the same first argument, and so do the other relations that it
+    excludes. Attributes that follow from a relation (where a thing stands that is put on another) are not invented.
+    """
+    making = _Making(effect, map, ontology)
+    parts = conjuncts(effect)
+    needed = [change for part in parts for change in making.changes_for(part)]
+    wanted = [*dict.fromkeys(_key(change) for change in needed)]
+    last = {_key(change): change for change in needed}
+    found = [last[key] for key in wanted]
+    after = map.changed(found)
+    for part in parts:
+        if not holds(part, after, ontology):
+            raise making.error(part, "this contradicts the rest of the effect", "an effect says what holds at one moment")
+    return found
+
+
+def _key(change: Change) -> object:
+    """What a change is about: of two changes with one key, the later one counts."""
+    match change:
+        case ValueSet(object, path):
+            return object, path
+        case FactAdded(fact) | FactRemoved(fact):
+            return fact
+    return change
+
+
+class _Making:
+    """One effect, and the map and ontology in which it is to be made true."""
+
+    def __init__(self, effect: Formula, map: Map, ontology: Ontology) -> None:
+        self.effect, self.map, self.ontology = effect, map, ontology
+
+    def error(self, part: Formula | Term, problem: str, hint: str = "") -> FormulaError:
+        text = str(self.effect)
+        return FormulaError(text, max(text.find(str(part)), 0), problem, hint)
+
+    def changes_for(self, part: Formula) -> Iterator[Change]:
+        for variable in variables(part).values():
+            raise self.error(variable, f"?{variable.name} is not bound", "an effect is made true of named objects and values")
+        match part:
+            case Relation():
+                yield from self._relation_added(part)
+            case Not(Relation() as atom):
+                yield from self._relation_removed(atom)
+            case Comparison():
+                yield from self._value_set(part)
+            case Or():
+                raise self.error(part, "an effect with OR does not say what becomes true", "choose one of its alternatives")
+            case _:
+                raise self.error(part, f"{part} does not say what becomes true", "say which value the attribute gets")
+
+    # Relations
+
+    def _fact(self, atom: Relation) -> tuple[RelationType, Fact]:
+        relation = self.ontology.relations.get(atom.relation)
+        if relation is None:
+            raise self.error(atom, f"there is no relation {atom.relation}", nearest(atom.relation, self.ontology.relations))
+        if len(atom.arguments) != len(relation.joins):
+            raise self.error(atom, f"{atom.relation} joins {len(relation.joins)} objects, not {len(atom.arguments)}")
+        for argument in atom.arguments:
+            self._require_object(argument)
+        return relation, Fact(atom.relation, tuple(argument.name for argument in atom.arguments))
+
+    def _require_object(self, term: Term) -> None:
+        if not isinstance(term, Name) or term.name not in self.map.objects:
+            raise self.error(term, f"there is no object {term} on the map", nearest(str(term), self.map.objects))
+
+    def _orders(self, relation: RelationType, arguments: tuple[str, ...]) -> list[tuple[str, ...]]:
+        return [arguments, arguments[::-1]] if relation.symmetric and len(arguments) == 2 else [arguments]
+
+    def _relation_added(self, atom: Relation) -> Iterator[Change]:
+        relation, fact = self._fact(atom)
+        orders = self._orders(relation, fact.arguments)
+        for arguments in orders:
+            for rival in self._rivals(relation, arguments[0]):
+                if not (rival.relation == relation.name and rival.arguments in orders):
+                    yield FactRemoved(rival)
+        if not any(self.map.holds(relation.name, arguments) for arguments in orders):
+            yield FactAdded(fact)
+
+    def _rivals(self, relation: RelationType, first: str) -> Iterator[Fact]:
+        """The facts about `first` that cannot stay when it enters into the relation."""
+        for other in self.ontology.relations.values():
+            if (other.name == relation.name and relation.functional) or (
+                other.name != relation.name and relation.excludes is not None and other.excludes == relation.excludes
+            ):
+                places = (0, 1) if other.symmetric else (0,)
+                for place in places:
+                    yield from (Fact(other.name, arguments) for arguments in self.map.facts_with(other.name, place, first))
+
+    def _relation_removed(self, atom: Relation) -> Iterator[Change]:
+        relation, fact = self._fact(atom)
+        for arguments in dict.fromkeys(self._orders(relation, fact.arguments)):
+            if self.map.holds(relation.name, arguments):
+                yield FactRemoved(Fact(relation.name, arguments))
+
+    # Values
+
+    def _value_set(self, part: Comparison) -> Iterator[Change]:
+        target, source = (part.left, part.right) if isinstance(part.left, Attribute) else (part.right, part.left)
+        if part.operator != "=" or not isinstance(target, Attribute):
+            raise self.error(part, f"{part} does not say what becomes true", "write Object.Attribute = value")
+        self._require_object(target.of)
+        assert isinstance(target.of, Name)
+        attribute = self._attribute(target)
+        value = self._value(attribute, source)
+        if not holds(part, self.map, self.ontology):
+            yield ValueSet(target.of.name, target.path, value)
+
+    def _attribute(self, target: Attribute) -> AttributeType:
+        type_name = self.map.objects[target.of.name].type
+        known = self.ontology.attributes_of(type_name)
+        if target.path not in known:
+            raise self.error(target, f"a {type_name} has no attribute {target.path}", nearest(target.path, known))
+        return known[target.path]
+
+    def _value(self, attribute: AttributeType, source: Term) -> Value:
+        """What the source stands for now, as a value of the attribute."""
+        measured = measure(source, self.map, self.ontology)
+        if measured is None:
+            raise self.error(source, f"{source} has no value")
+        match attribute.kind, measured.constant:
+            case Kind.NUMBER, Number(value, unit):
+                if unit is None or attribute.unit is None:
+                    return value
+                number = converted(value, unit, attribute.unit)
+                if number is None:
+                    raise self.error(source, f"{unit} cannot be converted to {attribute.unit}, the unit of {attribute.name}")
+                return number
+            case Kind.TRUTH, Truth(truth):
+                return truth
+            case Kind.TEXT, Text(text):
+                return text
+            case Kind.ENUMERATION, (Name(word) | Text(word)):
+                if attribute.values and word not in attribute.values:
+                    raise self.error(source, f"{word} is no {attribute.name}", nearest(word, attribute.values))
+                return word
+        raise self.error(source, f"{source} is no value of {attribute.name}, a {attribute.kind}")

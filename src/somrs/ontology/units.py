@@ -1,0 +1,49 @@
+"""Numbers from one unit to another, through pint, which is imported only when two units differ (it takes 0.4 s)."""
+
+from __future__ import annotations
+
+import tokenize
+from functools import lru_cache
+from typing import Any
+
+
+@lru_cache(maxsize=1)
+def _registry() -> Any:
+    import pint
+
+    registry: Any = pint.UnitRegistry()
+    registry.define("EUR = [money] = € = euro")  # prices; exchange rates are no business of units
+    return registry
+
+
+def _not_units() -> tuple[type[Exception], ...]:
+    """What pint raises on unknown units, other dimensions, and texts that are no unit at all."""
+    from pint.errors import PintError
+
+    return (PintError, AttributeError, ValueError, TypeError, ArithmeticError, SyntaxError, tokenize.TokenError)
+
+
+@lru_cache(maxsize=8192)
+def converted(value: float, unit: str, to: str) -> float | None:
+    """The value in another unit; None when the one cannot be expressed in the other. A unit that pint does not know
+    can be expressed in itself only."""
+    if unit == to:
+        return value
+    try:
+        return float(_registry().convert(value, unit, to))
+    except _not_units():
+        return None
+
+
+@lru_cache(maxsize=256)
+def known(unit: str) -> bool:
+    """Whether pint knows the unit."""
+    try:
+        _registry().parse_units(unit)
+    except _not_units():
+        return False
+    return True
+
+
+def convertible(unit: str, to: str) -> bool:
+    return converted(1.0, unit, to) is not None
