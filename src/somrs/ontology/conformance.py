@@ -6,6 +6,7 @@ Every rule looks at one object and the facts about it, so that an update is chec
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -13,10 +14,7 @@ from somrs.entish import Name
 from somrs.entish.formula import substitute
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.objects import Fact, Map, Object
-try:
-    from somrs.ontology.truth import bindings
-except ImportError:
-    def bindings(*a): return [1]
+from somrs.ontology.truth import holds
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, ObjectType, Ontology, Value
 
 SELF = "Self"
@@ -38,36 +36,16 @@ class Violation:
 
 def violations(map: Map, ontology: Ontology) -> list[Violation]:
     """Everything that is wrong with the map."""
-    return [*_tree(map, ontology), *_Checker(map, ontology, None).all()]
+    checker = _Checker(map, ontology, None)
+    return [*checker.rootless(), *checker.all()]
 
 
 def violations_of(map: Map, ontology: Ontology, objects: Iterable[str]) -> list[Violation]:
-    """What is wrong with these objects, with the facts about them, and with what they are part of; names that are not on the
-    map (any more) are checked for facts that still speak of them."""
+    """What is wrong with these objects, the facts about them, and what they are part of: what an update of them may have broken.
+
+    A removed object is part of nothing any more: name what it was a part of, too.
+    """
     return [*_Checker(map, ontology, set(objects)).all()]
-
-
-def _tree(map: Map, ontology: Ontology) -> Iterator[Violation]:
-    """One root, which is an AbstractObject, and no object a part of itself."""
-    roots = [name for name in map.roots() if map.objects[name].type not in ontology.types or ontology.is_a(map.objects[name].type, ABSTRACT)]
-    if not roots:
-        what = "no object" if not map.objects else "no AbstractObject (a building, a site, a room) that is part of nothing"
-        yield Violation(subject="map", rule="root", message=f"the map has {what}; one must hold all others")
-    for extra in roots[1:]:
-        message = f"{roots[0]} is the map's root already; make {extra} a part of it, or of one of its parts"
-        yield Violation(subject=extra, rule="root", message=message)
-    wholes = {arguments[0]: arguments[1] for arguments in (fact.arguments for fact in map.facts(PART_OF)) if len(arguments) == 2}
-    safe: set[str] = set()
-    for name in wholes:
-        chain: dict[str, None] = {}
-        while name in wholes and name not in safe:
-            if name in chain:
-                loop = [*chain][[*chain].index(name) :]
-                yield Violation(subject=name, rule="cycle", message=f"is a part of itself: {' isPartOf '.join([*loop, name])}")
-                break
-            chain[name] = None
-            name = wholes[name]
-        safe.update(chain)
 
 
 class _Checker:
@@ -78,23 +56,41 @@ class _Checker:
         self.by_first: dict[str, list[Fact]] = {}
         self.facts: list[Fact] = []
         self.parts: dict[str, list[str]] = {}
+        self.wholes: dict[str, str] = {}
         self.schemas: dict[str, _Schema] = {}
         self._index()
 
     def _index(self) -> None:
-        facts = [*self.map.facts()]
+        for fact in self.map.facts(PART_OF):
+            if len(fact.arguments) == 2:
+                self.wholes[fact.arguments[0]] = fact.arguments[1]
+                self.parts.setdefault(fact.arguments[1], []).append(fact.arguments[0])
         if self.touched is not None:
             # A whole is checked when one of its parts changes: its counts and its formulas speak of the parts.
-            wholes = {f.arguments[1] for f in facts if f.relation == PART_OF and f.arguments[0] in self.touched and len(f.arguments) == 2}
-            self.touched = self.touched | wholes
-            touched = self.touched
-            facts = [fact for fact in facts if not touched.isdisjoint(fact.arguments)]
-        self.facts = facts
-        for fact in facts:
+            self.touched = {above for name in self.touched for above in (name, *self._above(name))}
+        touched = self.touched
+        self.facts = [fact for fact in self.map.facts() if touched is None or not touched.isdisjoint(fact.arguments)]
+        for fact in self.facts:
             if fact.arguments:
                 self.by_first.setdefault(fact.arguments[0], []).append(fact)
-            if fact.relation == PART_OF and len(fact.arguments) == 2:
-                self.parts.setdefault(fact.arguments[1], []).append(fact.arguments[0])
+
+    def _above(self, name: str) -> Iterator[str]:
+        seen: set[str] = set()
+        while name in self.wholes and name not in seen:
+            seen.add(name)
+            name = self.wholes[name]
+            yield name
+
+    def _below(self, whole: str) -> Iterator[str]:
+        """Parts, and parts of parts: a floor of a room is a floor of the storey."""
+        seen: set[str] = set()
+        waiting = [whole]
+        while waiting:
+            for part in self.parts.get(waiting.pop(), ()):
+                if part not in seen:
+                    seen.add(part)
+                    waiting.append(part)
+                    yield part
 
     def all(self) -> Iterator[Violation]:
         for name, object in self.map.objects.items() if self.touched is None else self._touched_objects():
@@ -143,9 +139,9 @@ class _Checker:
     def _parts(self, object: Object, schema: _Schema) -> Iterator[Violation]:
         if not schema.parts:
             return
-        types = [self.map.objects[part].type for part in self.parts.get(object.name, ()) if part in self.map.objects]
+        types = Counter(self.map.objects[part].type for part in self._below(object.name) if part in self.map.objects)
         for part in schema.parts:
-            count = sum(1 for type_name in types if self.ontology.is_a(type_name, part.type))
+            count = sum(number for type_name, number in types.items() if self.ontology.is_a(type_name, part.type))
             if count < part.minimum or (part.maximum is not None and count > part.maximum):
                 limits = f"at least {part.minimum}" if part.maximum is None else f"{part.minimum} to {part.maximum}"
                 if part.minimum == part.maximum:
@@ -153,9 +149,25 @@ class _Checker:
                 message = f"a {object.type} has {limits} of type {part.type} among its parts; this one has {count}"
                 yield Violation(subject=object.name, rule="parts", message=message, path="parts")
 
+    def rootless(self) -> Iterator[Violation]:
+        if not self._roots():
+            what = "no AbstractObject (a building, a site, a room) that is part of nothing" if self.map.objects else "no object"
+            yield Violation(subject="map", rule="root", message=f"the map has {what}; one must hold all others")
+
+    def _roots(self) -> list[str]:
+        abstract = {name for name in self.ontology.types if self.ontology.is_a(name, ABSTRACT)}
+        return [name for name, object in self.map.objects.items() if object.type in abstract and name not in self.wholes]
+
     def _place(self, object: Object) -> Iterator[Violation]:
-        """What is part of nothing stands somewhere: a position, or a relation that says where."""
+        """What is part of nothing is the root, or stands somewhere: a position, or a relation that says where."""
+        above = [*self._above(object.name)]
+        if object.name in above and object.name == min(above):  # said once for the whole cycle
+            message = f"is a part of itself: {' isPartOf '.join([object.name, *above])}"
+            yield Violation(subject=object.name, rule="cycle", message=message)
         if self.ontology.is_a(object.type, ABSTRACT):
+            if not above and (first := self._roots()[0]) != object.name:
+                message = f"{first} is the map's root already; make {object.name} a part of it, or of one of its parts"
+                yield Violation(subject=object.name, rule="root", message=message)
             return
         for fact in self.by_first.get(object.name, ()):
             relation = self.ontology.relations.get(fact.relation)
@@ -178,8 +190,7 @@ class _Checker:
                     yield Violation(subject=object.name, rule="constraint", message=f"for a {owner}, {message}", path=constraint.attribute)
 
     def _holds(self, object: Object, text: str) -> bool:
-        formula = substitute(parse(text), {SELF: Name(object.name)})
-        return any(True for _ in bindings(formula, self.ontology, self.map))
+        return holds(substitute(parse(text), {SELF: Name(object.name)}), self.map, self.ontology)
 
     def _fact(self, fact: Fact) -> Iterator[Violation]:
         relation = self.ontology.relations.get(fact.relation)

@@ -96,6 +96,8 @@ class _Reading:
     problems: list[Problem] = field(default_factory=list)
     broken: set[str] = field(default_factory=set)
     """Names whose definition has a problem already; what others say about them is not reported."""
+    half_read: set[str] = field(default_factory=set)
+    """Objects of which a value could not be read; what they lack is not reported."""
     definitions: dict[str, Definition] = field(default_factory=dict)
     places: dict[str, _Place] = field(default_factory=dict)
     """By `object NAME`, `fact TEXT`, or `types NAME` and so on."""
@@ -153,6 +155,8 @@ class _Reading:
         """Put the violation on its line, unless it only follows from a problem that is known already."""
         said = f"{violation.subject} {violation.message}"
         if not self.broken.isdisjoint(re.findall(r"\w[\w-]*", said)):
+            return
+        if violation.subject in self.half_read and violation.rule in ("required", "constraint") and not violation.path:
             return
         place = next((self.places[key] for key in (f"{what} {violation.subject}", f"fact {violation.subject}") if key in self.places), None)
         if place is None:
@@ -316,6 +320,8 @@ class _Reading:
                     values[path] = converted
             else:
                 values[path] = value
+        if len(values) < len(written):
+            self.half_read.add(name)
         return values
 
     def _number(self, name: str, attribute: AttributeType, text: str, place: _Place, key: str) -> float | None:
