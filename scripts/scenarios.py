@@ -1,0 +1,54 @@
+"""Plays Scenario 1b again and again, each time with other starts of robots and jar and another moment of failure.
+
+    python scripts/scenarios.py [--runs 20] [--first 1]
+
+Closes with `N passed, N failed`. What a run left is in out/scenarios/<seed>/; a failed one says why.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from somrs.app.demo import play
+from somrs.errors import SomrsError
+
+
+def main() -> int:
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--runs", type=int, default=20, help="how many")
+    arguments.add_argument("--first", type=int, default=1, help="the seed of the first; the others follow")
+    arguments.add_argument("--out", type=Path, default=Path("out/scenarios"))
+    wanted = arguments.parse_args()
+    passed = failed = 0
+    bar = Progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with bar:
+        runs = bar.add_task("Scenario 1b", total=wanted.runs)
+        for seed in range(wanted.first, wanted.first + wanted.runs):
+            out = wanted.out / str(seed)
+            out.mkdir(parents=True, exist_ok=True)
+            log = wanted.out / f"{seed}.log"
+            with log.open("w", encoding="utf-8") as file:
+                good = _played(seed, out, Console(file=file, width=160, highlight=False))
+            passed, failed = passed + good, failed + (not good)
+            bar.console.print(f"seed {seed}: {'passed' if good else f'FAILED, see {log}'}")
+            bar.advance(runs)
+    print(f"{passed} passed, {failed} failed")
+    return 1 if failed else 0
+
+
+def _played(seed: int, out: Path, console: Console) -> bool:
+    try:
+        return asyncio.run(play("1b", out, seed, console)) == 0
+    except SomrsError as error:
+        console.print(f"{type(error).__name__}: {error}")
+        return False
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,257 @@
+"""What the commands of `cli.py` do. Each talks to the running system as any client would."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+from rich.live import Live
+
+from somrs.app import show
+from somrs.app.client import Addresses, Client
+from somrs.errors import ModelError, RemoteError, UsageError
+from somrs.protocol.clients import Submit, TaskNews
+from somrs.protocol.directory import Discover
+from somrs.protocol.frp import Outcome
+from somrs.protocol.knowledge import UpdateMap
+
+
+def check(files: Sequence[Path], *, json: bool) -> int:
+    """Every error in the files; 0 when there is none."""
+    from somrs.ontology.files import load
+
+    try:
+        loaded = load(files)
+    except ModelError as error:
+        if json:
+            show.print_json([{name: getattr(problem, name) for name in problem.__slots__} for problem in error.problems])
+        else:
+            for problem in error.problems:
+                print(problem)
+            print(f"{len(error.problems)} problem{'s' if len(error.problems) != 1 else ''} found")
+        return 1
+    if json:
+        show.print_json([])
+    else:
+        objects = f"a map of {len(loaded.map.objects)} objects" if loaded.map is not None else "no map"
+        print(f"all is well: {len(loaded.ontology.types)} types, {len(loaded.ontology.services)} service types, {objects}")
+    return 0
+
+
+def import_site(source: Path, out: Path | None) -> None:
+    """Bring a building in, check it, and write it as a map file."""
+    from somrs.ontology.files import load
+
+    target = out or Path(source.name.split(".")[0] + ".map.yaml")
+    warnings = write_import(source, target)
+    loaded = load([target])
+    for warning in warnings:
+        print(f"note: {warning}")
+    count = len(loaded.map.objects) if loaded.map is not None else 0
+    print(f"{target}: {count} objects, and all is well. Next: somrs up {target}")
+
+
+def write_import(source: Path, target: Path) -> list[str]:
+    """Write what is brought in from `source` to `target`; what could not be brought in is returned, in words."""
+    from somrs.ontology.files import dump_site
+    from somrs.sites import importer_for
+
+    imported = importer_for(source)(source)
+    target.write_text(dump_site(imported.ontology, imported.map), encoding="utf-8")
+    return list(imported.warnings)
+
+
+async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool) -> None:
+    """Run a system until somebody ends it."""
+    from somrs.app.programs import until_stopped
+    from somrs.app.system import System
+    from somrs.sites import importer_for
+
+    console = show.console()
+    data.mkdir(parents=True, exist_ok=True)
+    files: list[Path] = []
+    for file in site:
+        if not file.exists():
+            raise UsageError(f"{file}: there is no such file")
+        if importer_for(file, missing_ok=True) is not None:
+            target = data / (file.name.split(".")[0] + ".map.yaml")
+            write_import(file, target)
+            files.append(target)
+        else:
+            files.append(file)
+    with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
+        system = System(files, data, speed=speed, host=host, fresh=fresh)
+        try:
+            await system.start()
+            async with Client(system.addresses) as client:
+                found = await client.services()
+        except BaseException:
+            await system.stop()
+            raise
+    try:
+        console.print(show.services(found))
+        console.print(f"Running. In another terminal: somrs task FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it.")
+        await until_stopped()
+    finally:
+        with console.status("ending ..."):
+            await system.stop()
+
+
+async def task(wish: Submit, data: Path, *, wait: bool, json: bool) -> int:
+    """Give a task, and follow it; 0 when it was accomplished."""
+    console = show.console()
+    async with Client(Addresses.read(data)) as client:
+        id = await client.submit(wish)
+        if not wait:
+            if json:
+                show.print_json({"task": id})
+            else:
+                print(id)
+            return 0
+        last: TaskNews | None = None
+        try:
+            with Live(console=console, refresh_per_second=8, transient=True) as screen:
+                async for news in client.news(id):
+                    last = news
+                    if json:
+                        continue
+                    for event in news.events:
+                        screen.console.print(show.event(event))
+                    screen.update(show.live(news.view))
+        except (asyncio.CancelledError, KeyboardInterrupt):
+            await client.cancel(id, "stopped at the command line")
+            raise
+        assert last is not None, "a task that was accepted has news"
+        if json:
+            show.print_json(last.view)
+        else:
+            console.print(show.live(last.view))
+        return 0 if last.view.outcome is Outcome.ACCOMPLISHED else 1
+
+
+async def tasks(data: Path, *, json: bool) -> None:
+    async with Client(Addresses.read(data)) as client:
+        found = await client.tasks()
+    if json:
+        show.print_json(found)
+    else:
+        show.console().print(show.tasks(found) if found else "no tasks yet")
+
+
+async def cancel(task: str, reason: str, data: Path) -> None:
+    async with Client(Addresses.read(data)) as client:
+        found = [view.task for view in await client.tasks() if view.task == task or view.task.rpartition(":")[2].startswith(task)]
+        if len(found) != 1:
+            raise UsageError(f"{'no task' if not found else f'{len(found)} tasks'} begin with {task}; `somrs tasks` lists them")
+        await client.cancel(found[0], reason)
+        print(f"stopping {found[0]}")
+
+
+async def services(type: str | None, effect: str | None, data: Path, *, json: bool) -> None:
+    async with Client(Addresses.read(data)) as client:
+        found = await client.services(Discover(service_type=type, effect=effect))
+    if json:
+        show.print_json(found)
+    else:
+        show.console().print(show.services(found) if found else "no such service is on offer")
+
+
+async def plan(formula: str, precondition: str | None, data: Path, *, json: bool) -> int:
+    async with Client(Addresses.read(data)) as client:
+        found = await client.preview(formula, precondition)
+    if json:
+        show.print_json(found)
+    elif found.steps:
+        show.console().print(show.plan(found.steps))
+    else:
+        print(found.explanation)
+    return 0 if found.steps or found.explanation.startswith("nothing to do") else 1
+
+
+async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:
+    """0 when the formula holds in some way."""
+    async with Client(Addresses.read(data)) as client:
+        found = await client.query(formula, limit)
+    if json:
+        show.print_json([row.bindings for row in found.rows])
+    elif not found.rows:
+        print("no: it does not hold")
+    elif not found.rows[0].bindings:
+        print("yes: it holds")
+    else:
+        columns = list(found.rows[0].bindings)
+        show.console().print(show.table(formula, [f"?{c}" for c in columns], ([row.bindings[c] for c in columns] for row in found.rows)))
+        if found.more:
+            print(f"and more than these {limit}; --limit shows more")
+    return 0 if found.rows else 1
+
+
+async def show_object(name: str, data: Path, *, json: bool) -> None:
+    from somrs.entish.parse import nearest
+
+    async with Client(Addresses.read(data)) as client:
+        map = await client.map()
+    if name not in map.objects:
+        raise UsageError(f"there is no {name} on the map; {nearest(name, map.objects) or '`somrs map query` finds what there is'}")
+    object, facts = map.objects[name], [str(fact) for fact in map.facts_about(name)]
+    if json:
+        show.print_json({"name": name, "type": object.type, "values": object.values, "facts": facts})
+        return
+    console = show.console()
+    console.print(show.table(f"{name}: {object.type}", ("attribute", "value"), sorted(object.values.items())))
+    for fact in facts:
+        console.print(fact)
+
+
+async def history(name: str, data: Path, *, json: bool) -> None:
+    async with Client(Addresses.read(data)) as client:
+        found = await client.history(name)
+    if json:
+        show.print_json(found.events)
+        return
+    rows = (
+        (event.version, show.clock(event.at), event.author or "-", "; ".join(str(msgspec.to_builtins(change)) for change in event.changes))
+        for event in found.events
+    )
+    show.console().print(show.table(name, ("version", "when", "who", "what"), rows) if found.events else f"nothing happened to {name} yet")
+
+
+async def update(situation: str, author: str, data: Path) -> None:
+    async with Client(Addresses.read(data)) as client:
+        print(f"the map is at version {await client.update(UpdateMap(situation=situation, author=author))}")
+
+
+async def export(out: Path, data: Path) -> None:
+    from somrs.ontology.files import dump_site
+
+    async with Client(Addresses.read(data)) as client:
+        ontology, map = await client.ontology(), await client.map()
+    out.write_text(dump_site(ontology, map), encoding="utf-8")
+    print(f"{out}: {len(map.objects)} objects")
+
+
+def _simulator(data: Path) -> tuple[str, int]:
+    where = Addresses.read(data).simulator
+    if where is None:
+        raise RemoteError("this system has no simulator")
+    host, _, port = where.rpartition(":")
+    return host, int(port)
+
+
+async def fault(robot: str, what: str, repair: bool, data: Path) -> None:
+    from somrs.devices.simulator.commands import Fault
+    from somrs.devices.simulator.link import OperatorLink
+
+    async with OperatorLink(*_simulator(data)) as operator:
+        await (operator.repair if repair else operator.fault)(robot, Fault(what))
+    print(f"{robot}: {what} {'mended' if repair else 'broken'}")
+
+
+async def picture(out: Path, data: Path) -> None:
+    from somrs.devices.simulator.link import OperatorLink
+
+    async with OperatorLink(*_simulator(data)) as operator:
+        out.write_bytes(await operator.picture())
+    print(out)

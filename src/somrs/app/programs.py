@@ -1,0 +1,146 @@
+"""The programs that a system is made of, one process each: Repository, Registry, Task Manager, simulator, devices.
+
+Each prints one line of JSON when it is ready, ends at SIGTERM or SIGINT, and ends when the process that started it is gone.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import contextlib
+import os
+import signal
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from somrs.app.client import Addresses
+from somrs.app.node import Host, Report
+from somrs.app.trace import Trace
+from somrs.errors import RemoteError, UsageError
+
+PARENT_CHECK = 1.0
+"""Seconds between two looks whether the parent process is still there."""
+
+
+class Ready(msgspec.Struct, frozen=True, kw_only=True):
+    """What a program says when it is up."""
+
+    ready: str
+    at: str
+
+
+async def until_stopped() -> None:
+    """Return when somebody wants this process to end, or when its parent is gone."""
+    loop = asyncio.get_running_loop()
+    stopped = asyncio.Event()
+    for wanted in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(wanted, stopped.set)
+    parent = os.getppid()
+    while not stopped.is_set() and os.getppid() == parent:
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(stopped.wait(), PARENT_CHECK)
+
+
+def say_ready(name: str, at: str) -> None:
+    print(msgspec.json.encode(Ready(ready=name, at=at)).decode(), flush=True)
+
+
+async def run_repository(data: Path, site: Sequence[Path], host: str, port: int) -> None:
+    """The Repository. A store that is there is gone on with; otherwise the site's files are the beginning."""
+    from somrs.app.store import RepositoryStore
+    from somrs.ontology.files import load
+    from somrs.repository.component import Repository
+
+    data.mkdir(parents=True, exist_ok=True)
+    store = RepositoryStore.open(data / "repository.sqlite")
+    try:
+        kept = store.load()
+        if kept is None:
+            loaded = load(site)
+            if loaded.map is None:
+                raise UsageError(f"{', '.join(map(str, site)) or 'nothing'}: there is no map in it; `objects:` are missing")
+            store.initialise(loaded.ontology, loaded.map)
+            kept = store.load()
+        assert kept is not None, "what was initialised can be loaded"
+
+        async def carry_out(task: object, report: Report) -> object:
+            return store.answer(task)
+
+        rim = Host(host, port)
+        await rim.start()
+        node = rim.add("/repository", lambda address: Repository(address, kept), carry_out=carry_out, keep=store.record)
+        say_ready("repository", node.address)
+        await until_stopped()
+        await rim.stop()
+    finally:
+        store.close()
+
+
+async def run_registry(addresses: Addresses, host: str, port: int) -> None:
+    """The Service Registry. What is published is kept in memory: leases bring it back after a restart."""
+    from somrs.registry.component import Registry
+
+    rim = Host(host, port)
+    await rim.start()
+    node = rim.add("/registry", lambda address: Registry(address, repository=addresses.repository))
+    say_ready("registry", node.address)
+    await until_stopped()
+    await rim.stop()
+
+
+async def run_task_manager(data: Path, addresses: Addresses, host: str, port: int) -> None:
+    """The Task Manager, with the planner in a process beside it, so that planning holds nothing up."""
+    from somrs.app.engines import plan_in_process
+    from somrs.task_manager.manager import TaskManager
+
+    trace = Trace(data / "messages.jsonl")
+    rim = Host(host, port, watch=trace)
+    await rim.start()
+    with concurrent.futures.ProcessPoolExecutor(max_workers=1) as planners:
+
+        async def carry_out(task: object, report: Report) -> object:
+            return await asyncio.get_running_loop().run_in_executor(planners, plan_in_process, task)
+
+        trace.coordinator = f"{rim.url}/task-manager"
+        node = rim.add(
+            "/task-manager",
+            lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
+            carry_out=carry_out,
+        )
+        say_ready("task-manager", node.address)
+        await until_stopped()
+        await rim.stop()
+    trace.close()
+
+
+async def run_simulator(addresses: Addresses, host: str, port: int, speed: float | None) -> None:
+    """The simulator. Its world is made of the map that the Repository has, and follows what is added to it."""
+    from somrs.devices.simulator.follower import Follower
+    from somrs.devices.simulator.server import Server
+
+    rim = Host(host)
+    await rim.start()
+    world = Follower(f"{rim.url}/simulator", addresses.repository)
+    rim.add("/simulator", lambda address: world)
+    await asyncio.wait_for(world.read.wait(), 60)
+    assert world.simulation is not None, "it is there once the map was read"
+    server = Server(world.simulation, host=host, port=port, speed=speed)
+    await server.start()
+    say_ready("simulator", f"{server.host}:{server.port}")
+    await until_stopped()
+    await server.stop()
+    await rim.stop()
+
+
+def run_program(main: object) -> None:
+    """Run a program's coroutine; the fast event loop where it is to be had."""
+    with contextlib.suppress(ImportError):
+        import uvloop
+
+        uvloop.install()
+    asyncio.run(main)  # type: ignore[arg-type]  # uvloop's and asyncio's run differ in what they accept
+
+
+__all__ = ["RemoteError", "run_program", "run_registry", "run_repository", "run_simulator", "run_task_manager"]

@@ -1,0 +1,138 @@
+"""A whole system on one machine: several processes, started together, stopped together (`somrs up`)."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import signal
+import socket
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from somrs.app.client import SYSTEM_FILE, Addresses, Client
+from somrs.app.programs import Ready
+from somrs.errors import RemoteError, UsageError
+from somrs.ontology.objects import Map
+from somrs.ontology.types import Ontology
+
+START_TIME = 90.0
+"""Seconds that a program has to be ready; a cold first start on a slow machine takes long."""
+
+STOP_TIME = 5.0
+"""Seconds that a program has to end by itself."""
+
+
+@dataclass(slots=True)
+class Program:
+    """One process of the system."""
+
+    name: str
+    process: asyncio.subprocess.Process
+    log: Path
+    at: str = ""
+
+
+class System:
+    """The processes of one system, its data folder, and its addresses. An asynchronous context manager."""
+
+    def __init__(self, site: Sequence[Path], data: Path, *, speed: str = "1", host: str = "127.0.0.1", fresh: bool = False) -> None:
+        self.site, self.data, self.speed, self.host, self.fresh = [path.resolve() for path in site], data, speed, host, fresh
+        self.programs: dict[str, Program] = {}
+        self.addresses = Addresses(repository="", registry="", task_manager="")
+
+    async def __aenter__(self) -> System:
+        try:
+            await self.start()
+        except BaseException:
+            await self.stop()
+            raise
+        return self
+
+    async def __aexit__(self, *exception: object) -> None:
+        await self.stop()
+
+    async def start(self) -> None:
+        """Start every program, and return when all devices offer their services."""
+        if self.fresh and self.data.exists():
+            shutil.rmtree(self.data)
+        self.data.mkdir(parents=True, exist_ok=True)
+        ports = free_ports(self.host, 4)
+        self.addresses = Addresses(
+            repository=f"http://{self.host}:{ports[0]}/repository",
+            registry=f"http://{self.host}:{ports[1]}/registry",
+            task_manager=f"http://{self.host}:{ports[2]}/task-manager",
+            simulator=f"{self.host}:{ports[3]}",
+        )
+        self.addresses.write(self.data)
+        site = [argument for path in self.site for argument in ("--site", str(path))]
+        await self._start("repository", "--port", str(ports[0]), *site)
+        async with Client(self.addresses) as client:
+            ontology, map = await client.ontology(), await client.map()
+        await asyncio.gather(
+            self._start("registry", "--port", str(ports[1])),
+            self._start("task-manager", "--port", str(ports[2])),
+            self._start("simulator", "--port", str(ports[3]), "--speed", self.speed),
+        )
+        await asyncio.gather(*(self._start("device", driver, "--name", name, label=name) for name, driver in devices(map, ontology)))
+
+    async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
+        """Start a program, and wait until it says that it is ready."""
+        name = label or command
+        log = self.data / "logs" / f"{name}.log"
+        log.parent.mkdir(exist_ok=True)
+        line = [sys.executable, "-m", "somrs.app.cli", "run", command, *arguments, "--data", str(self.data), "--host", self.host]
+        with log.open("wb") as errors:
+            process = await asyncio.create_subprocess_exec(
+                *line, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=errors, start_new_session=True
+            )
+        program = self.programs[name] = Program(name, process, log)
+        assert process.stdout is not None
+        try:
+            said = await asyncio.wait_for(process.stdout.readline(), START_TIME)
+        except TimeoutError:
+            raise RemoteError(f"{name} was not ready after {START_TIME:.0f} s; see {log}") from None
+        if not said:
+            await process.wait()
+            raise UsageError(log.read_text(errors="replace").strip() or f"{name} ended at once; see {log}")
+        program.at = msgspec.json.decode(said, type=Ready).at
+        return program
+
+    async def stop(self) -> None:
+        """End all programs, devices first, so that they can take their leave."""
+        running = [program for program in reversed(self.programs.values()) if program.process.returncode is None]
+        core = {"repository", "registry", "task-manager", "simulator"}
+        for group in ([p for p in running if p.name not in core], [p for p in running if p.name in core]):
+            for program in group:
+                program.process.send_signal(signal.SIGTERM)
+            await asyncio.gather(*(_end(program) for program in group))
+        (self.data / SYSTEM_FILE).unlink(missing_ok=True)
+
+
+async def _end(program: Program) -> None:
+    try:
+        await asyncio.wait_for(program.process.wait(), STOP_TIME)
+    except TimeoutError:
+        program.process.kill()
+        await program.process.wait()
+
+
+def devices(map: Map, ontology: Ontology) -> list[tuple[str, str]]:
+    """The devices on the map that a program serves, with that program: the types say which."""
+    found = ((name, ontology.driver(object.type)) for name, object in sorted(map.objects.items()))
+    return [(name, driver) for name, driver in found if driver is not None]
+
+
+def free_ports(host: str, count: int) -> list[int]:
+    """Ports that nobody listens at now."""
+    sockets = [socket.socket() for _ in range(count)]
+    try:
+        for one in sockets:
+            one.bind((host, 0))
+        return [one.getsockname()[1] for one in sockets]
+    finally:
+        for one in sockets:
+            one.close()
