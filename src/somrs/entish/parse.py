@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import difflib
 import json
+import math
+import re
 from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any
 
 from lark import Lark, Token, Transformer, UnexpectedInput, v_args
 from lark.exceptions import VisitError
+from msgspec import Struct
 
 from somrs.entish.formula import (
+    Atom,
     Attribute,
     Call,
     Comparison,
@@ -27,17 +31,18 @@ from somrs.entish.formula import (
     conjunction,
     disjunction,
     substitute,
-    terms,
+    substitute_term,
 )
 from somrs.errors import FormulaError
 
-# `\b` keeps a keyword from being the beginning of a name (`ORanges`), the priority keeps it from being a whole one.
+# `\b` lets a keyword be the beginning of a name (`ORanges`, `OR-gate`); a whole one it cannot be.
 GRAMMAR = r"""
 start: formula
 ?formula: conjunct (_OR conjunct)*      -> disjunction
 ?conjunct: factor (_AND factor)*        -> conjunction
 ?factor: atom
        | _NOT atom                      -> negation
+       | _NOT "(" atom ")"              -> negation
        | "(" formula ")"
 ?atom: term NAME term                   -> infix
      | NAME "(" [term ("," term)*] ")"  -> prefix
@@ -58,9 +63,9 @@ _NOT.3: /NOT\b(?!-)/
 TRUTH.3: /(TRUE|FALSE)\b(?!-)/
 OPERATOR: /<=|>=|!=|=|<|>/
 VARIABLE: /\?[^\W\d]\w*(-\w+)*/
-NAME: /[^\W\d]\w*(-\w+)*/
+NAME: /(?!(AND|OR|NOT|TRUE|FALSE)\b(?!-))[^\W\d]\w*(-\w+)*/
 NUMBER: /[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?/
-UNIT.2: /(?!(AND|OR|NOT)\b)[^\W\d][\w\/*^°]*|%/
+UNIT.2: /(?!(AND|OR|NOT)\b(?!-))[^\W\d][\w\/*^]*|°[A-Za-z]?|%/
 STRING: /"([^"\\\n]|\\.)*"/
 COMMENT: /#[^\n]*/
 %ignore /\s+/
@@ -88,8 +93,55 @@ EXPECTED = {
 }
 
 
+DEEPEST = 100
+"""More parentheses within each other are taken for a mistake."""
+
+
+class Reading(Struct, frozen=True):
+    """A text and the formula that it says, and where things are written, as offsets in the text: an atom's relation or
+    comparison sign (with None), its terms (of an attribute, its name; of a call, the function), and variables' types."""
+
+    text: str
+    formula: Formula
+    places: dict[tuple[Atom, Term | None], int]
+    types: dict[str, int]
+
+    def error(self, atom: Atom, term: Term | None, problem: str, hint: str = "") -> FormulaError:
+        """That something is wrong with a term of the atom, or with the atom itself."""
+        return FormulaError(self.text, self.places.get((atom, term), 0), problem, hint)
+
+    def type_error(self, variable: str, problem: str, hint: str = "") -> FormulaError:
+        """That something is wrong with the type that is written behind a variable."""
+        return FormulaError(self.text, self.types.get(variable, 0), problem, hint)
+
+
+class _Misplaced(Exception):
+    """Grammatical, but no formula; becomes a FormulaError at the token."""
+
+    def __init__(self, token: Token, problem: str, hint: str = "") -> None:
+        self.token, self.problem, self.hint = token, problem, hint
+
+
+class _Placed(Struct, frozen=True):
+    """A term, and the places of it and of the terms within it."""
+
+    term: Term
+    places: tuple[tuple[Term, int], ...]
+
+
+def _at(term: Term, token: Token, *inner: _Placed) -> _Placed:
+    return _Placed(term, ((term, token.start_pos or 0), *(place for placed in inner for place in placed.places)))
+
+
 @v_args(inline=True)
 class _Build(Transformer[Token, Any]):
+    """Makes the formula of one text, and notes where its parts are and which types its variables are given."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.places: dict[tuple[Atom, Term | None], int] = {}
+        self.types: dict[str, Token] = {}
+
     def start(self, formula: Formula) -> Formula:
         return formula
 
@@ -99,56 +151,73 @@ class _Build(Transformer[Token, Any]):
     def conjunction(self, *parts: Formula) -> Formula:
         return conjunction(*parts)
 
-    def negation(self, atom: Relation | Comparison) -> Formula:
+    def negation(self, atom: Atom) -> Formula:
         return Not(atom)
 
-    def infix(self, left: Term, relation: Token, right: Term) -> Relation:
-        return Relation(str(relation), (_object(left, relation), _object(right, relation)))
+    def infix(self, left: _Placed, relation: Token, right: _Placed) -> Relation:
+        return self._relation(relation, left, right)
 
-    def prefix(self, relation: Token, *arguments: Term | None) -> Relation:
-        return Relation(str(relation), tuple(_object(term, relation) for term in arguments if term is not None))
+    def prefix(self, relation: Token, *arguments: _Placed | None) -> Relation:
+        return self._relation(relation, *(argument for argument in arguments if argument is not None))
 
-    def comparison(self, left: Term, operator: Token, right: Term) -> Comparison:
-        return Comparison(left, str(operator), right)
+    def _relation(self, token: Token, *arguments: _Placed) -> Relation:
+        relation = Relation(str(token), tuple(_object(argument, token) for argument in arguments))
+        self._note(relation, token, *arguments)
+        return relation
 
-    def name(self, token: Token) -> Name:
-        return Name(str(token))
+    def comparison(self, left: _Placed, operator: Token, right: _Placed) -> Comparison:
+        comparison = Comparison(left.term, str(operator), right.term)
+        self._note(comparison, operator, left, right)
+        return comparison
+
+    def _note(self, atom: Atom, token: Token, *arguments: _Placed) -> None:
+        self.places.setdefault((atom, None), token.start_pos or 0)
+        for argument in arguments:
+            for term, place in argument.places:
+                self.places.setdefault((atom, term), place)
+
+    def name(self, token: Token) -> _Placed:
+        return _at(Name(str(token)), token)
 
     name_of = name
 
-    def variable(self, token: Token, type_name: Token | None) -> Variable:
-        return Variable(str(token)[1:], str(type_name) if type_name is not None else None)
+    def variable(self, token: Token, type_name: Token | None) -> _Placed:
+        variable = str(token)[1:]
+        if type_name is not None:
+            first = self.types.setdefault(variable, type_name)
+            if first != type_name:
+                raise _Misplaced(type_name, f"?{variable} cannot be both {first} and {type_name}", "give the type once")
+        return _at(Variable(variable, str(type_name) if type_name is not None else None), token)
 
-    def attribute(self, of: Name | Variable, *path: Token) -> Attribute:
-        return Attribute(of, ".".join(path))
+    def attribute(self, of: _Placed, *path: Token) -> _Placed:
+        assert isinstance(of.term, Name | Variable)
+        return _at(Attribute(of.term, ".".join(path)), path[0], of)
 
-    def call(self, function: Token, *arguments: Term | None) -> Call:
-        return Call(str(function), tuple(term for term in arguments if term is not None))
+    def call(self, function: Token, *arguments: _Placed | None) -> _Placed:
+        given = [argument for argument in arguments if argument is not None]
+        return _at(Call(str(function), tuple(argument.term for argument in given)), function, *given)
 
-    def number(self, token: Token, unit: Token | None) -> Number:
-        return Number(float(token), str(unit) if unit is not None else None)
+    def number(self, token: Token, unit: Token | None) -> _Placed:
+        value = float(token)
+        if not math.isfinite(value):
+            raise _Misplaced(token, f"{token} is beyond what a number can be", "the largest is about 1.8e308")
+        return _at(Number(value, str(unit) if unit is not None else None), token)
 
-    def text(self, token: Token) -> Text:
+    def text(self, token: Token) -> _Placed:
         try:
-            return Text(json.loads(str(token)))
+            return _at(Text(json.loads(str(token))), token)
         except json.JSONDecodeError as error:
-            raise _Misplaced(token, f"this text has an escape that is not one: {error.msg}") from None
+            raise _Misplaced(token, f"this text cannot be read: {error.msg}", "escapes are those of JSON") from None
 
-    def truth(self, token: Token) -> Truth:
-        return Truth(str(token) == "TRUE")
-
-
-class _Misplaced(Exception):
-    """Grammatical, but no formula; becomes a FormulaError at the token."""
-
-    def __init__(self, token: Token, problem: str) -> None:
-        self.token, self.problem = token, problem
+    def truth(self, token: Token) -> _Placed:
+        return _at(Truth(str(token) == "TRUE"), token)
 
 
-def _object(term: Term, relation: Token) -> Name | Variable:
-    if isinstance(term, Name | Variable):
-        return term
-    raise _Misplaced(relation, f"the relation {relation} joins objects, and {term} is not one")
+def _object(placed: _Placed, relation: Token) -> Name | Variable:
+    if isinstance(placed.term, Name | Variable):
+        return placed.term
+    token = Token(relation.type, relation, start_pos=placed.places[0][1])
+    raise _Misplaced(token, f"the relation {relation} joins objects, and {placed.term} is not one")
 
 
 @lru_cache(maxsize=1)
@@ -156,44 +225,61 @@ def _grammar() -> Lark:
     return Lark(GRAMMAR, parser="lalr", maybe_placeholders=True, propagate_positions=False)
 
 
-@lru_cache(maxsize=4096)
 def parse(text: str) -> Formula:
     """The formula that `text` says. Raises FormulaError, which shows the place."""
+    return read(text).formula
+
+
+@lru_cache(maxsize=4096)
+def read(text: str) -> Reading:
+    """The formula that `text` says, with the places of its parts. Raises FormulaError, which shows the place."""
+    _limit_depth(text)
+    build = _Build()
     try:
-        tree = _grammar().parse(text)
-        formula: Formula = _Build().transform(tree)
+        formula: Formula = build.transform(_grammar().parse(text))
     except UnexpectedInput as error:
         raise _unexpected(text, error) from None
     except VisitError as error:
         if isinstance(error.orig_exc, _Misplaced):
-            raise FormulaError(text, error.orig_exc.token.start_pos or 0, error.orig_exc.problem) from None
+            raise FormulaError(text, error.orig_exc.token.start_pos or 0, error.orig_exc.problem, error.orig_exc.hint) from None
         raise
-    return _spread_types(text, formula)
+    # A type that is written once holds for every occurrence of the variable.
+    types = {name: Variable(name, str(token)) for name, token in build.types.items()}
+    places: dict[tuple[Atom, Term | None], int] = {}
+    for (atom, term), place in build.places.items():
+        typed = substitute(atom, types)
+        assert isinstance(typed, Relation | Comparison)
+        places.setdefault((typed, substitute_term(term, types) if term is not None else None), place)
+    return Reading(text, substitute(formula, types), places, {name: token.start_pos or 0 for name, token in build.types.items()})
+
+
+def _limit_depth(text: str) -> None:
+    """Keeps everything that walks through formulas within Python's stack."""
+    depth = 0
+    for match in re.finditer(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|[()]', text):
+        depth += {"(": 1, ")": -1}.get(match.group(), 0)
+        if depth > DEEPEST:
+            raise FormulaError(text, match.start(), f"more than {DEEPEST} parentheses within each other", "write it flatter")
 
 
 def _unexpected(text: str, error: UnexpectedInput) -> FormulaError:
-    found: object = getattr(error, "token", None)
-    at_end = isinstance(found, Token) and found.type == "$END"
-    position = len(text) if at_end else (error.pos_in_stream if error.pos_in_stream is not None else 0)
-    problem = "the formula ends too early" if at_end else f"{str(found or text[position : position + 1])!r} does not fit here"
-    wanted = getattr(error, "accepts", None) or getattr(error, "expected", None) or getattr(error, "allowed", None) or ()
-    said = [EXPECTED[token] for token in EXPECTED if token in wanted]
-    return FormulaError(
-        text,
-        position,
-        problem,
-        f"expected {', '.join(said[:-1])} or {said[-1]}" if len(said) > 1 else "".join(f"expected {s}" for s in said),
-    )
+    """The parser's error in a person's words."""
+    wanted = _expected(error)
+    token: object = getattr(error, "token", None)
+    if isinstance(token, Token) and token.type == "$END":
+        end = len(text.rstrip())
+        return FormulaError(text, end, "the formula ends too early" if end else "there is no formula here", wanted)
+    position = error.pos_in_stream or 0
+    found = str(token) if isinstance(token, Token) else text[position]
+    return FormulaError(text, position, f"{found!r} does not fit here", wanted)
 
 
-def _spread_types(text: str, formula: Formula) -> Formula:
-    """Give every occurrence of a typed variable its type; two types for one variable are an error."""
-    types: dict[str, str] = {}
-    for term in terms(formula):
-        if isinstance(term, Variable) and term.type is not None and types.setdefault(term.name, term.type) != term.type:
-            where = max(text.find(f": {term.type}"), 0)
-            raise FormulaError(text, where, f"?{term.name} cannot be both {types[term.name]} and {term.type}", "give the type once")
-    return substitute(formula, {name: Variable(name, type_name) for name, type_name in types.items()}) if types else formula
+def _expected(error: UnexpectedInput) -> str:
+    """What would have fitted: Lark says it differently of tokens that do not fit and of characters that are no token."""
+    tokens = getattr(error, "accepts", None) or getattr(error, "expected", None) or getattr(error, "allowed", None) or ()
+    said = [words for token, words in EXPECTED.items() if token in tokens]
+    *most, last = said or [""]
+    return f"expected {', '.join(most)} or {last}" if most else f"expected {last}" if last else ""
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -1,0 +1,278 @@
+"""Does a formula fit an ontology, and the objects of a map: names, numbers of arguments, types, kinds of values, units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+from msgspec import Struct
+
+from somrs.entish.formula import (
+    And,
+    Atom,
+    Attribute,
+    Call,
+    Comparison,
+    Formula,
+    Name,
+    Not,
+    Number,
+    Or,
+    Relation,
+    Term,
+    Text,
+    Truth,
+    Variable,
+)
+from somrs.entish.parse import Reading, nearest, read
+from somrs.errors import FormulaError
+from somrs.ontology.objects import Map
+from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
+from somrs.ontology.units import converted
+
+
+class _Sort(StrEnum):
+    """What a term stands for; the values are what a person calls it."""
+
+    OBJECT = "an object"
+    NUMBER = "a number"
+    TEXT = "a text"
+    TRUTH = "TRUE or FALSE"
+    WORD = "a value of a list"
+    NAME = "a name"
+    """An object, or a value of a list: what it is compared with decides."""
+    OPEN = "anything"
+    """A variable of which nothing is known yet."""
+
+
+class _Meaning(Struct, frozen=True):
+    """`type` of an object, `unit` of a number, `attribute` whose list a word is of."""
+
+    sort: _Sort
+    type: str = ROOT
+    unit: str | None = None
+    attribute: AttributeType | None = None
+
+
+_VALUES = {"number": _Sort.NUMBER, "text": _Sort.TEXT, "truth": _Sort.TRUTH}
+_KINDS = {Kind.NUMBER: _Sort.NUMBER, Kind.TEXT: _Sort.TEXT, Kind.TRUTH: _Sort.TRUTH, Kind.ENUMERATION: _Sort.WORD}
+_OPEN = _Meaning(_Sort.OPEN)
+
+_Scope = dict[str, _Meaning]
+
+
+def check(formula: Formula | str, ontology: Ontology, map: Map | None = None, variables: Mapping[str, str] | None = None) -> Formula:
+    """The formula, when everything in it is known and fits; FormulaError at the first thing that is not.
+
+    `variables` declares types of variables, beside those written in the formula. With a map, a constant must be one of
+    its objects or a value of the attribute that it is compared with.
+    """
+    reading = read(formula if isinstance(formula, str) else str(formula))
+    checking = _Checking(reading, ontology, map, variables or {})
+    checking.formula(reading.formula, checking.declared())
+    return reading.formula
+
+
+class _Checking:
+    def __init__(self, reading: Reading, ontology: Ontology, map: Map | None, variables: Mapping[str, str]) -> None:
+        self.reading, self.ontology, self.map, self.variables = reading, ontology, map, variables
+
+    def declared(self) -> _Scope:
+        """What the formula itself and its author say of the variables."""
+        scope: _Scope = {}
+        seen: dict[str, tuple[Atom, Variable]] = {}
+        for atom, term in self.reading.places:
+            if isinstance(term, Variable):
+                seen.setdefault(term.name, (atom, term))
+        for name, (atom, variable) in seen.items():
+            for type_name in (self.variables.get(name), variable.type):
+                if type_name is None:
+                    continue
+                if type_name not in _VALUES and type_name != ROOT and type_name not in self.ontology.types:
+                    hint = nearest(type_name, [*self.ontology.types, *_VALUES])
+                    problem = f"there is no type {type_name}"
+                    if type_name == variable.type:
+                        raise self.reading.type_error(name, problem, hint)
+                    raise self.reading.error(atom, variable, problem, hint)
+                meaning = _Meaning(_VALUES[type_name]) if type_name in _VALUES else _Meaning(_Sort.OBJECT, type_name)
+                scope[name] = self._both(atom, variable, scope.get(name, _OPEN), meaning)
+        return scope
+
+    def formula(self, formula: Formula, scope: _Scope) -> None:
+        """Checks the parts; what one part of a conjunction says of a variable holds for the others."""
+        match formula:
+            case And(parts):
+                simple = [part for part in parts if not isinstance(part, Or)]
+                for part in [*sorted(simple, key=_says_little), *(part for part in parts if isinstance(part, Or))]:
+                    self.formula(part, scope)
+            case Or(alternatives):
+                for alternative in alternatives:
+                    self.formula(alternative, dict(scope))
+            case Not(atom):
+                self.formula(atom, scope)
+            case Relation():
+                self._relation(formula, scope)
+            case Comparison():
+                self._comparison(formula, scope)
+
+    # Objects
+
+    def _relation(self, atom: Relation, scope: _Scope) -> None:
+        relation = self.ontology.relations.get(atom.relation)
+        if relation is None:
+            hint = nearest(atom.relation, self.ontology.relations)
+            raise self.reading.error(atom, None, f"there is no relation {atom.relation}", hint)
+        if len(relation.joins) != len(atom.arguments):
+            problem = f"{atom.relation} joins {len(relation.joins)} objects, not {len(atom.arguments)}"
+            raise self.reading.error(atom, None, problem, f"it joins {', '.join(relation.joins)}")
+        for term, joined in zip(atom.arguments, relation.joins, strict=True):
+            self._object(atom, term, joined, scope)
+
+    def _object(self, atom: Atom, term: Term, type_name: str, scope: _Scope) -> str:
+        """The type of the object that a term must be, as far as it is known."""
+        wanted = _Meaning(_Sort.OBJECT, type_name)
+        match term:
+            case Variable(name):
+                scope[name] = self._both(atom, term, scope.get(name, _OPEN), wanted)
+                return scope[name].type
+            case Name(name):
+                if self.map is None:
+                    return type_name
+                if name not in self.map.objects:
+                    raise self.reading.error(atom, term, f"there is no object {name} on the map", nearest(name, self.map.objects))
+                own = self.map.objects[name].type
+                self._both(atom, term, _Meaning(_Sort.OBJECT, own), wanted, narrowing=False)
+                return own
+        raise self.reading.error(atom, term, f"{term} is not an object", "write the name of an object, or a variable")
+
+    def _both(self, atom: Atom, term: Term, one: _Meaning, other: _Meaning, narrowing: bool = True) -> _Meaning:
+        """What a term is of which both are said; `narrowing` when an object of the first may also be one of the second."""
+        if _Sort.OPEN in (one.sort, other.sort):
+            return other if one.sort is _Sort.OPEN else one
+        if one.sort is not other.sort:
+            raise self.reading.error(atom, term, f"{term} is {one.sort}, and here {other.sort} is meant")
+        if one.sort is _Sort.OBJECT:
+            if self.ontology.is_a(one.type, other.type):
+                return one
+            if narrowing and self.ontology.is_a(other.type, one.type):
+                return other
+            raise self.reading.error(atom, term, f"{_plain(term)} is a {one.type}, and here a {other.type} is meant")
+        self._units(atom, term, one.unit, other.unit)
+        return one if one.unit is not None else other
+
+    # Values
+
+    def _attribute(self, atom: Atom, term: Attribute, scope: _Scope) -> _Meaning:
+        owner = self._object(atom, term.of, ROOT, scope)
+        fixed = isinstance(term.of, Name) and self.map is not None
+        found: AttributeType | None = None
+        known: dict[str, AttributeType] = {}
+        for type_name in [owner] if fixed else [owner, *self.ontology.subtypes(owner)]:
+            known.update(self.ontology.attributes_of(type_name))
+            found = known.get(term.path)
+            if found is not None:
+                break
+        if found is None:
+            whose = f"{term.of}, a {owner}," if fixed else f"a {owner}"
+            raise self.reading.error(atom, term, f"{whose} has no attribute {term.path}", nearest(term.path, known))
+        if found.kind is Kind.COMPLEX:
+            raise self.reading.error(atom, term, f"{term.path} is made of others", f"name one of {', '.join(found.attributes)}")
+        return _Meaning(_KINDS[found.kind], unit=found.unit, attribute=found)
+
+    def _call(self, atom: Atom, term: Call, scope: _Scope) -> _Meaning:
+        function = self.ontology.functions.get(term.function)
+        if function is None:
+            hint = nearest(term.function, self.ontology.functions)
+            raise self.reading.error(atom, term, f"there is no function {term.function}", hint)
+        if len(function.parameters) != len(term.arguments):
+            problem = f"{term.function} is of {len(function.parameters)} objects, not {len(term.arguments)}"
+            raise self.reading.error(atom, term, problem, f"it is of {', '.join(function.parameters)}")
+        for argument, type_name in zip(term.arguments, function.parameters, strict=True):
+            self._object(atom, argument, type_name, scope)
+        read_from = self.ontology.attributes.get(function.attribute.rpartition(".")[2]) if function.attribute else None
+        return _Meaning(_Sort.NUMBER, unit=read_from.unit if read_from else function.unit)
+
+    def _meaning(self, atom: Atom, term: Term, scope: _Scope) -> _Meaning:
+        match term:
+            case Variable(name):
+                return scope.get(name, _OPEN)
+            case Attribute():
+                return self._attribute(atom, term, scope)
+            case Call():
+                return self._call(atom, term, scope)
+            case Number(_, unit):
+                return _Meaning(_Sort.NUMBER, unit=unit)
+            case Text():
+                return _Meaning(_Sort.TEXT)
+            case Truth():
+                return _Meaning(_Sort.TRUTH)
+            case Name(name):
+                return _Meaning(_Sort.NAME)
+
+    # Comparisons
+
+    def _comparison(self, atom: Comparison, scope: _Scope) -> None:
+        left, right = self._meaning(atom, atom.left, scope), self._meaning(atom, atom.right, scope)
+        left, right = self._learned(atom, atom.left, left, right, scope), self._learned(atom, atom.right, right, left, scope)
+        if atom.operator not in ("=", "!="):
+            for term, meaning in ((atom.left, left), (atom.right, right)):
+                if meaning.sort not in (_Sort.NUMBER, _Sort.OPEN):
+                    problem = f"{atom.operator} compares numbers, and {_plain(term)} is {meaning.sort}"
+                    raise self.reading.error(atom, None, problem, "use = or !=")
+        if left.sort is _Sort.OPEN or right.sort is _Sort.OPEN:
+            return
+        if left.sort is not right.sort:
+            raise self._mismatch(atom, left, right)
+        if left.sort is _Sort.OBJECT:
+            self._both(atom, atom.right, right, left)
+        self._units(atom, atom.right if isinstance(atom.right, Number) else atom.left, left.unit, right.unit)
+
+    def _learned(self, atom: Comparison, term: Term, own: _Meaning, other: _Meaning, scope: _Scope) -> _Meaning:
+        """What a term means beside the other side of the comparison."""
+        if isinstance(term, Variable) and own.sort is _Sort.OPEN and other.sort not in (_Sort.OPEN, _Sort.NAME):
+            scope[term.name] = other
+            return other
+        if not isinstance(term, Name):
+            return own
+        match other.sort:
+            case _Sort.WORD:
+                values = other.attribute.values if other.attribute else ()
+                if values and term.name not in values:
+                    problem = f"{term} is no {other.attribute.name if other.attribute else 'value'}"
+                    raise self.reading.error(atom, term, problem, nearest(term.name, values) or f"one of {', '.join(values)}")
+                return other
+            case _Sort.OBJECT:
+                return _Meaning(_Sort.OBJECT, self._object(atom, term, other.type, {}))
+            case _Sort.OPEN | _Sort.NAME:
+                self._known_name(atom, term)
+        return own
+
+    def _known_name(self, atom: Comparison, term: Name) -> None:
+        words = {word for attribute in self.ontology.attributes.values() for word in attribute.values}
+        if self.map is not None and term.name not in self.map.objects and term.name not in words:
+            problem = f"{term} is neither an object on the map nor a value of an attribute"
+            raise self.reading.error(atom, term, problem, nearest(term.name, [*self.map.objects, *words]))
+
+    def _mismatch(self, atom: Comparison, left: _Meaning, right: _Meaning) -> FormulaError:
+        hint = ""
+        for term, other in ((atom.left, right), (atom.right, left)):
+            if isinstance(term, Name) and other.sort is _Sort.TEXT:
+                hint = f'a text is written in quotes: "{term}"'
+            if isinstance(term, Text) and other.sort is _Sort.WORD:
+                hint = f"a value of a list is written without quotes: {term.value}"
+        problem = f"{_plain(atom.left)} is {left.sort}, and {_plain(atom.right)} is {right.sort}"
+        return self.reading.error(atom, atom.right, problem, hint)
+
+    def _units(self, atom: Atom, term: Term, one: str | None, other: str | None) -> None:
+        if one is not None and other is not None and converted(1.0, one, other) is None:
+            raise self.reading.error(atom, term, f"{one} and {other} do not measure the same thing")
+
+
+def _says_little(part: Formula) -> bool:
+    """An equation of two variables says something only when one of them is known."""
+    return isinstance(part, Comparison) and isinstance(part.left, Variable) and isinstance(part.right, Variable)
+
+
+def _plain(term: Term) -> str:
+    """The term without the type of its variable."""
+    return f"?{term.name}" if isinstance(term, Variable) else str(term)
