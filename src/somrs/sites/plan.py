@@ -1,0 +1,122 @@
+"""Rectangles on a floor plan: where they are, whether they are in each other's way, and how to get them apart. Metres and radians."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A rectangle of `width` along its own x and `depth` along its y, turned by `yaw` about its middle."""
+
+    x: float
+    y: float
+    width: float
+    depth: float
+    yaw: float = 0.0
+
+    @property
+    def axes(self) -> tuple[Point, Point]:
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return (cos, sin), (-sin, cos)
+
+    def corners(self) -> list[Point]:
+        """Counter-clockwise."""
+        (ax, ay), (bx, by) = self.axes
+        w, d = self.width / 2, self.depth / 2
+        return [(self.x + i * w * ax + j * d * bx, self.y + i * w * ay + j * d * by) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+
+    def local(self, point: Point) -> Point:
+        """The point as seen from the middle, along the rectangle's own axes."""
+        dx, dy = point[0] - self.x, point[1] - self.y
+        return tuple(dx * ax + dy * ay for ax, ay in self.axes)  # type: ignore[return-value]  # two axes, two numbers
+
+    def world(self, local: Point) -> Point:
+        (ax, ay), (bx, by) = self.axes
+        return self.x + local[0] * ax + local[1] * bx, self.y + local[0] * ay + local[1] * by
+
+    def moved(self, by: Point) -> Box:
+        return replace(self, x=self.x + by[0], y=self.y + by[1])
+
+    def gap(self, point: Point) -> float:
+        """From the point to the rectangle; negative inside, by the depth of it."""
+        u, v = self.local(point)
+        du, dv = abs(u) - self.width / 2, abs(v) - self.depth / 2
+        return math.hypot(max(du, 0), max(dv, 0)) if max(du, dv) > 0 else max(du, dv)
+
+
+def separation(box: Box, other: Box) -> Point | None:
+    """The shortest move of `box` after which the two do not overlap; None when they do not (separating axes)."""
+    best: Point | None = None
+    shortest = math.inf
+    mine, theirs = box.corners(), other.corners()
+    for ax, ay in (*box.axes, *other.axes):
+        one, two = [x * ax + y * ay for x, y in mine], [x * ax + y * ay for x, y in theirs]
+        forward, back = max(two) - min(one), max(one) - min(two)
+        if forward <= 0 or back <= 0:
+            return None
+        if min(forward, back) < shortest:
+            shortest = min(forward, back)
+            sign = 1.0 if forward < back else -1.0
+            best = (ax * sign * shortest, ay * sign * shortest)
+    return best
+
+
+def cleared(box: Box, walls: Sequence[Box], margin: float = 0.01) -> Box | None:
+    """The rectangle moved out of the walls, as little as walls one after another ask for; None where there is no room."""
+    for _ in range(8):
+        pushes = [push for wall in walls if (push := separation(box, wall)) is not None]
+        if not pushes:
+            return box
+        x, y = max(pushes, key=lambda push: math.hypot(*push))
+        length = math.hypot(x, y)
+        box = box.moved((x * (1 + margin / length), y * (1 + margin / length)))
+    return None
+
+
+def clearance(point: Point, boxes: Iterable[Box]) -> float:
+    """The radius of the largest free disc around the point; negative inside a rectangle."""
+    return min((box.gap(point) for box in boxes), default=math.inf)
+
+
+def roomiest(point: Point, boxes: Sequence[Box], radius: float, reach: float) -> Point | None:
+    """The nearest point, at most `reach` away, around which a disc of the radius is free; None when there is none."""
+    near = [box for box in boxes if box.gap(point) < reach + radius]
+    candidates = [point] + [
+        (point[0] + step * reach / 20 * math.cos(angle * math.pi / 16), point[1] + step * reach / 20 * math.sin(angle * math.pi / 16))
+        for step in range(1, 21)
+        for angle in range(32)
+    ]
+    return next((candidate for candidate in candidates if clearance(candidate, near) >= radius), None)
+
+
+def inside(point: Point, outline: Sequence[Point]) -> bool:
+    """Whether the point is inside the polygon (crossing number)."""
+    x, y = point
+    crossings = False
+    for (x1, y1), (x2, y2) in zip(outline, [*outline[1:], *outline[:1]], strict=True):
+        if (y1 > y) != (y2 > y) and x < x1 + (y - y1) * (x2 - x1) / (y2 - y1):
+            crossings = not crossings
+    return crossings
+
+
+def without_gap(start: Point, end: Point, gap: tuple[Point, Point], near: float = 0.15) -> list[tuple[Point, Point]]:
+    """The pieces of a wall from start to end that leave an opening free; the whole wall when the opening is not in it.
+
+    An opening belongs to the wall when both its ends are at most `near` from the wall's line.
+    """
+    length = math.dist(start, end)
+    if length == 0:
+        return []
+    ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+    along = [(x - start[0]) * ux + (y - start[1]) * uy for x, y in gap]
+    aside = [abs((y - start[1]) * ux - (x - start[0]) * uy) for x, y in gap]
+    low, high = max(min(along), 0.0), min(max(along), length)
+    if max(aside) > near or high - low < 0.05:
+        return [(start, end)]
+    at = [(start[0] + t * ux, start[1] + t * uy) for t in (0.0, low, high, length)]
+    return [piece for piece in ((at[0], at[1]), (at[2], at[3])) if math.dist(*piece) > 0.05]
