@@ -195,6 +195,16 @@ def conjuncts(formula: Formula) -> tuple[Formula, ...]:
     return formula.parts if isinstance(formula, And) else (formula,)
 
 
+def literals(formula: Formula) -> Iterator[Literal]:
+    """The atoms, each with its NOT, in the order they are written."""
+    match formula:
+        case And(parts) | Or(parts):
+            for part in parts:
+                yield from literals(part)
+        case _:
+            yield formula
+
+
 def alternatives(formula: Formula) -> Iterator[tuple[Literal, ...]]:
     """The disjunctive normal form, one conjunction at a time, its literals in the order they are written."""
     match formula:

@@ -50,8 +50,12 @@ class _Making:
         self.effect, self.map, self.ontology = effect, map, ontology
 
     def error(self, part: Formula | Term, problem: str, hint: str = "") -> FormulaError:
-        text = str(self.effect)
-        return FormulaError(text, max(text.find(str(part)), 0), problem, hint)
+        reading = read(str(self.effect))
+        if isinstance(part, Relation | Comparison | Not | And | Or):
+            atom, term = next(iter(literals(part))), None
+        else:
+            atom, term = next((atom for atom, term in reading.places if term == part)), part
+        return reading.error(atom.atom if isinstance(atom, Not) else atom, term, problem, hint)
 
     def changes_for(self, part: Formula) -> Iterator[Change]:
         for variable in variables(part).values():

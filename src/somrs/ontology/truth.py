@@ -31,6 +31,7 @@ from somrs.entish.formula import (
     Variable,
     alternatives,
     count_alternatives,
+    literals,
     terms,
     variables,
 )
@@ -89,11 +90,11 @@ class _Query:
         self.map, self.ontology, self.formula = map, ontology, formula
         self.types = {name: variable.type for name, variable in variables(formula).items()}
         self.free = tuple(
-            dict.fromkeys(name for literal in _literals(formula) if not isinstance(literal, Not) for name in variables(literal))
+            dict.fromkeys(name for literal in literals(formula) if not isinstance(literal, Not) for name in variables(literal))
         )
         self.objects = _object_variables(formula, ontology)
         self.given: Bindings = dict(given)
-        affirmed = {name for literal in _literals(formula) if not isinstance(literal, Not) for name in variables(literal)}
+        affirmed = {name for literal in literals(formula) if not isinstance(literal, Not) for name in variables(literal)}
         self.free = tuple(name for name in self.types if name in affirmed or name in self.given)
         self._domains: dict[str | None, list[str]] = {}
         self._fits: dict[tuple[str, str], bool] = {}
@@ -301,15 +302,6 @@ class _Branch:
                     yield arguments[::-1] if backwards else arguments
 
 
-def _literals(formula: Formula) -> Iterator[Literal]:
-    match formula:
-        case And(parts) | Or(parts):
-            for part in parts:
-                yield from _literals(part)
-        case _:
-            yield formula
-
-
 def _equations(literal: Literal) -> Iterator[tuple[str, Term]]:
     """`?w = term`, both ways round."""
     if isinstance(literal, Comparison) and literal.operator == "=":
@@ -321,7 +313,7 @@ def _equations(literal: Literal) -> Iterator[tuple[str, Term]]:
 def _object_variables(formula: Formula, ontology: Ontology) -> set[str]:
     """The variables that stand for objects; the others stand for values."""
     found: set[str] = set()
-    for literal in _literals(formula):
+    for literal in literals(formula):
         atom: Atom = literal.atom if isinstance(literal, Not) else literal
         if isinstance(atom, Relation):
             found.update(variables(atom))
