@@ -55,16 +55,20 @@ class Retracted(Struct, frozen=True, kw_only=True, tag=True):
 
 class Discover(Struct, frozen=True, kw_only=True, tag=True):
     """Which services fit all that is given: a service type (its sub-types included), a provider, equal attributes, and a
-    formula that the service's effect can make true."""
+    formula that the service's effect can make true. `after` is the last service of the page before."""
 
     service_type: str | None = None
     provider: str | None = None
     attributes: dict[str, Value] = {}
     effect: str | None = None
+    after: str = ""
 
 
 class Discovered(Struct, frozen=True, kw_only=True, tag=True):
+    """In the order of the services' names; `more` says whether another page follows."""
+
     offers: tuple[Offer, ...]
+    more: bool = False
 
 
 class SubscribeServices(Struct, frozen=True, kw_only=True, tag=True):

@@ -1,16 +1,18 @@
 """The bodies of the Repository's protocol: reading, asking and changing what is known of the environment.
 
-Every change of the map has a version, counted from 1. Long answers come in pages: `after` is the last name of the page
-before, `more` says whether another follows.
+Every change of the map or of the ontology has a version, counted from 1. Long answers come in pages: `after` is the last name
+of the page before, `more` says whether another follows.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 from msgspec import Struct
 
 from somrs.ontology.objects import Change, Fact, Object
-from somrs.ontology.types import AttributeType, FunctionType, ObjectType, RelationType
 from somrs.ontology.services import ServiceType
+from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, RelationType
 
 
 class Definitions(Struct, frozen=True, kw_only=True):
@@ -22,6 +24,25 @@ class Definitions(Struct, frozen=True, kw_only=True):
     types: tuple[ObjectType, ...] = ()
     services: tuple[ServiceType, ...] = ()
 
+    def each(self) -> Iterator[Definition]:
+        yield from self.attributes
+        yield from self.relations
+        yield from self.functions
+        yield from self.types
+        yield from self.services
+
+
+def by_kind(definitions: Iterable[Definition]) -> Definitions:
+    """The definitions, sorted by what they define."""
+    kept = list(definitions)
+    return Definitions(
+        attributes=tuple(d for d in kept if isinstance(d, AttributeType)),
+        relations=tuple(d for d in kept if isinstance(d, RelationType)),
+        functions=tuple(d for d in kept if isinstance(d, FunctionType)),
+        types=tuple(d for d in kept if isinstance(d, ObjectType)),
+        services=tuple(d for d in kept if isinstance(d, ServiceType)),
+    )
+
 
 class ReadOntology(Struct, frozen=True, kw_only=True, tag=True):
     """A page of definitions, starting behind the first `after`."""
@@ -31,6 +52,7 @@ class ReadOntology(Struct, frozen=True, kw_only=True, tag=True):
 
 class OntologyPage(Struct, frozen=True, kw_only=True, tag=True):
     definitions: Definitions
+    version: int
     next: int
     more: bool
 

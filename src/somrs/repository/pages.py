@@ -1,0 +1,72 @@
+"""Cutting long answers into pages that a node accepts.
+
+A node refuses documents of more than 256 kB. What is counted here is JSON, of which the XML on the wire is up to about five
+times as long, because each small value gets an element with a name of its own.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from typing import TypeVar
+
+import msgspec
+
+from somrs.ontology.objects import Fact, Map
+from somrs.ontology.types import Ontology
+from somrs.protocol.knowledge import MapPage, OntologyPage, by_kind
+
+PAGE_BYTES = 40_000
+"""As JSON. One thing that is larger than this still gets a page, to itself."""
+
+PAGE_ITEMS = 200
+
+T = TypeVar("T")
+
+
+def size(value: object) -> int:
+    """The bytes of the value as JSON."""
+    return len(msgspec.json.encode(value))
+
+
+def fitting(items: Iterable[T], limit: int = PAGE_ITEMS) -> Iterator[T]:
+    """As many of the first items as go on one page; the first one in any case."""
+    used = 0
+    for number, item in enumerate(islice(items, limit)):
+        used += size(item)
+        if used > PAGE_BYTES and number > 0:
+            return
+        yield item
+
+
+def ontology_page(ontology: Ontology, version: int, after: int) -> OntologyPage:
+    """The page behind the first `after` definitions."""
+    everything = list(ontology)
+    page = list(fitting(everything[max(after, 0) :]))
+    end = max(after, 0) + len(page)
+    return OntologyPage(definitions=by_kind(page), version=version, next=end, more=end < len(everything))
+
+
+class MapPages:
+    """A map made ready to be read by pages, in the order of names."""
+
+    def __init__(self, map: Map) -> None:
+        self.map = map
+        self._names = sorted(map.objects)
+        self._facts: dict[str, list[Fact]] = {}
+        for fact in map.facts():
+            self._facts.setdefault(fact.arguments[0] if fact.arguments else "", []).append(fact)
+
+    def page(self, version: int, after: str) -> MapPage:
+        """The page behind the object `after`. Facts about nothing in particular are on the first page."""
+        start = bisect_right(self._names, after) if after else 0
+        rows = ((self.map.objects[name], self._facts.get(name, [])) for name in self._names[start:])
+        page = list(fitting(rows))
+        facts = [fact for _, facts in page for fact in facts]
+        return MapPage(
+            objects=tuple(object for object, _ in page),
+            facts=tuple(facts if after else [*self._facts.get("", []), *facts]),
+            version=version,
+            more=start + len(page) < len(self._names),
+        )

@@ -1,0 +1,138 @@
+"""Working out what an update does to a map: what it comes to in the end, and whether the map would still obey its types."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from somrs.entish.parse import nearest
+from somrs.errors import FormulaError
+from somrs.ontology.check import check
+from somrs.ontology.conformance import Violation, violations, violations_of
+from somrs.ontology.effects import changes as changes_by
+from somrs.ontology.objects import (
+    Change,
+    Fact,
+    FactAdded,
+    FactRemoved,
+    Map,
+    ObjectAdded,
+    ObjectRemoved,
+    ValueSet,
+    objects_of,
+)
+from somrs.ontology.types import Ontology
+from somrs.protocol.knowledge import Rejected, UpdateMap
+
+MOST_PROBLEMS = 50
+"""So many problems are told at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """The map after an update, and what changed on the way there, at the least; nothing for an update that says what is."""
+
+    map: Map
+    changes: tuple[Change, ...]
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """The objects that the changes are about, each once."""
+        return tuple(dict.fromkeys(name for change in self.changes for name in objects_of(change)))
+
+
+def rejected(problems: Iterable[str]) -> Rejected:
+    """The problems, each once, and not too many of them for one message."""
+    each = list(dict.fromkeys(problems))
+    if len(each) > MOST_PROBLEMS:
+        each[MOST_PROBLEMS:] = [f"and {len(each) - MOST_PROBLEMS} more problems"]
+    return Rejected(problems=tuple(each))
+
+
+def outcome(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome | Rejected:
+    """What the single changes, and then the situation, make of the map."""
+    if problems := list(_impossible(map, ontology, update.changes)):
+        return rejected(problems)
+    wanted = [*_both_ways(update.changes, ontology)]
+    changed = map.changed(wanted)
+    if update.situation is not None:
+        try:
+            wanted += (more := changes_by(check(update.situation, ontology, changed), changed, ontology))
+        except FormulaError as error:
+            return rejected([str(error)])
+        changed = changed.changed(more)
+    net = tuple(_net(map, changed, wanted))
+    result = Outcome(map=map.changed(net), changes=net)
+    if broken := _violations(result, ontology):
+        return rejected(str(violation) for violation in broken)
+    return result
+
+
+def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iterator[str]:
+    """What cannot be done at all, whatever the types say."""
+    there = dict.fromkeys(map.objects, True)
+    for change in changes:
+        match change:
+            case ObjectAdded(object):
+                if there.get(object.name):
+                    yield f"{object.name}: is on the map already; set its values, or give the new object another name"
+                there[object.name] = True
+            case ObjectRemoved(name) | ValueSet(name):
+                if not there.get(name):
+                    yield _unknown(name, there)
+                elif isinstance(change, ObjectRemoved):
+                    there[name] = False
+            case FactRemoved(fact) if fact.relation not in ontology.relations:
+                yield f"{fact}: the ontology has no relation {fact.relation}. {nearest(fact.relation, ontology.relations)}".rstrip()
+
+
+def _unknown(name: str, there: dict[str, bool]) -> str:
+    hint = nearest(name, (known for known, present in there.items() if present))
+    return f"there is no object {name} on the map; {hint or 'add it first'}"
+
+
+def _both_ways(changes: Iterable[Change], ontology: Ontology) -> Iterator[Change]:
+    """The changes; what is said of a symmetric relation is taken back whichever way round it was said."""
+    for change in changes:
+        yield change
+        if isinstance(change, FactRemoved) and ontology.relations[change.fact.relation].symmetric:
+            yield FactRemoved(Fact(change.fact.relation, change.fact.arguments[::-1]))
+
+
+def _net(before: Map, after: Map, changes: Iterable[Change]) -> Iterator[Change]:
+    """The least changes that lead from the one map to the other, which differ in nothing but what `changes` speak of.
+
+    Facts go before their objects and come after them, each by name: so a change is in the history of all it concerns.
+    """
+    names: dict[str, None] = {}
+    facts: dict[Fact, None] = {}
+    for change in changes:
+        match change:
+            case FactAdded(fact) | FactRemoved(fact):
+                facts[fact] = None
+            case ObjectRemoved(name):
+                names[name] = None
+                facts.update(dict.fromkeys(before.facts_about(name)))
+            case _:
+                names[objects_of(change)[0]] = None
+    held = {fact: (before.holds(fact.relation, fact.arguments), after.holds(fact.relation, fact.arguments)) for fact in facts}
+    yield from (FactRemoved(fact) for fact, (was, now) in held.items() if was and not now)
+    for name in names:
+        old, new = before.objects.get(name), after.objects.get(name)
+        if new is None:
+            if old is not None:
+                yield ObjectRemoved(name)
+        elif old is None or old.type != new.type:
+            yield ObjectAdded(new)
+        else:
+            for path in {**old.values, **new.values}:
+                if old.values.get(path) != new.values.get(path):
+                    yield ValueSet(name, path, new.values.get(path))
+    yield from (FactAdded(fact) for fact, (was, now) in held.items() if now and not was)
+
+
+def _violations(outcome: Outcome, ontology: Ontology) -> list[Violation]:
+    """Which rules would be broken by what changed; what was removed may have been the last of something."""
+    if any(isinstance(change, ObjectRemoved) for change in outcome.changes):
+        return violations(outcome.map, ontology)
+    return violations_of(outcome.map, ontology, outcome.objects) if outcome.changes else []

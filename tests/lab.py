@@ -1,0 +1,82 @@
+"""A small laboratory on the map, and ways to talk to a Repository, for the tests of those who keep and follow maps."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TypeVar
+
+from somrs.ontology.files import load_text, upper
+from somrs.ontology.objects import Map
+from somrs.ontology.types import Ontology
+from somrs.protocol.bodies import Body
+from somrs.protocol.component import Component, Effect, Received, Record, Send
+from somrs.protocol.envelope import Header, Message, message_id
+from somrs.repository.entries import Contents
+
+REPOSITORY = "http://here/repository"
+CLIENT = "http://here/client"
+
+SITE = """
+map: Lab
+objects:
+  Building1:
+    type: Building
+    parts:
+      Storey1:
+        type: Storey
+        parts:
+          Floor1: {type: Floor, at: [5, 5, -0.1], Shape: {Form: Box, Width: 10, Depth: 10, Height: 0.1}}
+          Room1: {type: Room}
+          Room2: {type: Room}
+  Table1: {type: Table, at: [1, 1, 0], Shape: {Form: Box, Width: 1, Depth: 1, Height: 0.7}}
+  Table2: {type: Table, at: [8, 8, 0], Shape: {Form: Box, Width: 1, Depth: 1, Height: 0.7}, Color: Red}
+  Jar1: {type: Jar, at: [1, 1, 0.7]}
+  Jar2: {type: Jar, at: [1.2, 1, 0.7], Color: Blue}
+  Robot1: {type: PioneerP3DX, at: [3, 3, 0]}
+facts:
+  - Jar1 isOn Table1
+  - Jar2 isOn Table1
+  - Room1 isAdjacentTo Room2
+"""
+
+_numbers = itertools.count()
+
+B = TypeVar("B")
+
+
+def lab() -> tuple[Ontology, Map]:
+    loaded = load_text(SITE, base=upper())
+    assert loaded.map is not None
+    return loaded.ontology, loaded.map
+
+
+def contents() -> Contents:
+    ontology, map = lab()
+    return Contents(ontology=ontology, map=map)
+
+
+def request(body: Body, sender: str = CLIENT, to: str = REPOSITORY, identity: str | None = None) -> Message:
+    """A message with an id of its own, whose answer goes to its sender."""
+    identity = identity or message_id("request", next(_numbers))
+    return Message(header=Header(sender=sender, recipient=to, message_id=identity, reply_to=sender), body=body)
+
+
+def tell(component: Component, body: Body, now: float = 0.0, sender: str = CLIENT, identity: str | None = None) -> list[Effect]:
+    return component.handle(Received(request(body, sender, identity=identity)), now)
+
+
+def sent(effects: list[Effect], body_type: type[B]) -> list[B]:
+    """The bodies of that type that are sent, in order."""
+    return [e.message.body for e in effects if isinstance(e, Send) and isinstance(e.message.body, body_type)]
+
+
+def ask(component: Component, body: Body, answer: type[B], now: float = 0.0, sender: str = CLIENT, identity: str | None = None) -> B:
+    """The answer, of which there must be one, of that type."""
+    said = sent(tell(component, body, now, sender, identity), object)
+    (found,) = [body for body in said if isinstance(body, answer)] or said
+    assert isinstance(found, answer), found
+    return found
+
+
+def records(effects: list[Effect]) -> list[object]:
+    return [effect.entry for effect in effects if isinstance(effect, Record)]
