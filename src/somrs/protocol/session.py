@@ -212,7 +212,8 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
     def receive(self, message: Message) -> Heard:
         """What the message means. A message that a coordinator may not send is answered with a Fault, or ignored."""
         self._check(message)
-        self.peer = _answer_to(message.header)
+        if not isinstance(message.body, Query | Fault):  # anyone may ask, and is answered; that makes nobody the coordinator
+            self.peer = _answer_to(message.header)
         before, kind = self.state, type(message.body)
         entry = states.PARTICIPANT[before].get(kind)
         if entry is None:
@@ -264,7 +265,10 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
         }
         if entry.kind is Kind.ALREADY and name not in _FLEETING:
             return self._again(name)
-        return (self._write("participant", bodies[name], related),)
+        answer = self._write("participant", bodies[name], related)
+        if entry.send is Status:
+            answer = structs.replace(answer, header=structs.replace(answer.header, recipient=message.header.reply_to))
+        return (answer,)
 
     def _fault(self, message: Message, text: str) -> Heard:
         if isinstance(message.body, Fault):

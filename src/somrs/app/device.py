@@ -1,0 +1,210 @@
+"""Runs a device: its Service Manager at an address, the author's coroutines on the event loop, its journal on disk.
+
+An author's program ends with `run(Forklift)` and is called as `python forklift.py --name Forklift1 --data .somrs`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import importlib
+import importlib.util
+import logging
+import sqlite3
+import sys
+import uuid
+from pathlib import Path
+from types import ModuleType
+from urllib.parse import urlsplit
+
+import msgspec
+
+from somrs.app.client import Addresses
+from somrs.app.node import Host, Report
+from somrs.app.programs import run_program, say_ready, until_stopped
+from somrs.errors import DeviceError, InputError, RemoteError, UsageError
+from somrs.protocol.bodies import Body
+from somrs.protocol.component import Rang
+from somrs.protocol.envelope import Header, Message
+from somrs.service_manager import orders
+from somrs.service_manager.device import Device
+from somrs.service_manager.orders import Halt, Kept, Perform, Quote, Undo
+from somrs.service_manager.participant import LEAVE, REMEMBERED, ServiceManager
+from somrs.service_manager.work import carry_out
+
+log = logging.getLogger(__name__)
+
+JOIN_TIME = 60.0
+"""Seconds after which a device that could not join says so; it goes on trying."""
+
+LEAVE_TIME = 5.0
+"""Seconds that a device has to come to rest when its program is to end."""
+
+
+class DeviceJournal:
+    """What a device promised and reported: the latest record of each participant, in a SQLite file of the device's own.
+
+    Write-ahead log with `synchronous=FULL`: when `keep` returns, the record survives a kill and a power cut.
+    """
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            self._db = sqlite3.connect(path, isolation_level=None, timeout=1.0)
+            for statement in (
+                "PRAGMA locking_mode=EXCLUSIVE",
+                "PRAGMA journal_mode=WAL",
+                "PRAGMA synchronous=FULL",
+                'CREATE TABLE IF NOT EXISTS kept (number INTEGER PRIMARY KEY, "transaction" TEXT, participant TEXT, entry BLOB,'
+                ' UNIQUE ("transaction", participant))',
+            ):
+                self._db.execute(statement)
+            self._db.execute("DELETE FROM kept WHERE number <= (SELECT max(number) FROM kept) - ?", (REMEMBERED,))
+        except sqlite3.Error as error:
+            raise UsageError(f"{path}: {error}; is another program of the same device running, or is it no journal?") from None
+
+    def load(self) -> list[Kept]:
+        rows = self._db.execute("SELECT entry FROM kept ORDER BY number").fetchall()
+        return [msgspec.msgpack.decode(entry, type=Kept) for (entry,) in rows]
+
+    def keep(self, entry: object) -> None:
+        assert isinstance(entry, Kept), f"a Service Manager keeps participants, not {type(entry).__name__}"
+        self._db.execute(
+            'INSERT OR REPLACE INTO kept ("transaction", participant, entry) VALUES (?, ?, ?)', (*entry.key, msgspec.msgpack.encode(entry))
+        )
+
+    def close(self) -> None:
+        self._db.close()
+
+
+class DeviceRunner:
+    """A device at work: join with `start`, take leave with `stop`. `data` is where its journal is."""
+
+    def __init__(self, device: Device, addresses: Addresses, data: Path, host: str = "127.0.0.1") -> None:
+        self.device = device
+        self._addresses = addresses
+        self._journal = DeviceJournal(data / "devices" / f"{device.name}.sqlite")
+        self._kept = self._journal.load()
+        self._host = host
+        self._joined: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    async def start(self) -> str:
+        """Connect to the hardware, and join. Returns the address. Raises DeviceError when the device cannot join."""
+        profile = self.device.profile()
+        await self.device.open()
+        self._rim = await self._listen()
+        self.manager = ServiceManager(profile, repository=self._addresses.repository, registry=self._addresses.registry, kept=self._kept)
+        path = f"/devices/{self.device.name}"
+        self._node = self._rim.add(path, lambda address: self.manager, carry_out=self._carry_out, keep=self._journal.keep)
+        try:
+            await asyncio.wait_for(asyncio.shield(self._joined), JOIN_TIME)
+        except TimeoutError:
+            raise RemoteError(
+                f"{self.device.name} could not join within {JOIN_TIME:.0f} s: "
+                f"no answer from {self._addresses.repository} or {self._addresses.registry}"
+            ) from None
+        return self._node.address
+
+    async def stop(self) -> None:
+        """Take leave: withdraw the offers, bring what runs to a stop, and say so to whom it concerns."""
+        if hasattr(self, "_node"):
+            self._node.feed(Rang(LEAVE))
+            end = asyncio.get_running_loop().time() + LEAVE_TIME
+            while not self.manager.idle and asyncio.get_running_loop().time() < end:
+                await asyncio.sleep(0.02)
+            await self._node.flush(2.0)
+            await self._rim.stop()
+        await self.device.close()
+        self._journal.close()
+
+    async def _listen(self) -> Host:
+        """Where the device was reached before, if that can be: those who have a contract with it know that address."""
+        known = [one.session.me for one in self._kept if one.session.me]
+        port = (urlsplit(known[-1]).port or 0) if known else 0
+        for candidate in dict.fromkeys((port, 0)):
+            rim = Host(self._host, candidate)
+            try:
+                await rim.start()
+            except (OSError, SystemExit, RemoteError, InputError):
+                if candidate == 0:
+                    raise
+                log.warning("%s: port %d is taken, so those who waited for it have to find it anew", self.device.name, candidate)
+            else:
+                return rim
+        raise AssertionError("port 0 is always tried")
+
+    async def _carry_out(self, task: object, report: Report) -> object:
+        match task:
+            case Quote() | Perform() | Halt() | Undo():
+                return await carry_out(self.device, task, self._ask, report)
+            case orders.Report(text, joined):
+                log.log(logging.INFO if joined else logging.ERROR, "%s", text)
+                if not self._joined.done():
+                    if joined:
+                        self._joined.set_result(None)
+                    else:
+                        self._joined.set_exception(DeviceError(text))
+                return None
+            case _:
+                raise RemoteError(f"a device cannot do {type(task).__name__}")
+
+    async def _ask(self, body: Body) -> Body:
+        header = Header(sender=self._node.address, recipient=self._addresses.repository, message_id=uuid.uuid4().urn)
+        return (await self._rim.request(Message(header=header, body=body))).body
+
+
+async def serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:
+    """Run a device until its process is told to end."""
+    addresses = Addresses.read(data)
+    runner = DeviceRunner(kind(name, addresses.simulator), addresses, data, host)
+    try:
+        say_ready(name, await runner.start())
+        await until_stopped()
+    finally:
+        await runner.stop()
+
+
+def run_driver(driver: str, name: str, data: Path, host: str = "127.0.0.1") -> None:
+    """Run a device of the class that `driver` names, until the process is told to end."""
+    run_program(serve(load(driver), name, data, host))
+
+
+def run(kind: type[Device]) -> None:
+    """What a device author's program ends with."""
+    parser = argparse.ArgumentParser(description=(kind.__doc__ or f"A {kind.__name__}").strip().splitlines()[0])
+    parser.add_argument("--name", required=True, help="the device's object on the map")
+    parser.add_argument("--data", "--system", type=Path, default=Path(".somrs"), help="the data folder of the running system")
+    parser.add_argument("--host", default="127.0.0.1", help="the address to listen at")
+    arguments = parser.parse_args()
+    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s")
+    try:
+        run_program(serve(kind, arguments.name, arguments.data, arguments.host))
+    except (InputError, RemoteError) as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)
+
+
+def load(driver: str) -> type[Device]:
+    """The class that `module:Class` or `file.py:Class` names. Raises DeviceError."""
+    where, separator, name = driver.rpartition(":")
+    if not separator or not where or not name:
+        raise DeviceError(f"{driver!r} does not name a device's class: write module:Class or file.py:Class")
+    try:
+        module = _module_in(Path(where)) if where.endswith(".py") else importlib.import_module(where)
+    except (ImportError, OSError, SyntaxError) as error:
+        raise DeviceError(f"{driver}: {where} cannot be imported: {error}") from error
+    kind = getattr(module, name, None)
+    if not (isinstance(kind, type) and issubclass(kind, Device)):
+        devices = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, Device) and v is not Device]
+        raise DeviceError(f"{driver}: {where} has no class {name} that is a Device; it has {', '.join(devices) or 'none at all'}")
+    return kind
+
+
+def _module_in(file: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{file} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[file.stem] = module  # dataclasses and msgspec look their module up
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,54 @@
+"""One participant as its Service Manager sees it: its part in the protocol, and what the device does for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from somrs.errors import InputError
+from somrs.protocol import frp
+from somrs.protocol.session import ParticipantSession
+from somrs.service_manager.orders import Order, Refusal
+
+Key = tuple[str, str]
+"""The ids of the transaction and of the participant."""
+
+Verdict = frp.Failed | frp.Stopped | frp.Stranded
+
+
+@dataclass(slots=True)
+class Job:
+    """One participant: its part in the protocol, and what its device does for it."""
+
+    session: ParticipantSession
+    order: Order | None = None
+    doing: str = ""
+    """The kind of `Work` that the device does for it now."""
+    waiting: bool = False
+    """It is to begin, or to be undone, as soon as the device is free."""
+    began: float | None = None
+    fraction: float = 0.0
+    situation: str | None = None
+    """The latest that is known to hold."""
+    verdict: Verdict | None = None
+    """What to report once the device is in a safe state, unless the work turns out to be done."""
+
+    @property
+    def key(self) -> Key:
+        return self.session.transaction, self.session.participant
+
+    @property
+    def question(self) -> str:
+        return f"{self.doing} {self.session.participant} {self.session.transaction}"
+
+
+def failure(doing: str, description: str, situation: str | None) -> frp.Failed | frp.Stranded:
+    if doing == "Undo":
+        return frp.Stranded(description=description, situation=situation)
+    return frp.Failed(description=description, situation=situation)
+
+
+def in_words(value: object) -> str:
+    """What an exception says, with its class unless it is one that is meant to be read."""
+    if isinstance(value, Refusal | InputError):
+        return str(value)
+    return f"{type(value).__name__}: {value}"

@@ -1,0 +1,70 @@
+"""Between Entish terms and Python values, and between what authors write for money and time and numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from somrs.entish.formula import Comparison, Formula, Name, Number, Term, Text, Truth, substitute
+from somrs.entish.parse import parse
+from somrs.errors import DeviceError
+from somrs.ontology.services import PROVIDER
+from somrs.ontology.types import Value
+
+_AMOUNT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*([^\W\d]*)\s*")
+_SECONDS = {"": 1.0, "ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}
+
+
+def term(text: str) -> Term:
+    """The term that the text says. Raises FormulaError."""
+    compared = parse(f"It = {text}")
+    return compared.right if isinstance(compared, Comparison) else Name(text)
+
+
+def python_value(text: str) -> Value:
+    """An Entish term as Python has it: numbers, texts and truths as such, objects by name, anything else as it is written."""
+    match term(text):
+        case Number(value, None):
+            return value
+        case Text(value) | Truth(value):
+            return value
+        case other:
+            return str(other)
+
+
+def as_term(value: Value) -> Term:
+    """The Entish term for a Python value. A text that could be a name is one."""
+    if isinstance(value, bool):
+        return Truth(value)
+    if isinstance(value, float | int):
+        return Number(float(value))
+    return Name(value) if re.fullmatch(r"[^\W\d]\w*(-\w+)*", value) else Text(value)
+
+
+def filled_in(formula: str, provider: str, inputs: Mapping[str, str], outputs: Mapping[str, Value] | None = None) -> Formula:
+    """The formula with its inputs, its outputs and `?Provider` in their places."""
+    bindings = {name: term(text) for name, text in inputs.items()} | {PROVIDER: Name(provider)}
+    return substitute(parse(formula), bindings | {name: as_term(value) for name, value in (outputs or {}).items()})
+
+
+def money(amount: float | str) -> tuple[float, str]:
+    """`4 EUR` as 4 and EUR; a number alone is in EUR."""
+    number, unit = _read(amount, "a price", "4 EUR")
+    return number, unit or "EUR"
+
+
+def seconds(amount: float | str) -> float:
+    """`30 s`, `2 min` or `1 h` in seconds; a number alone is in seconds."""
+    number, unit = _read(amount, "a duration", "30 s, 2 min or 1 h")
+    if unit not in _SECONDS:
+        raise DeviceError(f"{amount!r} is not a duration: write it as {', '.join(u for u in _SECONDS if u)}")
+    return number * _SECONDS[unit]
+
+
+def _read(amount: float | str, what: str, example: str) -> tuple[float, str]:
+    if isinstance(amount, float | int) and not isinstance(amount, bool):
+        return float(amount), ""
+    found = _AMOUNT.fullmatch(amount) if isinstance(amount, str) else None
+    if found is None:
+        raise DeviceError(f"{amount!r} is not {what}: write a number, or for example {example}")
+    return float(found[1]), found[2]
