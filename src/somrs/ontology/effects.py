@@ -4,8 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from somrs.entish.formula import Attribute, Comparison, Formula, Name, Not, Number, Or, Relation, Term, Text, Truth, conjuncts, variables
-from somrs.entish.parse import nearest
+from somrs.entish.formula import (
+    Attribute,
+    Comparison,
+    Formula,
+    Name,
+    Not,
+    Number,
+    Or,
+    Relation,
+    Term,
+    Text,
+    Truth,
+    conjuncts,
+    literals,
+    variables,
+)
+from somrs.entish.parse import nearest, read
 from somrs.errors import FormulaError
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet
 from somrs.ontology.truth import holds
@@ -29,7 +44,7 @@ def changes(effect: Formula, map: Map, ontology: Ontology) -> list[Change]:
     after = map.changed(found)
     for part in parts:
         if not holds(part, after, ontology):
-            raise making.error(part, "this contradicts the rest of the effect", "an effect says what holds at one moment")
+            raise making.error(part, None, "this contradicts the rest of the effect", "an effect says what holds at one moment")
     return found
 
 
@@ -49,17 +64,14 @@ class _Making:
     def __init__(self, effect: Formula, map: Map, ontology: Ontology) -> None:
         self.effect, self.map, self.ontology = effect, map, ontology
 
-    def error(self, part: Formula | Term, problem: str, hint: str = "") -> FormulaError:
-        reading = read(str(self.effect))
-        if isinstance(part, Relation | Comparison | Not | And | Or):
-            atom, term = next(iter(literals(part))), None
-        else:
-            atom, term = next((atom for atom, term in reading.places if term == part)), part
-        return reading.error(atom.atom if isinstance(atom, Not) else atom, term, problem, hint)
+    def error(self, part: Formula, term: Term | None, problem: str, hint: str = "") -> FormulaError:
+        """That a term of a part of the effect is wrong, or the part itself."""
+        first = next(literals(part))
+        return read(str(self.effect)).error(first.atom if isinstance(first, Not) else first, term, problem, hint)
 
     def changes_for(self, part: Formula) -> Iterator[Change]:
         for variable in variables(part).values():
-            raise self.error(variable, f"?{variable.name} is not bound", "an effect is made true of named objects and values")
+            raise self.error(part, variable, f"?{variable.name} is not bound", "an effect is made true of named objects and values")
         match part:
             case Relation():
                 yield from self._relation_added(part)
@@ -68,25 +80,25 @@ class _Making:
             case Comparison():
                 yield from self._value_set(part)
             case Or():
-                raise self.error(part, "an effect with OR does not say what becomes true", "choose one of its alternatives")
+                raise self.error(part, None, "an effect with OR does not say what becomes true", "choose one of its alternatives")
             case _:
-                raise self.error(part, f"{part} does not say what becomes true", "say which value the attribute gets")
+                raise self.error(part, None, f"{part} does not say what becomes true", "say which value the attribute gets")
 
     # Relations
 
     def _fact(self, atom: Relation) -> tuple[RelationType, Fact]:
         relation = self.ontology.relations.get(atom.relation)
         if relation is None:
-            raise self.error(atom, f"there is no relation {atom.relation}", nearest(atom.relation, self.ontology.relations))
+            raise self.error(atom, None, f"there is no relation {atom.relation}", nearest(atom.relation, self.ontology.relations))
         if len(atom.arguments) != len(relation.joins):
-            raise self.error(atom, f"{atom.relation} joins {len(relation.joins)} objects, not {len(atom.arguments)}")
+            raise self.error(atom, None, f"{atom.relation} joins {len(relation.joins)} objects, not {len(atom.arguments)}")
         for argument in atom.arguments:
-            self._require_object(argument)
+            self._require_object(atom, argument)
         return relation, Fact(atom.relation, tuple(argument.name for argument in atom.arguments))
 
-    def _require_object(self, term: Term) -> None:
+    def _require_object(self, part: Formula, term: Term) -> None:
         if not isinstance(term, Name) or term.name not in self.map.objects:
-            raise self.error(term, f"there is no object {term} on the map", nearest(str(term), self.map.objects))
+            raise self.error(part, term, f"there is no object {term} on the map", nearest(str(term), self.map.objects))
 
     def _orders(self, relation: RelationType, arguments: tuple[str, ...]) -> list[tuple[str, ...]]:
         return [arguments, arguments[::-1]] if relation.symmetric and len(arguments) == 2 else [arguments]
@@ -122,33 +134,33 @@ class _Making:
     def _value_set(self, part: Comparison) -> Iterator[Change]:
         target, source = (part.left, part.right) if isinstance(part.left, Attribute) else (part.right, part.left)
         if part.operator != "=" or not isinstance(target, Attribute):
-            raise self.error(part, f"{part} does not say what becomes true", "write Object.Attribute = value")
-        self._require_object(target.of)
+            raise self.error(part, None, f"{part} does not say what becomes true", "write Object.Attribute = value")
+        self._require_object(part, target.of)
         assert isinstance(target.of, Name)
-        attribute = self._attribute(target)
-        value = self._value(attribute, source)
+        attribute = self._attribute(part, target)
+        value = self._value(part, attribute, source)
         if not holds(part, self.map, self.ontology):
             yield ValueSet(target.of.name, target.path, value)
 
-    def _attribute(self, target: Attribute) -> AttributeType:
+    def _attribute(self, part: Comparison, target: Attribute) -> AttributeType:
         type_name = self.map.objects[target.of.name].type
         known = self.ontology.attributes_of(type_name)
         if target.path not in known:
-            raise self.error(target, f"a {type_name} has no attribute {target.path}", nearest(target.path, known))
+            raise self.error(part, target, f"a {type_name} has no attribute {target.path}", nearest(target.path, known))
         return known[target.path]
 
-    def _value(self, attribute: AttributeType, source: Term) -> Value:
+    def _value(self, part: Comparison, attribute: AttributeType, source: Term) -> Value:
         """What the source stands for now, as a value of the attribute."""
         measured = measure(source, self.map, self.ontology)
         if measured is None:
-            raise self.error(source, f"{source} has no value")
+            raise self.error(part, source, f"{source} has no value")
         match attribute.kind, measured.constant:
             case Kind.NUMBER, Number(value, unit):
                 if unit is None or attribute.unit is None:
                     return value
                 number = converted(value, unit, attribute.unit)
                 if number is None:
-                    raise self.error(source, f"{unit} cannot be converted to {attribute.unit}, the unit of {attribute.name}")
+                    raise self.error(part, source, f"{unit} cannot be converted to {attribute.unit}, the unit of {attribute.name}")
                 return number
             case Kind.TRUTH, Truth(truth):
                 return truth
@@ -156,6 +168,6 @@ class _Making:
                 return text
             case Kind.ENUMERATION, (Name(word) | Text(word)):
                 if attribute.values and word not in attribute.values:
-                    raise self.error(source, f"{word} is no {attribute.name}", nearest(word, attribute.values))
+                    raise self.error(part, source, f"{word} is no {attribute.name}", nearest(word, attribute.values))
                 return word
-        raise self.error(source, f"{source} is no value of {attribute.name}, a {attribute.kind}")
+        raise self.error(part, source, f"{source} is no value of {attribute.name}, a {attribute.kind}")
