@@ -17,6 +17,7 @@ from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, InputError, UsageError
 from somrs.ontology.matching import can_bring_about
+from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology, Value
 from somrs.protocol.bodies import Body
@@ -73,6 +74,10 @@ class Registry:
     @property
     def ontology(self) -> Ontology:
         return self._replica.ontology if self._replica is not None and self._replica.ready else self._given
+
+    @property
+    def _map(self) -> Map | None:
+        return self._replica.map if self._replica is not None and self._replica.ready else None
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """What to do about the input."""
@@ -202,7 +207,7 @@ class Registry:
             (wanted.provider is None or offer.provider == wanted.provider)
             and (wanted.service_type is None or wanted.service_type in self._types(offer.service_type))
             and all(_same(offer.attributes.get(name), value) for name, value in wanted.attributes.items())
-            and (effect is None or can_bring_about(offer.service_type, effect, self.ontology))
+            and (effect is None or can_bring_about(offer.service_type, effect, self.ontology, self._map))
         )
 
     def _types(self, service_type: ServiceType) -> Iterator[str]:
