@@ -23,12 +23,14 @@ SELF = "Self"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Violation:
-    """A broken rule. `subject` is an object, a fact or a definition; `path` the attribute or key in it that is at fault."""
+    """A broken rule. `subject` is an object, a fact, or a definition of the `section`; `path` the attribute or key in it that is at
+    fault."""
 
     subject: str
     rule: str
     message: str
     path: str = ""
+    section: str = "objects"
 
     def __str__(self) -> str:
         return f"{self.subject}: {self.message} [{self.rule}]"
@@ -150,7 +152,8 @@ class _Checker:
                 yield Violation(subject=object.name, rule="parts", message=message, path="parts")
 
     def rootless(self) -> Iterator[Violation]:
-        if not self._roots():
+        unknown = any(object.type not in self.ontology.types for object in self.map.objects.values())  # one of these may be the root
+        if not unknown and not self._roots():
             what = "no AbstractObject (a building, a site, a room) that is part of nothing" if self.map.objects else "no object"
             yield Violation(subject="map", rule="root", message=f"the map has {what}; one must hold all others")
 
@@ -195,7 +198,8 @@ class _Checker:
     def _fact(self, fact: Fact) -> Iterator[Violation]:
         relation = self.ontology.relations.get(fact.relation)
         if relation is None:
-            yield Violation(subject=str(fact), rule="unknown-relation", message=_unknown("relation", fact.relation, self.ontology.relations))
+            message = _unknown("relation", fact.relation, self.ontology.relations)
+            yield Violation(subject=str(fact), rule="unknown-relation", message=message)
             return
         if len(relation.joins) != len(fact.arguments):
             message = f"{fact.relation} joins {len(relation.joins)} objects ({', '.join(relation.joins)}), not {len(fact.arguments)}"
@@ -258,7 +262,8 @@ def value_problem(attribute: AttributeType, value: Value) -> str:
                 return f"{attribute.name} is true or false, not {value!r}"
         case Kind.ENUMERATION:
             if value not in attribute.values or not isinstance(value, str):
-                return f"{attribute.name} is one of {', '.join(attribute.values)}, not {value!r}. {nearest(str(value), attribute.values)}".rstrip()
+                hint = nearest(str(value), attribute.values)
+                return f"{attribute.name} is one of {', '.join(attribute.values)}, not {value!r}{f'; {hint}' if hint else ''}"
     return _limit_problem(Constraint(attribute=attribute.name, minimum=attribute.minimum, maximum=attribute.maximum), value)
 
 
@@ -276,6 +281,3 @@ def _limit_problem(constraint: Constraint, value: Value) -> str:
 def _unknown(what: str, name: str, known: Iterable[str]) -> str:
     hint = nearest(name, known)
     return f"no {what} is called {name}" + (f"; {hint}" if hint else f"; define it, or use one of the {what}s there are")
-
-
-__all__ = ["SELF", "Violation", "value_problem", "violations", "violations_of"]

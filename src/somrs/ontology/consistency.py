@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
-from somrs.entish.parse import nearest, parse
+from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
-try:
-    from somrs.ontology.check import check
-except ImportError:
-    def check(*a): pass
+from somrs.ontology.check import check
 from somrs.ontology.conformance import SELF, Violation, value_problem
 from somrs.ontology.schema import RESERVED
 from somrs.ontology.services import PROVIDER, ServiceType
@@ -34,24 +32,24 @@ VALUES = ("number", "text", "truth")
 
 def ontology_violations(ontology: Ontology) -> list[Violation]:
     """Everything that is wrong with the ontology, definition by definition."""
-    found: list[Violation] = []
-    for definition in ontology:
-        match definition:
-            case AttributeType():
-                found.extend(_attribute(definition, ontology))
-            case RelationType():
-                found.extend(_types_known(definition.name, "joins", definition.joins, ontology))
-                found.extend(_relation(definition))
-            case FunctionType():
-                found.extend(_function(definition, ontology))
-            case ObjectType():
-                found.extend(_type(definition, ontology))
-            case ServiceType():
-                found.extend(_service(definition, ontology))
-    return found
+    return [replace(violation, section=section) for section, found in _sections(ontology) for violation in found]
 
 
-def _relation(relation: RelationType) -> Iterator[Violation]:
+def _sections(ontology: Ontology) -> Iterator[tuple[str, Iterator[Violation]]]:
+    for attribute in ontology.attributes.values():
+        yield "attributes", _attribute(attribute, ontology)
+    for relation in ontology.relations.values():
+        yield "relations", _relation(relation, ontology)
+    for function in ontology.functions.values():
+        yield "functions", _function(function, ontology)
+    for type in ontology.types.values():
+        yield "types", _type(type, ontology)
+    for service in ontology.services.values():
+        yield "services", _service(service, ontology)
+
+
+def _relation(relation: RelationType, ontology: Ontology) -> Iterator[Violation]:
+    yield from _types_known(relation.name, "joins", relation.joins, ontology)
     if relation.symmetric and (len(relation.joins) != 2 or len(set(relation.joins)) > 1):
         message = f"a symmetric relation joins two objects of the same type, not {', '.join(relation.joins)}"
         yield Violation(subject=relation.name, rule="relation", message=message, path="joins")
@@ -64,7 +62,8 @@ def _attribute(attribute: AttributeType, ontology: Ontology) -> Iterator[Violati
     number, wanted = attribute.kind is Kind.NUMBER, {Kind.ENUMERATION: "values", Kind.COMPLEX: "attributes"}.get(attribute.kind)
     for key in ("unit", "minimum", "maximum", "tolerance"):
         if not number and getattr(attribute, key):
-            yield Violation(subject=attribute.name, rule="kind", message=f"only a number has a {key}; leave it out, or write kind: number", path=key)
+            message = f"only a number has a {key}; leave it out, or write kind: number"
+            yield Violation(subject=attribute.name, rule="kind", message=message, path=key)
     for key, kind in (("values", "an enumeration"), ("attributes", "a complex attribute")):
         if key == wanted and not getattr(attribute, key):
             yield Violation(subject=attribute.name, rule="kind", message=f"{kind} needs {key}; list them", path="kind")
@@ -95,7 +94,8 @@ def _inside(ontology: Ontology, name: str) -> set[str]:
 
 def _unit(subject: str, unit: str) -> Iterator[Violation]:
     if unit not in COMMON_UNITS and not convertible(f"{unit}*m", f"m*{unit}"):  # anything can be expressed in itself, known or not
-        message = f"pint knows no unit {unit}; {nearest(unit, COMMON_UNITS) or 'write one such as m, cm, kg, rad, deg, s, m/s, percent, EUR'}"
+        hint = nearest(unit, COMMON_UNITS) or "write one such as m, cm, kg, rad, deg, s, m/s, percent, EUR"
+        message = f"pint knows no unit {unit}; {hint}"
         yield Violation(subject=subject, rule="unit", message=message, path="unit")
 
 
@@ -164,14 +164,15 @@ def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
                 message = f"?{parameter.name} is there twice; give one of them another name"
                 yield Violation(subject=service.name, rule="duplicate", message=message, path=f"{side}.{parameter.name}")
             typed[parameter.name] = parameter.type
+    known = all(type in ontology.types or type in VALUES for type in typed.values())
     for key, text in (("precondition", service.precondition), ("effect", service.effect)):
-        if text is not None:
+        if text is not None and known:
             yield from _formula(service.name, text, ontology, typed, key)
 
 
 def _formula(subject: str, text: str, ontology: Ontology, typed: dict[str, str], path: str) -> Iterator[Violation]:
     try:
-        check(parse(text), ontology, None, typed)
+        check(text, ontology, None, typed)
     except FormulaError as error:
         yield Violation(subject=subject, rule="formula", message=str(error), path=path)
 

@@ -44,6 +44,12 @@ class Dumper(yaml.CSafeDumper):
         return True
 
 
+class Lines(list[Any]):
+    """A list of which each item is written on a line of its own."""
+
+
+Dumper.add_representer(Lines, lambda dumper, lines: dumper.represent_sequence("tag:yaml.org,2002:seq", lines, flow_style=False))
+
 for _tag, _pattern, _first in _RESOLVERS:
     for _class in (_Loader, Dumper):
         _class.add_implicit_resolver(_tag, re.compile(_pattern), [*_first, ""] if _tag.endswith("null") else list(_first))
@@ -61,6 +67,7 @@ class Source:
         self.data: Any = None
         self.problems: list[Problem] = []
         self._root: yaml.Node | None = None
+        self._indexes: dict[int, dict[str, tuple[int, yaml.Node]]] = {}
         if _depth(text) > DEPTH:
             self._problem(None, "syntax", f"more than {DEPTH} brackets inside each other; nothing that a map needs is so deep")
             return
@@ -83,10 +90,10 @@ class Source:
         node, line = self._root, 1 if self._root is not None else None
         for step in path:
             if isinstance(node, yaml.MappingNode):
-                entry = next(((key, value) for key, value in node.value if isinstance(key, yaml.ScalarNode) and key.value == step), None)
+                entry = self._entries(node).get(str(step))
                 if entry is None:
                     break
-                node, line = entry[1], entry[0].start_mark.line + 1
+                line, node = entry
             elif isinstance(node, yaml.SequenceNode) and isinstance(step, int) and step < len(node.value):
                 node = node.value[step]
                 line = node.start_mark.line + 1
@@ -94,16 +101,22 @@ class Source:
                 break
         return line
 
-    def lines(self, path: Path) -> dict[str, int]:
-        """The lines of all keys of the mapping at the path, in one walk."""
+    def keys(self, path: Path) -> set[str]:
+        """The keys of the mapping at the path."""
         node = self._root
         for step in path:
-            if not isinstance(node, yaml.MappingNode):
-                return {}
-            node = next((value for key, value in node.value if isinstance(key, yaml.ScalarNode) and key.value == step), None)
-        if not isinstance(node, yaml.MappingNode):
-            return {}
-        return {key.value: key.start_mark.line + 1 for key, _ in node.value if isinstance(key, yaml.ScalarNode)}
+            entry = self._entries(node).get(str(step)) if isinstance(node, yaml.MappingNode) else None
+            if entry is None:
+                return set()
+            node = entry[1]
+        return set(self._entries(node)) if isinstance(node, yaml.MappingNode) else set()
+
+    def _entries(self, node: yaml.MappingNode) -> dict[str, tuple[int, yaml.Node]]:
+        """By key: its line and its value."""
+        if id(node) not in self._indexes:
+            entries = {key.value: (key.start_mark.line + 1, value) for key, value in node.value if isinstance(key, yaml.ScalarNode)}
+            self._indexes[id(node)] = entries
+        return self._indexes[id(node)]
 
     def _problem(self, line: int | None, rule: str, message: str, subject: str = "file") -> None:
         self.problems.append(Problem(file=self.file, line=line, subject=subject, rule=rule, message=message))

@@ -107,6 +107,15 @@ class ObjectEntry(BaseModel):
     parts: dict[str, ObjectEntry] = Field({}, description="The objects that are integral parts of this one")
 
 
+ENTRIES: dict[str, type[BaseModel]] = {
+    "attributes": AttributeEntry,
+    "relations": RelationEntry,
+    "functions": FunctionEntry,
+    "types": TypeEntry,
+    "services": ServiceEntry,
+}
+"""The sections of a file that define something, and what an entry of each looks like."""
+
 RESERVED = frozenset(ObjectEntry.model_fields)
 """Keys of an object that are no attributes."""
 
