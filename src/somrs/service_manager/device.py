@@ -171,7 +171,7 @@ class Device:
 
     type: ClassVar[str | ObjectType]
     types: ClassVar[tuple[Definition, ...]] = ()
-    values: Mapping[str, Value] = {}
+    values: ClassVar[Mapping[str, Value]] = {}
     situation: str | None = None
     capacity: int = 1
     """How many services it can perform at the same time."""
