@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from itertools import product
+from pathlib import Path
 
 import pytest
 
-from somrs.protocol import frp, states
+from somrs.protocol import diagram, frp, states
 from somrs.protocol.frp import Accept, Arrange, Cancel, Completed, End, Execute, Failed, Progress, Query, State, Status, Stop
 from somrs.protocol.states import Entry, Kind, Said, Table
 
@@ -175,3 +176,8 @@ def test_work_without_a_contract_is_sent_home() -> None:
         assert states.COORDINATOR[State.NEW][message] == Entry(Kind.MOVES, State.ENDED, End)
         assert states.COORDINATOR[State.UNREACHABLE][message].kind is Kind.MOVES
     assert states.COORDINATOR[State.UNREACHABLE][Progress].send is Stop
+
+
+def test_the_page_in_the_docs_shows_these_tables() -> None:
+    written = (Path(__file__).parent.parent / diagram.PAGE).read_text(encoding="utf-8")
+    assert written == diagram.page(), f"run `python -m somrs.protocol.diagram {diagram.PAGE}`"
