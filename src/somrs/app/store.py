@@ -215,8 +215,10 @@ class RepositoryStore:
                 db.execute("DELETE FROM objects WHERE name = ?", (name,))
                 db.execute("DELETE FROM facts WHERE EXISTS (SELECT 1 FROM json_each(arguments) WHERE value = ?)", (name,))
             case ValueSet(name, path, value):
-                (document,) = db.execute("SELECT document FROM objects WHERE name = ?", (name,)).fetchone()
-                object = _OBJECT.decode(document)
+                row = db.execute("SELECT document FROM objects WHERE name = ?", (name,)).fetchone()
+                if row is None:
+                    raise UsageError(f"{self.path}: has no object {name} whose {path} could be set; put a copy of the file back")
+                object = _OBJECT.decode(row[0])
                 values = {**object.values, path: value} if value is not None else {p: v for p, v in object.values.items() if p != path}
                 db.execute("UPDATE objects SET document = ? WHERE name = ?", (_json(msgspec.structs.replace(object, values=values)), name))
             case FactAdded(fact):
