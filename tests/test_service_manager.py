@@ -476,7 +476,7 @@ def test_amounts_and_values() -> None:
     assert [python_value(text) for text in ("Jar1", "12.5", '"a b"', "TRUE")] == ["Jar1", 12.5, "a b", True]
 
 
-@given(st.one_of(st.booleans(), st.floats(-1e9, 1e9), st.text(max_size=20)))
+@given(st.one_of(st.booleans(), st.floats(-1e9, 1e9), st.text(max_size=20), st.sampled_from(["TRUE", "AND", "Jar-1", "NOT-1", ""])))
 def test_values_survive_becoming_terms(value: bool | float | str) -> None:
     assert python_value(str(as_term(value))) == value
 
