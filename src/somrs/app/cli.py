@@ -55,7 +55,7 @@ class FaultOption(StrEnum):
 def demo(
     scenario: Annotated[str, typer.Argument(help="1: all goes well. 1b: the drive of the first robot breaks.")] = "1b",
     out: Annotated[Path | None, typer.Option(help="Where pictures, messages and maps go.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Start robots and jar, and break the drive, at random; the same for the same seed.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Start at random places, and break the drive at a random moment.")] = None,
 ) -> None:
     """Play a scenario of the paper in the simulator."""
     from somrs.app.demo import play
@@ -183,7 +183,9 @@ def picture(out: Annotated[Path, typer.Argument(help="The PNG file to write.")],
 
 
 @map_app.command()
-def query(formula: Formula, limit: Annotated[int, typer.Option(help="At most so many.")] = 100, data: Data = HERE, json: Json = False) -> None:
+def query(
+    formula: Formula, limit: Annotated[int, typer.Option(help="At most so many.")] = 100, data: Data = HERE, json: Json = False
+) -> None:
     """For which objects does a formula hold? Exits with 1 when for none."""
     from somrs.app.commands import query as run
 

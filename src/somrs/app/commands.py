@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 from rich.live import Live
@@ -16,6 +17,9 @@ from somrs.protocol.clients import Submit, TaskNews
 from somrs.protocol.directory import Discover
 from somrs.protocol.frp import Outcome
 from somrs.protocol.knowledge import UpdateMap
+
+if TYPE_CHECKING:
+    from somrs.sites import Site
 
 
 def check(files: Sequence[Path], *, json: bool) -> int:
@@ -44,30 +48,39 @@ def import_site(source: Path, out: Path | None) -> None:
     """Bring a building in, check it, and write it as a map file."""
     from somrs.ontology.files import load
 
+    if (bring_in := importer(source)) is None:
+        from somrs.sites import IMPORTERS
+
+        raise UsageError(f"{source}: nothing here brings in such a file; it can be {', '.join(f'*{ending}' for ending in IMPORTERS)}")
     target = out or Path(source.name.split(".")[0] + ".map.yaml")
-    warnings = write_import(source, target)
+    notes = write_import(bring_in, source, target)
     loaded = load([target])
-    for warning in warnings:
-        print(f"note: {warning}")
+    for note in notes:
+        print(f"note: {note}")
     count = len(loaded.map.objects) if loaded.map is not None else 0
     print(f"{target}: {count} objects, and all is well. Next: somrs up {target}")
 
 
-def write_import(source: Path, target: Path) -> list[str]:
-    """Write what is brought in from `source` to `target`; what could not be brought in is returned, in words."""
-    from somrs.ontology.files import dump_site
-    from somrs.sites import importer_for
+def importer(source: Path) -> Callable[[Path], Site] | None:
+    """What brings in a file of this name; None for the project's own files."""
+    from somrs.sites import IMPORTERS
 
-    imported = importer_for(source)(source)
-    target.write_text(dump_site(imported.ontology, imported.map), encoding="utf-8")
-    return list(imported.warnings)
+    return next((found for ending, found in IMPORTERS.items() if source.name.endswith(ending)), None)
+
+
+def write_import(bring_in: Callable[[Path], Site], source: Path, target: Path) -> tuple[str, ...]:
+    """Write what is brought in from `source` to `target`; what could not be brought in is returned, in words."""
+    from somrs.app.sitefile import dump_site
+
+    site = bring_in(source)
+    target.write_text(dump_site(site.ontology, site.map), encoding="utf-8")
+    return site.notes
 
 
 async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool) -> None:
     """Run a system until somebody ends it."""
     from somrs.app.programs import until_stopped
     from somrs.app.system import System
-    from somrs.sites import importer_for
 
     console = show.console()
     data.mkdir(parents=True, exist_ok=True)
@@ -75,10 +88,9 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
     for file in site:
         if not file.exists():
             raise UsageError(f"{file}: there is no such file")
-        if importer_for(file, missing_ok=True) is not None:
-            target = data / (file.name.split(".")[0] + ".map.yaml")
-            write_import(file, target)
-            files.append(target)
+        if (bring_in := importer(file)) is not None:
+            files.append(data / (file.name.split(".")[0] + ".map.yaml"))
+            write_import(bring_in, file, files[-1])
         else:
             files.append(file)
     with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
@@ -92,7 +104,9 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
             raise
     try:
         console.print(show.services(found))
-        console.print(f"Running. In another terminal: somrs task FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it.")
+        console.print(
+            f"Running. In another terminal: somrs task FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it."
+        )
         await until_stopped()
     finally:
         with console.status("ending ..."):
@@ -224,7 +238,7 @@ async def update(situation: str, author: str, data: Path) -> None:
 
 
 async def export(out: Path, data: Path) -> None:
-    from somrs.ontology.files import dump_site
+    from somrs.app.sitefile import dump_site
 
     async with Client(Addresses.read(data)) as client:
         ontology, map = await client.ontology(), await client.map()

@@ -22,6 +22,7 @@ from rich.text import Text
 from somrs.app import show
 from somrs.app.chart import SETBACKS, chart, said
 from somrs.app.client import Client
+from somrs.app.sitefile import dump_site
 from somrs.app.system import System
 from somrs.app.trace import Follower, Line
 from somrs.devices.simulator.commands import Fault, RobotState
@@ -29,7 +30,7 @@ from somrs.devices.simulator.link import OperatorLink
 from somrs.devices.simulator.navigation import Navigator
 from somrs.entish.parse import parse
 from somrs.errors import SimulationError, UsageError
-from somrs.ontology.files import dump_site, load
+from somrs.ontology.files import load
 from somrs.ontology.objects import Change, Map, ValueSet
 from somrs.ontology.truth import holds
 from somrs.ontology.types import Ontology
@@ -164,7 +165,7 @@ async def perform(scenario: str, system: System, out: Path, distance: float, con
             "the task was accomplished": last.outcome is Outcome.ACCOMPLISHED,
             "the wish holds in the Repository": holds(parse(WISH.effect), map, ontology),
             "the wish holds in the physics": seen.on == GOAL,
-            "the messages are the paper's": [] == unlike_the_paper(scenario, lines),
+            "the messages are the paper's": unlike_the_paper(scenario, lines) == [],
         }
     return Play(last, lines, checks, pictures, simulated, took)
 

@@ -10,15 +10,16 @@ import concurrent.futures
 import contextlib
 import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Coroutine, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from somrs.app.client import Addresses
 from somrs.app.node import Host, Report
 from somrs.app.trace import Trace
-from somrs.errors import RemoteError, UsageError
+from somrs.errors import UsageError
 
 PARENT_CHECK = 1.0
 """Seconds between two looks whether the parent process is still there."""
@@ -64,13 +65,14 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
             store.initialise(loaded.ontology, loaded.map)
             kept = store.load()
         assert kept is not None, "what was initialised can be loaded"
+        contents = kept
 
         async def carry_out(task: object, report: Report) -> object:
             return store.answer(task)
 
         rim = Host(host, port)
         await rim.start()
-        node = rim.add("/repository", lambda address: Repository(address, kept), carry_out=carry_out, keep=store.record)
+        node = rim.add("/repository", lambda address: Repository(address, contents), carry_out=carry_out, keep=store.record)
         say_ready("repository", node.address)
         await until_stopped()
         await rim.stop()
@@ -80,11 +82,12 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
 
 async def run_registry(addresses: Addresses, host: str, port: int) -> None:
     """The Service Registry. What is published is kept in memory: leases bring it back after a restart."""
+    from somrs.ontology.files import upper
     from somrs.registry.component import Registry
 
     rim = Host(host, port)
     await rim.start()
-    node = rim.add("/registry", lambda address: Registry(address, repository=addresses.repository))
+    node = rim.add("/registry", lambda address: Registry(address, upper(), addresses.repository))
     say_ready("registry", node.address)
     await until_stopped()
     await rim.stop()
@@ -134,13 +137,11 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
     await rim.stop()
 
 
-def run_program(main: object) -> None:
-    """Run a program's coroutine; the fast event loop where it is to be had."""
-    with contextlib.suppress(ImportError):
+def run_program(main: Coroutine[Any, Any, None]) -> None:
+    """Run a program's coroutine, on the fast event loop where it is to be had."""
+    try:
         import uvloop
-
-        uvloop.install()
-    asyncio.run(main)  # type: ignore[arg-type]  # uvloop's and asyncio's run differ in what they accept
-
-
-__all__ = ["RemoteError", "run_program", "run_registry", "run_repository", "run_simulator", "run_task_manager"]
+    except ImportError:
+        asyncio.run(main)
+    else:
+        uvloop.run(main)

@@ -1,0 +1,174 @@
+"""A whole system on virtual time for tests: Repository, Registry, Task Manager, and devices whose work is a script."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from somrs.app.virtual import Work, World, at_once
+from somrs.errors import RemoteError
+from somrs.ontology.files import load_text
+from somrs.ontology.objects import Map
+from somrs.planner.planning import plan
+from somrs.planner.problem import Problem
+from somrs.protocol.clients import Submit, Submitted, TaskRejected, TaskView
+from somrs.protocol.component import Answered, Effect, Input, Started
+from somrs.protocol.envelope import Header, Message, message_id
+from somrs.registry.component import Registry
+from somrs.repository.component import Repository
+from somrs.repository.entries import Contents
+from somrs.service_manager.orders import Capability, Done, Halt, Order, Perform, Profile, Quote, Quoted, Refusal, Undo
+from somrs.service_manager.participant import ServiceManager
+from somrs.task_manager.manager import TaskManager, view
+
+SITE = """
+map: Test
+objects:
+  Building001:
+    type: Building
+    parts:
+      Storey001:
+        type: Storey
+        parts:
+          Floor001: {type: Floor, at: [0, 0, -0.1], Shape: {Form: Box, Width: 20, Depth: 20, Height: 0.1}}
+  Cupboard001: {type: Cupboard, at: [1, 1, 0], Shape: {Form: Box, Width: 0.5, Depth: 1, Height: 0.8}}
+  Cupboard002: {type: Cupboard, at: [1, 4, 0], Shape: {Form: Box, Width: 0.5, Depth: 1, Height: 0.8}}
+  Platform001: {type: Platform, at: [8, 2, 0], Shape: {Form: Box, Width: 1, Depth: 1, Height: 0.3}}
+  Jar001: {type: Jar, at: [1, 3.8, 0.8]}
+  Jar002: {type: Jar, at: [1, 1, 0.8]}
+  LostJar: {type: Jar, at: [0, 0, 0]}
+  Robot1: {type: PioneerP3DX, at: [3, 3]}
+  Robot2: {type: PioneerP3DX, at: [5, 3]}
+facts:
+  - Jar001 isOn Cupboard002
+  - Jar002 isOn Cupboard001
+"""
+
+Script = Callable[[Order], Work]
+"""What a device does about an order: pairs of seconds and what it then reports."""
+
+
+@dataclass(slots=True)
+class Robot:
+    """A scripted device: its price, how long it says it takes, and what really happens (None: the effect, in that time)."""
+
+    name: str
+    price: float
+    duration: float
+    works: Script | None = None
+    refuses: str = ""
+    orders: list[Order] = field(default_factory=list)
+
+    def carry_out(self, task: object) -> Work:
+        match task:
+            case Quote():
+                if self.refuses:
+                    yield 0.1, Refusal(self.refuses)
+                else:
+                    yield 0.1, Quoted(price=self.price, duration=self.duration)
+            case Perform(order):
+                self.orders.append(order)
+                if self.works is not None:
+                    yield from self.works(order)
+                else:
+                    yield self.duration, Done(situation=done(order))
+            case Halt() | Undo():
+                yield 1.0, Done()
+            case _:
+                yield 0.0, None
+
+
+def done(order: Order) -> str:
+    """The effect of a TransferObject, as arranged."""
+    return f"{order.inputs['Object']} isOn {order.inputs['Destination']}"
+
+
+class Client:
+    """Hears what is answered to clients."""
+
+    def __init__(self) -> None:
+        self.heard: list[Message] = []
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if not isinstance(event, Started | Answered) and hasattr(event, "message"):
+            self.heard.append(event.message)
+        return []
+
+
+class VirtualSystem:
+    """Everything at its address. `tasks` are given with `submit`, and looked at with `view`."""
+
+    def __init__(self, *robots: Robot, site: str = SITE) -> None:
+        loaded = load_text(site, "site.yaml")
+        assert loaded.map is not None
+        self.world = World()
+        self.repository = Repository("repository", Contents(ontology=loaded.ontology, map=loaded.map))
+        self.registry = Registry("registry", loaded.ontology, "repository")
+        self.manager = TaskManager("tm", repository="repository", registry="registry")
+        self.client = Client()
+        self.world.add("repository", self.repository)
+        self.world.add("registry", self.registry)
+        self.world.add("client", self.client)
+        for robot in robots:
+            self.join(robot)
+        self.world.add("tm", self.manager, at_once(_plan))
+        self.world.run(5)
+        self._asked = 0
+
+    def join(self, robot: Robot, type: str = "PioneerP3DX", service: str = "TransferObject") -> None:
+        profile = Profile(
+            name=robot.name, type=type, capabilities=(Capability(type=service, method="work", stoppable=True),), valid_for=60, lease=3600
+        )
+        manager = ServiceManager(profile, repository="repository", registry="registry")
+        self.world.add(f"devices/{robot.name}", manager, robot.carry_out)
+
+    @property
+    def map(self) -> Map:
+        return self.repository.contents.map
+
+    def ask(self, body: object) -> object:
+        """A client's question, and what the Task Manager answers."""
+        self._asked += 1
+        id = message_id("client", self._asked)
+        header = Header(sender="client", recipient="tm", message_id=id, reply_to="client")
+        self.world.send(Message(header=header, body=body))  # type: ignore[arg-type]  # bodies, as the tests know
+
+        def answers() -> list[Message]:
+            return [message for message in self.client.heard if message.header.relates_to == id]
+
+        assert self.world.run(60, lambda: bool(answers())), f"no answer to {body}"
+        return answers()[0].body
+
+    def submit(self, effect: str, **more: object) -> str:
+        answer = self.ask(Submit(effect=effect, **more))  # type: ignore[arg-type]  # keyword arguments of Submit
+        assert isinstance(answer, Submitted), answer
+        return answer.task
+
+    def rejected(self, effect: str) -> str:
+        answer = self.ask(Submit(effect=effect))
+        assert isinstance(answer, TaskRejected), answer
+        return answer.problem
+
+    def view(self, task: str) -> TaskView:
+        return view(self.manager.transactions[task])
+
+    def finish(self, *tasks: str, seconds: float = 3600) -> list[TaskView]:
+        """Let time pass until all tasks ended."""
+        ended = self.world.run(seconds, lambda: all(self.view(task).outcome is not None for task in tasks))
+        assert ended, [self.manager.transactions[task].events for task in tasks]
+        self.world.run(2)
+        return [self.view(task) for task in tasks]
+
+    def said(self, task: str) -> list[tuple[str, str]]:
+        """The messages of the protocol in a task, by type and service, without Progress."""
+        return [
+            (type(message.body).__name__, (message.header.participant or "").partition("#")[0].partition(".")[0])
+            for message in self.world.messages
+            if message.header.transaction == task and type(message.body).__name__ != "Progress"
+        ]
+
+
+def _plan(task: object) -> object:
+    if isinstance(task, Problem):
+        return plan(task)
+    raise RemoteError(f"nobody here can do {task}")
