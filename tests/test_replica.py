@@ -16,7 +16,7 @@ from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol.bodies import Body
 from somrs.protocol.component import Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
 from somrs.protocol.envelope import Message
-from somrs.protocol.knowledge import Define, Definitions, MapPage, UpdateMap
+from somrs.protocol.knowledge import Define, Definitions, MapPage, ReadMap, UpdateMap
 from somrs.protocol.replica import GAP_TIME, LEASE, News, Replica
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
@@ -84,7 +84,9 @@ def test_what_changes_while_pages_are_read_is_on_the_copy() -> None:
         to_repository = waiting.pop(0)
         effects = repository.handle(Received(to_repository), 0.0)
         changes: tuple[Change, ...] = (ValueSet("Jar1", "PositionX", float(step)), ValueSet("Table2", "PositionX", float(step)))
-        if step == 3:
+        if step == 2:
+            changes = (*changes, ValueSet("Jar-0499", "Color", "Red"))
+        elif step == 3:
             changes = (*changes, ObjectRemoved("Jar-0003"), ObjectRemoved("Jar-0499"), ObjectAdded(Object(name="A1", type="Room")))
             changes = (*changes, FactAdded(Fact("isPartOf", ("A1", "Storey1"))))
         effects += tell(repository, UpdateMap(changes=changes), 0.0)
@@ -148,6 +150,35 @@ def test_a_repository_that_begins_anew_replaces_the_copy() -> None:
     anew = Repository(REPOSITORY, many_jars(3))
     world.add(REPOSITORY, anew)
     world.run(LEASE)
+    assert same(owner.replica, anew)
+
+
+def test_a_repository_that_is_back_from_a_crash_says_so() -> None:
+    """What it had on disk but not yet told is known to its followers long before their leases end."""
+    world, owner, repository = World(), Owner(), Repository(REPOSITORY, contents())
+    world.add(REPOSITORY, repository)
+    world.add(OWNER, owner)
+    world.run(1.0)
+    world.remove(REPOSITORY)
+    tell(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)
+    world.add(REPOSITORY, Repository(REPOSITORY, repository.contents))
+    world.run(2 * GAP_TIME)
+    assert same(owner.replica, repository)
+
+
+def test_pages_of_two_repositories_are_not_mixed() -> None:
+    old, owner = Repository(REPOSITORY, many_jars(500)), Owner()
+    for n in range(5):
+        tell(old, UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n + 10)),)))
+    answering, anew = old, Repository(REPOSITORY, contents())
+    waiting = [effect.message for effect in owner.handle(Started(OWNER), 0.0) if isinstance(effect, Send)]
+    while waiting:
+        message = waiting.pop(0)
+        if message.body == ReadMap():
+            answering = anew
+        for effect in answering.handle(Received(message), 0.0):
+            if isinstance(effect, Send):
+                waiting += [e.message for e in owner.handle(Received(effect.message), 0.0) if isinstance(e, Send)]
     assert same(owner.replica, anew)
 
 

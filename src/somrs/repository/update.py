@@ -21,7 +21,7 @@ from somrs.ontology.objects import (
     ValueSet,
     objects_of,
 )
-from somrs.ontology.types import Ontology
+from somrs.ontology.types import ABSTRACT, Ontology
 from somrs.protocol.knowledge import Rejected, UpdateMap
 
 MOST_PROBLEMS = 50
@@ -63,7 +63,7 @@ def outcome(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome | Reject
         changed = changed.changed(more)
     net = tuple(_net(map, changed, wanted))
     result = Outcome(map=map.changed(net), changes=net)
-    if broken := _violations(result, ontology):
+    if broken := _violations(map, result, ontology):
         return rejected(str(violation) for violation in broken)
     return result
 
@@ -131,8 +131,9 @@ def _net(before: Map, after: Map, changes: Iterable[Change]) -> Iterator[Change]
     yield from (FactAdded(fact) for fact, (was, now) in held.items() if now and not was)
 
 
-def _violations(outcome: Outcome, ontology: Ontology) -> list[Violation]:
-    """Which rules would be broken by what changed; what was removed may have been the last of something."""
-    if any(isinstance(change, ObjectRemoved) for change in outcome.changes):
-        return violations(outcome.map, ontology)
+def _violations(before: Map, outcome: Outcome, ontology: Ontology) -> list[Violation]:
+    """Which rules would be broken by what changed."""
+    removed = [before.objects[change.name].type for change in outcome.changes if isinstance(change, ObjectRemoved)]
+    if any(ontology.is_a(type_name, ABSTRACT) for type_name in removed):
+        return violations(outcome.map, ontology)  # it may have been the root, which is nobody's part
     return violations_of(outcome.map, ontology, outcome.objects) if outcome.changes else []
