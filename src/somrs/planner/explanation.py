@@ -1,0 +1,148 @@
+"""Why there is no plan, for people: which part of the goal nothing can bring about, and what is missing for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from somrs.entish import Name, Variable
+from somrs.entish.formula import Literal, alternatives, conjunction, conjuncts, names, substitute, variables
+from somrs.entish.parse import nearest, parse
+from somrs.ontology.matching import bring_about_all, can_bring_about
+from somrs.ontology.services import ServiceType
+from somrs.ontology.truth import holds
+from somrs.planner.grounding import Grounding, World
+from somrs.planner.operators import Inexpressible, goal_operators, operators
+from somrs.planner.plan import NoPlan
+from somrs.planner.problem import Problem
+from somrs.planner.relevance import demands
+
+DEPTH = 4
+"""How many services back a reason is looked for."""
+
+
+def unmet_precondition(problem: Problem) -> NoPlan | None:
+    """What the client says of the beginning and the map denies."""
+    if problem.precondition is None or holds(problem.precondition, problem.map, problem.ontology):
+        return None
+    parts = conjuncts(problem.precondition)
+    denied = [part for part in parts if not holds(part, problem.map, problem.ontology)] or parts
+    said = " and ".join(map(str, denied))
+    return NoPlan(explanation=f"the task starts from {said}, which does not hold on the map", missing=tuple(map(str, denied)))
+
+
+def why_not(problem: Problem, world: World, left_out: list[Inexpressible]) -> NoPlan:
+    """The reasons, for the alternative of the goal that lacks least."""
+    best: _Reasons | None = None
+    for branch in alternatives(problem.goal):
+        reasons = _Reasons(problem, world, left_out)
+        for literal in branch:
+            if not reasons.reachable((literal,)):
+                reasons.unreachable.append(str(literal))
+                reasons.explain(literal, DEPTH)
+        if best is None or len(reasons.unreachable) < len(best.unreachable):
+            best = reasons
+    assert best is not None, "a formula has an alternative"
+    if not best.unreachable:
+        best.said[f"no order of services makes {problem.goal} true: each part can be brought about, but not all together"] = None
+        best.said.update((f"not considered: {inexpressible}", None) for inexpressible in left_out)
+    return NoPlan(
+        explanation="; ".join(best.said), unreachable=tuple(best.unreachable), missing=tuple(best.missing), unoffered=tuple(best.unoffered)
+    )
+
+
+@dataclass(slots=True, eq=False)
+class _Reasons:
+    """The reasons found so far."""
+
+    problem: Problem
+    world: World
+    left_out: list[Inexpressible]
+    unreachable: list[str] = field(default_factory=list)
+    missing: dict[str, None] = field(default_factory=dict)
+    unoffered: dict[str, None] = field(default_factory=dict)
+    said: dict[str, None] = field(default_factory=dict)
+
+    def reachable(self, literals: tuple[Literal, ...]) -> bool:
+        """Whether all can come about together if nothing that is true ever became false."""
+        usable = list(goal_operators(conjunction(*literals), self.world.known))
+        for available in self.problem.services:
+            try:
+                usable.extend(operators(available, self.world.known, self.problem.excluded))
+            except Inexpressible:
+                continue
+        demanded = demands(usable, self.world.known, self.world.is_a, lambda fact: False)
+        return Grounding(self.world, demanded).reached
+
+    def explain(self, literal: Literal, depth: int) -> None:
+        """Why the literal, which is not reachable, is not."""
+        if self._unknown_objects(literal):
+            return
+        offered = [a.service_type for a in self.problem.services if a.providers]
+        helpful = [service for service in offered if can_bring_about(service, literal, self.problem.ontology, self.problem.map)]
+        if not helpful:
+            self._nobody(literal, offered)
+            return
+        for service in helpful:
+            unexpressed = [i for i in self.left_out if str(i.formula).startswith(f"{service.name}: ")]
+            self.said.update(
+                (f"{literal} could be brought about by {service.name}, which cannot be planned with: {i}", None) for i in unexpressed
+            )
+            if not unexpressed:
+                self._lacking(service, literal, depth)
+
+    def _unknown_objects(self, literal: Literal) -> bool:
+        unknown = [name for name in self._objects(literal) if name not in self.problem.map.objects]
+        for name in unknown:
+            hint = nearest(name, self.problem.map.objects)
+            self.said[f"{literal}: there is no object {name} on the map" + (f"; {hint}" if hint else "")] = None
+        kept = [name for name in names(literal) if name in self.problem.excluded]
+        for name in kept:
+            self.said[f"{literal}: {name} is promised to another task, or nobody knows what state it is in"] = None
+        return bool(unknown or kept)
+
+    def _objects(self, literal: Literal) -> Iterator[str]:
+        """The names that are not values of enumerations."""
+        words = {value for attribute in self.problem.ontology.attributes.values() for value in attribute.values}
+        return (name for name in names(literal) if name not in words or name in self.problem.map.objects)
+
+    def _nobody(self, literal: Literal, offered: list[ServiceType]) -> None:
+        types = {a.service_type.name: a.service_type for a in self.problem.services}
+        known = {**self.problem.ontology.services, **types}
+        there = {service.name for service in offered}
+        absent = [
+            name
+            for name, service in known.items()
+            if name not in there and can_bring_about(service, literal, self.problem.ontology, self.problem.map)
+        ]
+        self.unoffered.update(dict.fromkeys(absent))
+        if absent:
+            self.said[f"{_wish(literal)} could be brought about by {' or '.join(absent)}, which nobody offers now"] = None
+        else:
+            self.missing[_wish(literal)] = None
+            self.said[f"{_wish(literal)} does not hold on the map, and no service type brings it about"] = None
+
+    def _lacking(self, service: ServiceType, literal: Literal, depth: int) -> None:
+        """What the service needs and cannot have."""
+        if service.precondition is None:
+            self.said[f"{service.name} could bring about {_wish(literal)}, but not with the objects on the map"] = None
+            return
+        bound = next(bring_about_all(service, literal, self.problem.ontology, self.problem.map), {})
+        branch = next(
+            alternatives(substitute(parse(service.precondition), {n: t for n, t in bound.items() if not isinstance(t, Variable)}))
+        )
+        lacking = [part for part in branch if not self.reachable((part,))]
+        for part in lacking:
+            self.missing[_wish(part)] = None
+            self.said[f"{service.name} could bring about {_wish(literal)}, but needs {_wish(part)}"] = None
+            if depth > 0:
+                self.explain(part, depth - 1)
+        if not lacking:
+            needed = " and ".join(map(_wish, branch))
+            self.said[f"{service.name} could bring about {_wish(literal)}, but needs {needed} together"] = None
+
+
+def _wish(literal: Literal) -> str:
+    """The literal with `?` for what may be anything."""
+    blank = {name: Name("?") for name, variable in variables(literal).items() if variable.type is None}
+    return str(substitute(literal, blank))

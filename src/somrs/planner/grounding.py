@@ -1,0 +1,415 @@
+"""From operators to actions: everything that can become true if nothing ever became false again, fact by fact.
+
+Facts that follow from the map alone are settled here; what is left depends only on what services change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from somrs.entish import Comparison, Name, Not, Number, Relation, Term, Text, Truth, Variable
+from somrs.entish.formula import Constant, Literal, variables
+from somrs.ontology.objects import Map
+from somrs.ontology.truth import bindings
+from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
+from somrs.ontology.units import converted
+from somrs.ontology.values import Measured, attribute_at, compare, constant, measure, value_of
+from somrs.planner.operators import GOAL, SOME, Argument, Fact, Forbidden, Inexpressible, Operator, Pattern, Test, Vocabulary
+from somrs.planner.problem import Problem
+from somrs.planner.relevance import Demand
+
+Bound = dict[str, Argument]
+ACTIONS = 400_000
+"""More actions than this are not searched through."""
+
+VALUES: Mapping[str, tuple[type, ...]] = {"number": (Number,), "text": (Text, Name), "truth": (Truth,)}
+"""What an input that is a value can be."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Action:
+    """An operator with all its variables bound."""
+
+    operator: Operator
+    bound: Bound
+    needs: tuple[Fact, ...]
+    adds: tuple[Fact, ...]
+    removes: tuple[Fact, ...]
+
+
+class Facts:
+    """A growing set of facts, found by predicate and any one argument."""
+
+    def __init__(self) -> None:
+        self.all: dict[Fact, None] = {}
+        self._by_predicate: dict[str, list[tuple[Argument, ...]]] = {}
+        self._by_argument: dict[tuple[str, int, Argument], list[tuple[Argument, ...]]] = {}
+
+    def add(self, fact: Fact) -> bool:
+        """Whether the fact is new."""
+        if fact in self.all:
+            return False
+        self.all[fact] = None
+        predicate, arguments = fact
+        self._by_predicate.setdefault(predicate, []).append(arguments)
+        for place, argument in enumerate(arguments):
+            self._by_argument.setdefault((predicate, place, argument), []).append(arguments)
+        return True
+
+    def like(self, predicate: str, known: Iterable[Argument | None]) -> list[tuple[Argument, ...]]:
+        """The arguments of facts that may have the known ones, of which at least one was looked at."""
+        lists = [self._by_argument.get((predicate, place, value), []) for place, value in enumerate(known) if value is not None]
+        return min(lists, key=len) if lists else self._by_predicate.get(predicate, [])
+
+
+class World:
+    """The map as the planner asks about it: which objects are of which types, what holds that no service changes."""
+
+    def __init__(self, problem: Problem, known: Vocabulary) -> None:
+        self.map: Map = problem.map
+        self.ontology: Ontology = problem.ontology
+        self.known = known
+        self.excluded = problem.excluded
+        self._is_a: dict[tuple[str, str], bool] = {}
+        self._settled: dict[tuple[Literal, tuple[tuple[str, Argument], ...]], bool] = {}
+        self._domains: dict[frozenset[str], list[str]] = {}
+        self._paths: dict[str, frozenset[str]] = {}
+
+    def is_a(self, argument: Argument, types: Iterable[str]) -> bool:
+        """Whether an object or value is of all the types."""
+        return argument not in self.excluded and self.is_of(argument, types)
+
+    def is_of(self, argument: Argument, types: Iterable[str]) -> bool:
+        """The same, for objects that no step may involve, too."""
+        if isinstance(argument, str):
+            object = self.map.objects.get(argument)
+            return all(object is not None and self._type_is_a(object.type, type_name) for type_name in types)
+        return all(isinstance(argument, VALUES.get(type_name, ())) for type_name in types)
+
+    def _type_is_a(self, type_name: str, ancestor: str) -> bool:
+        key = type_name, ancestor
+        if key not in self._is_a:
+            self._is_a[key] = self.ontology.is_a(type_name, ancestor)
+        return self._is_a[key]
+
+    def has(self, name: str, path: str) -> bool:
+        """Whether the object may have the attribute."""
+        object = self.map.objects.get(name)
+        if object is None:
+            return False
+        if object.type not in self._paths:
+            self._paths[object.type] = frozenset(self.ontology.attributes_of(object.type))
+        return path in self._paths[object.type]
+
+    def domain(self, types: frozenset[str]) -> list[str]:
+        """The objects that are of all the types."""
+        if types not in self._domains:
+            narrowest = max(types, key=lambda name: sum(1 for _ in self.ontology.ancestors(name)), default=ROOT)
+            of_one = (name for subtype in self.ontology.subtypes(narrowest) for name in self.map.of_type(subtype))
+            self._domains[types] = [name for name in of_one if self.is_a(name, types)]
+        return self._domains[types]
+
+    def initial(self) -> Iterator[Fact]:
+        """What holds now, of what services change."""
+        for relation in self.known.relations:
+            for fact in self.map.facts(relation):
+                yield self.canonical((relation, fact.arguments))
+                yield relation + SOME, fact.arguments[:1]
+        for path in self.known.paths:
+            attribute = attribute_at(path, self.ontology)
+            for name in self.map.objects:
+                value = value_of(name, path, self.map, self.ontology)
+                if value is not None:
+                    yield "." + path, (name, constant(value, attribute))
+
+    def canonical(self, fact: Fact) -> Fact:
+        """One way of writing facts of symmetric relations."""
+        predicate, arguments = fact
+        return (predicate, tuple(sorted(arguments, key=str))) if self.known.symmetric(predicate) else fact
+
+    def settles(self, literal: Literal, bound: Bound) -> bool:
+        """Whether a literal over what no service changes holds."""
+        key = literal, tuple((name, bound[name]) for name in variables(literal) if name in bound)
+        if key not in self._settled:
+            self._settled[key] = next(self.answers(literal, dict(key[1])), None) is not None
+        return self._settled[key]
+
+    def answers(self, literal: Literal, bound: Bound) -> Iterator[Bound]:
+        """The ways in which such a literal holds."""
+        given = {name: as_term(value) for name, value in bound.items() if name in variables(literal)}
+        for row in bindings(literal, self.map, self.ontology, given):
+            yield {**bound, **{name: as_argument(term) for name, term in row.items()}}
+
+    def passes(self, test: Test, bound: Bound) -> bool:
+        """Whether the comparison holds with these values of attributes."""
+        terms = {name: as_term(value) for name, value in bound.items()}
+        sides = []
+        for side in (test.comparison.left, test.comparison.right):
+            measured = measure(side, self.map, self.ontology, terms)
+            if measured is not None and isinstance(side, Variable) and side.name in test.hidden:
+                measured = Measured(measured.constant, test.hidden[side.name])
+            sides.append(measured)
+        left, right = sides
+        return left is not None and right is not None and compare(left, test.comparison.operator, right)
+
+
+def as_term(argument: Argument) -> Constant:
+    return Name(argument) if isinstance(argument, str) else argument
+
+
+def as_argument(term: Term) -> Argument:
+    if isinstance(term, Name):
+        return term.name
+    assert isinstance(term, Number | Text | Truth), f"{term} is not a constant"
+    return term
+
+
+class Grounding:
+    """The actions that are demanded and reachable, and the facts they lead to."""
+
+    def __init__(self, world: World, demanded: list[Demand]) -> None:
+        self.world = world
+        self.facts = Facts()
+        for fact in world.initial():
+            self.facts.add(fact)
+        self.initial = dict(self.facts.all)
+        self.actions: list[Action] = []
+        self._seen: set[tuple[Operator, tuple[Argument, ...]]] = set()
+        self._waiting: list[Fact] = []
+        self._run(demanded)
+
+    @property
+    def reached(self) -> bool:
+        return GOAL in self.facts.all
+
+    def _run(self, demanded: list[Demand]) -> None:
+        by_need: dict[str, list[tuple[Demand, Bound, Pattern]]] = {}
+        for demand in demanded:
+            bound = dict(demand.values)
+            for need in dict.fromkeys(demand.operator.needs):
+                by_need.setdefault(need[0], []).append((demand, bound, need))
+            self._extend(demand, bound, None)
+        while self._waiting:
+            fact = self._waiting.pop()
+            if not self.facts.add(fact):
+                continue
+            for arguments in self._orders(*fact):
+                for demand, bound, need in by_need.get(fact[0], ()):
+                    matched = self._match(demand, need, arguments, bound)
+                    if matched is not None:
+                        self._extend(demand, matched, need)
+
+    def _orders(self, predicate: str, arguments: tuple[Argument, ...]) -> tuple[tuple[Argument, ...], ...]:
+        return (arguments, arguments[::-1]) if self.world.known.symmetric(predicate) else (arguments,)
+
+    def _extend(self, demand: Demand, bound: Bound, met: Pattern | None) -> None:
+        operator = demand.operator
+        conditions: list[Pattern | Literal | Test] = [need for need in operator.needs if need != met]
+        conditions += [*operator.static, *operator.tests]
+        for complete in self._complete(demand, conditions, bound):
+            self._add(operator, complete)
+
+    def _complete(self, demand: Demand, conditions: list[Pattern | Literal | Test], bound: Bound) -> Iterator[Bound]:
+        """The bindings that meet the conditions, taking next the condition that leaves the fewest possibilities."""
+        left: list[Pattern | Literal | Test] = []
+        for condition in conditions:
+            ready = self._ready(demand.operator, condition, bound)
+            if ready is None:
+                left.append(condition)
+            elif not ready:
+                return
+        best: tuple[int, Pattern | Literal | None, list[tuple[Argument, ...]]] | None = None
+        for condition in left:
+            if not isinstance(condition, Test):
+                found = self._possibilities(condition, bound)
+                if found is not None and (best is None or len(found) < best[0]):
+                    best = len(found), condition, found
+        if best is not None and best[1] is not None:
+            rest = [condition for condition in left if condition is not best[1]]
+            for arguments in best[2]:
+                matched = self._match(demand, best[1], arguments, bound)
+                if matched is not None:
+                    yield from self._complete(demand, rest, matched)
+            return
+        for condition in left:
+            if isinstance(condition, Comparison) and self._defines(condition, bound):
+                for more in self.world.answers(condition, bound):
+                    yield from self._complete(demand, [c for c in left if c is not condition], more)
+                return
+        name = next((name for name in demand.operator.variables if name not in bound), None)
+        if name is None:
+            if not left:
+                yield bound
+            return
+        for value in self._domain(demand, name):
+            yield from self._complete(demand, left, {**bound, name: value})
+
+    def _ready(self, operator: Operator, condition: Pattern | Literal | Test, bound: Bound) -> bool | None:
+        """Whether the condition is met; None while its variables are not all bound."""
+        match condition:
+            case Test(comparison):
+                return self.world.passes(condition, bound) if all(name in bound for name in variables(comparison)) else None
+            case Not():
+                # a variable behind NOT that nothing else binds stands for any object
+                more = any(name in operator.variables and name not in bound for name in variables(condition))
+                return None if more else self.world.settles(condition, bound)
+            case Relation() | Comparison():
+                return self.world.settles(condition, bound) if all(name in bound for name in variables(condition)) else None
+            case (predicate, arguments):
+                known = [self._argument(argument, bound) for argument in arguments]
+                if any(argument is None for argument in known):
+                    return None
+                return self.world.canonical((predicate, tuple(a for a in known if a is not None))) in self.facts.all
+
+    def _argument(self, term: Argument | Term, bound: Bound) -> Argument | None:
+        if isinstance(term, Variable):
+            return bound.get(term.name)
+        assert isinstance(term, str | Name | Number | Text | Truth)
+        return term
+
+    def _possibilities(self, condition: Pattern | Literal, bound: Bound) -> list[tuple[Argument, ...]] | None:
+        match condition:
+            case Relation(relation, arguments):
+                names = [argument.name if isinstance(argument, Name) else bound.get(argument.name) for argument in arguments]
+                return self._static_tuples(relation, names)
+            case (str(predicate), arguments):
+                known = [self._argument(argument, bound) for argument in arguments]
+                if self.world.known.symmetric(predicate):
+                    both = [*self.facts.like(predicate, known), *(a[::-1] for a in self.facts.like(predicate, known[::-1]))]
+                    return list(dict.fromkeys(both))
+                return self.facts.like(predicate, known)
+        return None
+
+    def _static_tuples(self, relation: str, known: list[Argument | None]) -> list[tuple[Argument, ...]]:
+        found: dict[tuple[Argument, ...], None] = {}
+        for backwards in (False, True) if self.world.known.symmetric(relation) else (False,):
+            stored = known[::-1] if backwards else known
+            lists = [self.world.map.facts_with(relation, place, value) for place, value in enumerate(stored) if isinstance(value, str)]
+            for arguments in min(lists, key=len) if lists else [fact.arguments for fact in self.world.map.facts(relation)]:
+                found[arguments[::-1] if backwards else arguments] = None
+        return list(found)
+
+    def _match(self, demand: Demand, condition: Pattern | Literal, arguments: tuple[Argument, ...], bound: Bound) -> Bound | None:
+        """What a fact binds of a condition, or None when it does not fit."""
+        wanted = condition.arguments if isinstance(condition, Relation) else condition[1]  # type: ignore[index]
+        if len(wanted) != len(arguments):
+            return None
+        matched = dict(bound)
+        for term, argument in zip(wanted, arguments, strict=True):
+            if isinstance(term, Variable):
+                if term.name in matched:
+                    if matched[term.name] != argument:
+                        return None
+                elif self._admits(demand, term.name, argument):
+                    matched[term.name] = argument
+                else:
+                    return None
+            elif (term.name if isinstance(term, Name) and isinstance(argument, str) else term) != argument:
+                return None
+        return matched
+
+    def _admits(self, demand: Demand, name: str, value: Argument) -> bool:
+        types = self._types(demand, name)
+        return self.world.is_a(value, types)
+
+    def _types(self, demand: Demand, name: str) -> frozenset[str]:
+        types = demand.operator.types.get(name, frozenset())
+        for other, kinds in demand.kinds:
+            if other == name:
+                return types | kinds
+        return types
+
+    def _defines(self, comparison: Comparison, bound: Bound) -> bool:
+        """Whether `?w = term` gives ?w its value."""
+        unbound = [name for name in variables(comparison) if name not in bound]
+        sides = (comparison.left, comparison.right)
+        return comparison.operator == "=" and len(unbound) == 1 and any(isinstance(s, Variable) and s.name == unbound[0] for s in sides)
+
+    def _domain(self, demand: Demand, name: str) -> list[Argument]:
+        types = self._types(demand, name)
+        if "truth" in types:
+            return [Truth(True), Truth(False)]
+        if types & {"number", "text"}:
+            return []  # a value that the goal does not give could be anything
+        return [*self.world.domain(types)]
+
+    # Actions
+
+    def _add(self, operator: Operator, bound: Bound) -> None:
+        key = operator, tuple(bound[name] for name in operator.variables)
+        if key in self._seen:
+            return
+        self._seen.add(key)
+        adds = [self._effect(pattern, bound) for pattern in operator.adds]
+        if any(fact is None for fact in adds):
+            return
+        self.actions.append(action := self._action(operator, bound, [fact for fact in adds if fact is not None]))
+        if len(self.actions) > ACTIONS:
+            raise Inexpressible(operator.service.name if operator.service else "the goal", f"there are more than {ACTIONS} ways to do it")
+        for predicate, arguments in action.adds:
+            self._waiting.append((predicate, arguments))
+            if predicate in self.world.ontology.relations:
+                self._waiting.append((predicate + SOME, arguments[:1]))
+
+    def _action(self, operator: Operator, bound: Bound, adds: list[Fact]) -> Action:
+        def ground(pattern: Pattern) -> Fact:
+            arguments = tuple(argument for term in pattern[1] if (argument := self._argument(term, bound)) is not None)
+            return self.world.canonical((pattern[0], arguments))
+
+        needs = tuple(dict.fromkeys(map(ground, operator.needs)))
+        return Action(operator, bound, needs, tuple(dict.fromkeys(adds)), tuple(map(ground, operator.removes)))
+
+    def _effect(self, pattern: Pattern, bound: Bound) -> Fact | None:
+        """The fact that the effect makes; None for one that makes no sense (a thing on itself, a value that is none)."""
+        predicate, terms = pattern
+        if predicate.startswith("."):
+            owner = self._argument(terms[0], bound)
+            attribute = attribute_at(predicate[1:], self.world.ontology)
+            value = self._value(terms[1], attribute, bound)
+            fits = isinstance(owner, str) and value is not None and self.world.has(owner, predicate[1:])
+            return (predicate, (owner, value)) if fits and owner is not None and value is not None else None
+        arguments = tuple(argument for term in terms if (argument := self._argument(term, bound)) is not None)
+        if len(set(arguments)) < len(arguments) or any(argument not in self.world.map.objects for argument in arguments):
+            return None
+        return self.world.canonical((predicate, arguments))
+
+    def _value(self, term: Argument | Term, attribute: AttributeType | None, bound: Bound) -> Constant | None:
+        """What the attribute will be, as the map will have it."""
+        terms: Mapping[str, Term] = {name: as_term(value) for name, value in bound.items()}
+        measured = measure(term, self.world.map, self.world.ontology, terms) if not isinstance(term, str) else None
+        if measured is None or attribute is None:
+            return None
+        match attribute.kind, measured.constant:
+            case Kind.NUMBER, Number(value, unit):
+                number = value if unit is None or attribute.unit is None else converted(value, unit, attribute.unit)
+                return constant(number, attribute) if number is not None else None
+            case Kind.TRUTH, Truth() as truth:
+                return truth
+            case Kind.TEXT, Text() as text:
+                return text
+            case Kind.ENUMERATION, (Name(word) | Text(word)):
+                return Name(word) if not attribute.values or word in attribute.values else None
+        return None
+
+    def forbidden(self, action: Action) -> list[Fact]:
+        """The facts, of all that can come about, that must not hold when the action starts."""
+        return [fact for forbidden in action.operator.forbids for fact in self._forbidden_by(forbidden, action)]
+
+    def _forbidden_by(self, forbidden: Forbidden, action: Action) -> Iterator[Fact]:
+        predicate, terms = forbidden.pattern
+        hidden = forbidden.test.hidden if forbidden.test is not None else {}
+        for arguments in self._possibilities(forbidden.pattern, action.bound) or []:
+            matched: Bound = dict(action.bound)
+            for term, argument in zip(terms, arguments, strict=True):
+                if isinstance(term, Variable):
+                    if matched.setdefault(term.name, argument) != argument:
+                        break
+                    types = action.operator.types.get(term.name, frozenset())
+                    if term.name not in hidden and not self.world.is_of(argument, types):
+                        break
+                elif term != argument:
+                    break
+            else:
+                if forbidden.test is None or self.world.passes(forbidden.test, matched):
+                    yield self.world.canonical((predicate, arguments))

@@ -1,0 +1,315 @@
+"""Service types as operators: what they need, add and take away, in facts that a search can count with.
+
+A fact is a predicate and its arguments. For a relation the predicate is its name; for an attribute it is a dot and the path,
+the arguments are the object and the value (`.Open`, Door1, TRUE). Only what some service on offer can change becomes
+facts; everything else is settled on the map while operators are grounded (`grounding.py`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
+from somrs.entish.formula import Constant, Literal, alternatives, conjuncts, count_alternatives, substitute, terms, typed, variables
+from somrs.entish.parse import parse
+from somrs.ontology.services import PROVIDER, ServiceType
+from somrs.ontology.types import Ontology
+from somrs.ontology.values import attribute_at
+from somrs.planner.problem import Available, Problem
+
+Argument = str | Constant
+"""An object by its name, or a value."""
+Fact = tuple[str, tuple[Argument, ...]]
+Pattern = tuple[str, tuple[Argument | Term, ...]]
+"""A fact with terms in some places."""
+
+GOAL: Fact = ("", ())
+"""The fact that the task is accomplished, which the goal's own operators add."""
+SOME = " *"
+"""`isOn *` of a thing: it is on something, no matter what. Only for relations in which a thing has one partner at a time."""
+ALTERNATIVES = 256
+"""Of one formula: more combinations of its ORs are not planned with."""
+
+
+class Inexpressible(Exception):
+    """A formula means what the planner cannot count with."""
+
+    def __init__(self, formula: object, why: str) -> None:
+        self.formula, self.why = formula, why
+        super().__init__(f"{formula}: {why}")
+
+
+@dataclass(frozen=True, slots=True)
+class Test:
+    """A comparison with attributes that change: `hidden` variables stand for their values, each with its tolerance."""
+
+    comparison: Comparison
+    hidden: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Forbidden:
+    """No such fact may hold (of those whose hidden value passes the test); variables bound nowhere else stand for any object."""
+
+    pattern: Pattern
+    test: Test | None = None
+
+
+@dataclass(slots=True, eq=False)
+class Operator:
+    """One alternative of a service type's precondition, with its provider if its formulas speak of one; or of the goal."""
+
+    service: ServiceType | None
+    provider: str | None
+    condition: tuple[Literal, ...]
+    """The alternative as it is written, its provider put in."""
+    effect: Formula | None
+    needs: list[Pattern] = field(default_factory=list)
+    forbids: list[Forbidden] = field(default_factory=list)
+    tests: list[Test] = field(default_factory=list)
+    static: list[Literal] = field(default_factory=list)
+    adds: list[Pattern] = field(default_factory=list)
+    removes: list[Pattern] = field(default_factory=list)
+    types: dict[str, frozenset[str]] = field(default_factory=dict)
+    """The types that what a variable stands for must all be of."""
+    variables: tuple[str, ...] = ()
+    """Those that must be bound."""
+
+
+class Vocabulary:
+    """What the services on offer can change, and which facts replace each other."""
+
+    def __init__(self, ontology: Ontology, effects: Iterable[Formula]) -> None:
+        self.ontology = ontology
+        self.relations: set[str] = set()
+        self.paths: set[str] = set()
+        groups: dict[str, list[str]] = {}
+        for relation in ontology.relations.values():
+            if relation.excludes is not None:
+                groups.setdefault(relation.excludes, []).append(relation.name)
+        self.groups = groups
+        for effect in effects:
+            for part in conjuncts(effect):
+                match part:
+                    case Relation(name) | Not(Relation(name)):
+                        self.relations.update([name, *self.excluded_by(name)])
+                    case Comparison(left, _, right):
+                        target = left if isinstance(left, Attribute) else right
+                        if isinstance(target, Attribute):
+                            self.paths.add(target.path)
+
+    def excluded_by(self, relation: str) -> list[str]:
+        """The other relations that an object leaves when it enters into this one."""
+        known = self.ontology.relations.get(relation)
+        group = self.groups.get(known.excludes, []) if known and known.excludes else []
+        return [name for name in group if name != relation]
+
+    def variable_of(self, fact: Fact) -> tuple[str, Argument] | None:
+        """Facts that replace each other share this: the place of a thing, the value of an attribute. None: replaces nothing."""
+        predicate, arguments = fact
+        if predicate.startswith("."):
+            return predicate, arguments[0]
+        return (self.place(predicate), arguments[0]) if self.exclusive(predicate) else None
+
+    def place(self, relation: str) -> str:
+        return self.ontology.relations[relation].excludes or relation
+
+    def exclusive(self, relation: str) -> bool:
+        """Whether, of the relation and all that it excludes, an object is in one, with one partner."""
+        group = [relation, *self.excluded_by(relation)]
+        known = [self.ontology.relations.get(name) for name in group]
+        return all(r is not None and r.functional and not r.symmetric for r in known)
+
+    def symmetric(self, relation: str) -> bool:
+        known = self.ontology.relations.get(relation)
+        return known is not None and known.symmetric and len(known.joins) == 2
+
+    def changing(self, term: Term) -> Attribute | None:
+        """The attribute that the term reads, if services change it."""
+        match term:
+            case Attribute(_, path) if path in self.paths:
+                return term
+            case Call(name, arguments):
+                function = self.ontology.functions.get(name)
+                if function and function.attribute in self.paths and len(arguments) == 1 and isinstance(arguments[0], Name | Variable):
+                    return Attribute(arguments[0], function.attribute)
+                if name == "distance" and self.paths & {"PositionX", "PositionY", "PositionZ"}:
+                    raise Inexpressible(term, "services on offer move what it measures")
+        return None
+
+
+def vocabulary(problem: Problem) -> Vocabulary:
+    return Vocabulary(problem.ontology, [parse(available.service_type.effect) for available in problem.services])
+
+
+def operators(available: Available, known: Vocabulary, excluded: frozenset[str]) -> Iterator[Operator]:
+    """The operators of a service type. Raises Inexpressible."""
+    service = available.service_type
+    inputs = {parameter.name: parameter.type for parameter in service.inputs}
+    effect = typed(parse(service.effect), inputs)
+    precondition = typed(parse(service.precondition), inputs) if service.precondition is not None else None
+    speaks = {**variables(effect), **(variables(precondition) if precondition is not None else {})}
+    for output in service.outputs:
+        if output.name in variables(effect) and output.name not in inputs:
+            raise Inexpressible(effect, f"?{output.name} is known only when the service is done")
+    able: list[str | None] = [provider for provider in available.providers if provider not in excluded]
+    for provider in able if PROVIDER in speaks else able[:1] and [None]:
+        bound = {PROVIDER: Name(provider)} if provider is not None else {}
+        branches = _branches(substitute(precondition, bound)) if precondition is not None else [()]
+        for branch in branches:
+            operator = Operator(service, provider, branch, substitute(effect, bound))
+            _Compiler(known, operator, inputs).compile(branch, conjuncts(substitute(effect, bound)))
+            yield operator
+
+
+def goal_operators(goal: Formula, known: Vocabulary) -> Iterator[Operator]:
+    """One operator for each alternative of the goal; it adds that the task is accomplished."""
+    for branch in _branches(goal):
+        operator = Operator(None, None, branch, None)
+        _Compiler(known, operator, {}).compile(branch, ())
+        operator.adds.append(GOAL)
+        yield operator
+
+
+def _branches(formula: Formula) -> list[tuple[Literal, ...]]:
+    if count_alternatives(formula) > ALTERNATIVES:
+        raise Inexpressible(formula, f"it has more than {ALTERNATIVES} alternatives")
+    return list(alternatives(formula))
+
+
+class _Compiler:
+    """Fills in one operator."""
+
+    def __init__(self, known: Vocabulary, operator: Operator, inputs: Mapping[str, str]) -> None:
+        self.known, self.operator, self.inputs = known, operator, inputs
+        self.occurrences: Counter[str] = Counter(inputs.keys())
+
+    def compile(self, precondition: tuple[Literal, ...], effect: tuple[Formula, ...]) -> None:
+        for part in (*precondition, *effect):
+            self.occurrences.update(term.name for term in terms(part) if isinstance(term, Variable))
+            self._note_types(part)
+        for name, type_name in self.inputs.items():
+            self._note(name, type_name)
+        for literal in precondition:
+            self._condition(literal)
+        for part in effect:
+            self._effect(part)
+        self.operator.variables = tuple(dict.fromkeys([*self.inputs, *self._to_bind()]))
+
+    def _to_bind(self) -> Iterator[str]:
+        """The variables that grounding binds; one that stands behind NOT only is not, nor one that `SOME` replaced."""
+        operator = self.operator
+        for _, arguments in (*operator.needs, *operator.adds, *operator.removes):
+            for argument in arguments:
+                if not isinstance(argument, str):
+                    yield from variables(argument)
+        for literal in (*operator.static, *(test.comparison for test in operator.tests)):
+            if not isinstance(literal, Not):
+                yield from variables(literal)
+
+    def _note(self, name: str, type_name: str) -> None:
+        self.operator.types[name] = self.operator.types.get(name, frozenset()) | {type_name}
+
+    def _note_types(self, part: Formula) -> None:
+        atom = part.atom if isinstance(part, Not) else part
+        for variable in variables(part).values():
+            if variable.type is not None:
+                self._note(variable.name, variable.type)
+        if isinstance(atom, Relation) and (relation := self.known.ontology.relations.get(atom.relation)):
+            for argument, joined in zip(atom.arguments, relation.joins, strict=False):
+                if isinstance(argument, Variable) and not isinstance(part, Not):
+                    self._note(argument.name, joined)
+
+    # Preconditions
+
+    def _condition(self, literal: Literal) -> None:
+        operator = self.operator
+        match literal:
+            case Relation(name) if name in self.known.relations:
+                some = self._some(literal)
+                operator.needs.append(some if some is not None else self._pattern(literal))
+            case Not(Relation(name) as atom) if name in self.known.relations:
+                operator.forbids.append(Forbidden(self._pattern(atom)))
+            case Comparison() as comparison:
+                self._comparison(comparison)
+            case Not(Comparison() as comparison):
+                self._negated_comparison(literal, comparison)
+            case _:
+                operator.static.append(literal)
+
+    def _comparison(self, comparison: Comparison) -> None:
+        test, patterns = self._with_hidden(comparison)
+        if test is None:
+            self.operator.static.append(comparison)
+        else:
+            self.operator.tests.append(test)
+            self.operator.needs.extend(p for p in patterns if p not in self.operator.needs)
+
+    def _negated_comparison(self, literal: Not, comparison: Comparison) -> None:
+        test, patterns = self._with_hidden(comparison)
+        if test is None:
+            self.operator.static.append(literal)
+        elif len(patterns) == 1:
+            self.operator.forbids.append(Forbidden(patterns[0], test))
+        else:
+            raise Inexpressible(literal, "NOT before a comparison of two attributes that services change")
+
+    def _with_hidden(self, comparison: Comparison) -> tuple[Test | None, list[Pattern]]:
+        """The comparison with the values of changing attributes behind hidden variables, and the facts that give them."""
+        hidden: dict[str, float] = {}
+        patterns: list[Pattern] = []
+
+        def hide(term: Term) -> Term:
+            attribute = self.known.changing(term)
+            if attribute is None:
+                return term
+            variable = Variable(str(attribute))  # a text with a dot in it is no other variable's name
+            known = attribute_at(attribute.path, self.known.ontology)
+            hidden[variable.name] = known.tolerance if known else 0.0
+            patterns.append(("." + attribute.path, (_argument(attribute.of), variable)))
+            return variable
+
+        changed = Comparison(hide(comparison.left), comparison.operator, hide(comparison.right))
+        return (Test(changed, hidden) if hidden else None), patterns
+
+    def _some(self, atom: Relation) -> Pattern | None:
+        """`isOn *` in place of `?Object isOn ?Source`, when nothing else is said of ?Source."""
+        relation = self.known.ontology.relations.get(atom.relation)
+        if relation is None or not relation.functional or not self.known.exclusive(atom.relation):
+            return None
+        for argument, joined in zip(atom.arguments[1:], relation.joins[1:], strict=True):
+            if not isinstance(argument, Variable) or self.occurrences[argument.name] != 1:
+                return None
+            if argument.type is not None and not self.known.ontology.is_a(joined, argument.type):
+                return None
+        return atom.relation + SOME, (_argument(atom.arguments[0]),)
+
+    def _pattern(self, atom: Relation) -> Pattern:
+        return atom.relation, tuple(map(_argument, atom.arguments))
+
+    # Effects
+
+    def _effect(self, part: Formula) -> None:
+        operator = self.operator
+        match part:
+            case Relation():
+                operator.adds.append(self._pattern(part))
+            case Not(Relation() as atom):
+                operator.removes.append(self._pattern(atom))
+            case Comparison(Attribute() as target, "=", source) | Comparison(source, "=", Attribute() as target):
+                if self.known.changing(source) is not None:
+                    test, patterns = self._with_hidden(Comparison(source, "=", source))
+                    assert test is not None
+                    operator.needs.extend(p for p in patterns if p not in operator.needs)
+                    source = test.comparison.left
+                operator.adds.append(("." + target.path, (_argument(target.of), source)))
+            case Or():
+                raise Inexpressible(part, "an effect with OR does not say what becomes true")
+            case _:
+                raise Inexpressible(part, "it does not say what becomes true")
+
+
+def _argument(term: Name | Variable) -> str | Variable:
+    return term.name if isinstance(term, Name) else Variable(term.name)
