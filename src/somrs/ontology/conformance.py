@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from somrs.entish import Name
 from somrs.entish.formula import substitute
 from somrs.entish.parse import nearest, parse
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.objects import Change, Fact, Map, Object, ObjectRemoved, objects_of
 from somrs.ontology.truth import holds
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, ObjectType, Ontology, Value
 
@@ -45,9 +45,19 @@ def violations(map: Map, ontology: Ontology) -> list[Violation]:
 def violations_of(map: Map, ontology: Ontology, objects: Iterable[str]) -> list[Violation]:
     """What is wrong with these objects, the facts about them, and what they are part of: what an update of them may have broken.
 
-    A removed object is part of nothing any more: name what it was a part of, too.
+    `touched` tells which objects changes concern.
     """
     return [*_Checker(map, ontology, set(objects)).all()]
+
+
+def touched(before: Map, changes: Iterable[Change]) -> set[str]:
+    """The objects whose rules the changes may break: those that they name, and the neighbours of those that go."""
+    names: set[str] = set()
+    for change in changes:
+        names.update(objects_of(change))
+        if isinstance(change, ObjectRemoved):
+            names.update(name for fact in before.facts_about(change.name) for name in fact.arguments)
+    return names
 
 
 class _Checker:
@@ -101,10 +111,11 @@ class _Checker:
                 yield Violation(subject=name, rule="unknown-type", message=message, path="type")
                 continue
             schema = self._schema(object.type)
-            yield from self._values(object, schema)
+            wrong = [*self._values(object, schema)]
+            yield from wrong
             yield from self._parts(object, schema)
-            yield from self._place(object)
-            yield from self._constraints(object, schema)
+            yield from self._place(object, schema)
+            yield from self._constraints(object, schema, {violation.path for violation in wrong})
         for fact in self.facts:
             yield from self._fact(fact)
         for name, facts in self.by_first.items():
@@ -161,7 +172,7 @@ class _Checker:
         abstract = {name for name in self.ontology.types if self.ontology.is_a(name, ABSTRACT)}
         return [name for name, object in self.map.objects.items() if object.type in abstract and name not in self.wholes]
 
-    def _place(self, object: Object) -> Iterator[Violation]:
+    def _place(self, object: Object, schema: _Schema) -> Iterator[Violation]:
         """What is part of nothing is the root, or stands somewhere: a position, or a relation that says where."""
         above = [*self._above(object.name)]
         if object.name in above and object.name == min(above):  # said once for the whole cycle
@@ -176,17 +187,18 @@ class _Checker:
             relation = self.ontology.relations.get(fact.relation)
             if fact.relation == PART_OF or (relation is not None and relation.excludes is not None):
                 return
-        if not {"PositionX", "PositionY"} <= object.values.keys():
+        if "PositionX" not in schema.required and not {"PositionX", "PositionY"} <= object.values.keys():
             message = "is nowhere: it is part of nothing, has no position, and no fact such as isOn says where it is"
             yield Violation(subject=object.name, rule="place", message=message)
 
-    def _constraints(self, object: Object, schema: _Schema) -> Iterator[Violation]:
+    def _constraints(self, object: Object, schema: _Schema, wrong: set[str]) -> Iterator[Violation]:
+        """Constraints on values that are `wrong` already are left out, and formulas as soon as any value is."""
         for owner, constraint in schema.constraints:
             if constraint.formula is not None:
-                if not self._holds(object, constraint.formula):
+                if not wrong and not self._holds(object, constraint.formula):
                     message = f"{constraint.doc or f'every {owner} obeys {constraint.formula}'}; this one does not"
                     yield Violation(subject=object.name, rule="constraint", message=message)
-            elif constraint.attribute is not None:
+            elif constraint.attribute is not None and constraint.attribute not in wrong:
                 value = object.values.get(constraint.attribute, schema.defaults.get(constraint.attribute))
                 message = _limit_problem(constraint, value) if value is not None else ""
                 if message:

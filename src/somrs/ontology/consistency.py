@@ -15,13 +15,14 @@ from somrs.ontology.types import (
     ROOT,
     AttributeType,
     Constraint,
+    Definition,
     FunctionType,
     Kind,
     ObjectType,
     Ontology,
     RelationType,
 )
-from somrs.ontology.units import convertible
+from somrs.ontology.units import known as unit_known
 
 COMMON_UNITS = frozenset({"m", "rad", "kg", "s", "m/s", "percent", "EUR"})
 """Known without asking pint, whose import takes longer than reading most files."""
@@ -30,22 +31,27 @@ VALUES = ("number", "text", "truth")
 """What an input or output of a service can be besides an object."""
 
 
-def ontology_violations(ontology: Ontology) -> list[Violation]:
-    """Everything that is wrong with the ontology, definition by definition."""
-    return [replace(violation, section=section) for section, found in _sections(ontology) for violation in found]
+def ontology_violations(ontology: Ontology, definitions: Iterable[Definition] | None = None) -> list[Violation]:
+    """Everything that is wrong with the ontology, or with these definitions of it, definition by definition."""
+    found: list[Violation] = []
+    for definition in ontology if definitions is None else definitions:
+        section, violations = _of(definition, ontology)
+        found.extend(replace(violation, section=section) for violation in violations)
+    return found
 
 
-def _sections(ontology: Ontology) -> Iterator[tuple[str, Iterator[Violation]]]:
-    for attribute in ontology.attributes.values():
-        yield "attributes", _attribute(attribute, ontology)
-    for relation in ontology.relations.values():
-        yield "relations", _relation(relation, ontology)
-    for function in ontology.functions.values():
-        yield "functions", _function(function, ontology)
-    for type in ontology.types.values():
-        yield "types", _type(type, ontology)
-    for service in ontology.services.values():
-        yield "services", _service(service, ontology)
+def _of(definition: Definition, ontology: Ontology) -> tuple[str, Iterator[Violation]]:
+    match definition:
+        case AttributeType():
+            return "attributes", _attribute(definition, ontology)
+        case RelationType():
+            return "relations", _relation(definition, ontology)
+        case FunctionType():
+            return "functions", _function(definition, ontology)
+        case ObjectType():
+            return "types", _type(definition, ontology)
+        case ServiceType():
+            return "services", _service(definition, ontology)
 
 
 def _relation(relation: RelationType, ontology: Ontology) -> Iterator[Violation]:
@@ -93,7 +99,7 @@ def _inside(ontology: Ontology, name: str) -> set[str]:
 
 
 def _unit(subject: str, unit: str) -> Iterator[Violation]:
-    if unit not in COMMON_UNITS and not convertible(f"{unit}*m", f"m*{unit}"):  # anything can be expressed in itself, known or not
+    if unit not in COMMON_UNITS and not unit_known(unit):
         hint = nearest(unit, COMMON_UNITS) or "write one such as m, cm, kg, rad, deg, s, m/s, percent, EUR"
         message = f"pint knows no unit {unit}; {hint}"
         yield Violation(subject=subject, rule="unit", message=message, path="unit")

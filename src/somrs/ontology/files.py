@@ -96,12 +96,14 @@ class _Reading:
 
     def sources(self, paths: list[FilePath]) -> list[Source]:
         """The files, each once, those that a file uses before it."""
-        found: dict[FilePath, Source] = {}
+        found: list[Source] = []
+        seen: set[FilePath] = set()
 
         def visit(path: FilePath, shown: str, user: tuple[Source, Path] | None) -> None:
             real = path.resolve()
-            if real in found:
+            if real in seen:
                 return
+            seen.add(real)
             try:
                 source = Source(shown, path.read_text("utf-8-sig"))
             except (OSError, UnicodeDecodeError) as error:
@@ -110,15 +112,15 @@ class _Reading:
                 message = f"{shown} cannot be read: {reason}; mend the path or the file"
                 self.problems.append(Problem(file=file, line=line, subject="file", rule="file", message=message))
                 return
-            found[real] = source
             uses = source.data.get("uses") if isinstance(source.data, dict) else None
             for index, used in enumerate(uses if isinstance(uses, list) else ()):
                 if isinstance(used, str):
                     visit(path.parent / used, str(FilePath(shown).parent / used), (source, ("uses", index)))
+            found.append(source)
 
         for path in paths:
             visit(path, str(path), None)
-        return [*found.values()]
+        return found
 
     def finish(self, sources: list[Source]) -> Loaded:
         """Everything the sources say, checked."""
@@ -126,7 +128,7 @@ class _Reading:
         for source in good:
             self._definitions(source)
         ontology = self.base.extended(self.definitions.values())
-        for violation in ontology_violations(ontology):
+        for violation in ontology_violations(ontology, self.definitions.values()):
             self._report(violation)
         for source in good:
             self._map(source, ontology)
@@ -144,6 +146,8 @@ class _Reading:
         said = f"{violation.subject} {violation.message}"
         if not self.broken.isdisjoint(re.findall(r"\w[\w-]*", said)):
             return
+        if violation.rule == "root" and self.broken:
+            return  # one of the broken objects may be the root
         if violation.subject in self.half_read and violation.rule in ("required", "constraint") and not violation.path:
             return
         place = next(
