@@ -204,6 +204,20 @@ def test_a_situation_that_is_none_is_rejected(repository: Repository) -> None:
     assert "?Where" in problems(repository, situation="Jar1 isOn ?Where")
 
 
+@pytest.mark.parametrize("name", ["", "a b", "AND", "a.b", "?x", "1st", "Jar1 "])
+def test_names_are_such_that_formulas_can_use_them(repository: Repository, name: str) -> None:
+    assert "no name that formulas can use" in problems(repository, ObjectAdded(msgspec.structs.replace(JAR, name=name)))
+    answer = ask(repository, Define(definitions=Definitions(types=(ObjectType(name=name, parent="Jar"),))), Rejected)
+    assert "no name that formulas can use" in answer.problems[0]
+
+
+def test_texts_are_such_that_messages_can_carry_them(repository: Repository) -> None:
+    assert "U+0000" in problems(repository, situation='Jar1.Label = "a\\u0000b"')
+    assert "U+D800" in problems(repository, ValueSet("Jar1", "Label", "\ud800"))
+    assert "U+FFFF" in problems(repository, ObjectAdded(msgspec.structs.replace(JAR, values={**JAR.values, "Label": "\uffff"})))
+    assert update(repository, ValueSet("Jar1", "Label", "Krug „Ö“ \n 🏺")) == Updated(version=1)
+
+
 def test_many_problems_are_told_in_part(repository: Repository) -> None:
     told = problems(repository, *(ValueSet(f"Thing{n}", "Color", "Red") for n in range(200))).splitlines()
     assert len(told) == 51

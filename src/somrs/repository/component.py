@@ -42,7 +42,7 @@ from somrs.protocol.knowledge import (
 from somrs.protocol.leases import granted
 from somrs.repository.entries import REMEMBERED, Answer, Contents, Handled, HistoryOf, Subscription
 from somrs.repository.pages import PAGE_BYTES, MapPages, fitting, ontology_page, size
-from somrs.repository.update import Outcome, outcome, rejected
+from somrs.repository.update import Outcome, is_name, outcome, rejected
 
 LEASES = "leases"
 """The timer that rings when the next subscription runs out."""
@@ -183,7 +183,8 @@ class Repository:
         known = list(contents.ontology)
         added = by_kind(definition for definition in define.definitions.each() if definition not in known)
         ontology = contents.ontology.extended(added.each())
-        if problems := [*ontology_violations(ontology)] or violations(contents.map, ontology):
+        unusable = [f"{definition.name!r} is no name that formulas can use" for definition in added.each() if not is_name(definition.name)]
+        if problems := unusable or ontology_violations(ontology) or violations(contents.map, ontology):
             return self._handled(message, rejected(str(problem) for problem in problems))
         if not any(added.each()):
             return self._handled(message, Defined(version=contents.version))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from somrs.entish.parse import nearest
+from somrs.entish.formula import Comparison, Name
+from somrs.entish.parse import nearest, parse
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.conformance import Violation, violations, violations_of
@@ -26,6 +28,9 @@ from somrs.protocol.knowledge import Rejected, UpdateMap
 
 MOST_PROBLEMS = 50
 """So many problems are told at once."""
+
+NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What XML 1.0 (clause 2.2) has no way to say."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,9 +68,17 @@ def outcome(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome | Reject
         changed = changed.changed(more)
     net = tuple(_net(map, changed, wanted))
     result = Outcome(map=map.changed(net), changes=net)
-    if broken := _violations(map, result, ontology):
-        return rejected(str(violation) for violation in broken)
+    if problems := [*_unspeakable(net)] or [str(violation) for violation in _violations(map, result, ontology)]:
+        return rejected(problems)
     return result
+
+
+def is_name(text: str) -> bool:
+    """Whether formulas can speak of what is called so."""
+    try:
+        return parse(f"{text} = {text}") == Comparison(Name(text), "=", Name(text))
+    except FormulaError:
+        return False
 
 
 def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iterator[str]:
@@ -76,6 +89,8 @@ def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iter
             case ObjectAdded(object):
                 if there.get(object.name):
                     yield f"{object.name}: is on the map already; set its values, or give the new object another name"
+                if not is_name(object.name):
+                    yield f"{object.name!r} is no name that formulas can use; take letters, digits, _ and -, a letter first"
                 there[object.name] = True
             case ObjectRemoved(name) | ValueSet(name):
                 if not there.get(name):
@@ -129,6 +144,21 @@ def _net(before: Map, after: Map, changes: Iterable[Change]) -> Iterator[Change]
                 if old.values.get(path) != new.values.get(path):
                     yield ValueSet(name, path, new.values.get(path))
     yield from (FactAdded(fact) for fact, (was, now) in held.items() if now and not was)
+
+
+def _unspeakable(changes: Iterable[Change]) -> Iterator[str]:
+    """Texts that would make every message unreadable in which they are."""
+    for change in changes:
+        match change:
+            case ObjectAdded(object):
+                values = {f"{object.name}.{path}": value for path, value in object.values.items()}
+            case ValueSet(name, path, value) if value is not None:
+                values = {f"{name}.{path}": value}
+            case _:
+                continue
+        for place, value in values.items():
+            if isinstance(value, str) and (found := NOT_XML.search(value)):
+                yield f"{place}: the character U+{ord(found[0]):04X} cannot be sent to anybody; leave it out"
 
 
 def _violations(before: Map, outcome: Outcome, ontology: Ontology) -> list[Violation]:
