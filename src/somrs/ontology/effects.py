@@ -41,9 +41,9 @@ def changes(effect: Formula, map: Map, ontology: Ontology) -> list[Change]:
     wanted = [*dict.fromkeys(_key(change) for change in needed)]
     last = {_key(change): change for change in needed}
     found = [last[key] for key in wanted]
-    after = map.changed(found)
+    after = _Making(effect, map.changed(found), ontology)
     for part in parts:
-        if not holds(part, after, ontology):
+        if any(after.changes_for(part)):
             raise making.error(part, None, "this contradicts the rest of the effect", "an effect says what holds at one moment")
     return found
 
