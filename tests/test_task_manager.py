@@ -69,14 +69,13 @@ def test_the_reported_situation_is_on_the_map_before_anyone_is_asked_again() -> 
 
 
 def test_the_policy_chooses() -> None:
-    cheap, quick = {"price": 10, "duration": 60}, {"price": 25, "duration": 30}
     for policy, value, chosen in (
         (Policy.PRICE, 0.01, "Robot1"),
         (Policy.TIME, 0.01, "Robot2"),
         (Policy.WEIGHTED, 0.01, "Robot1"),
         (Policy.WEIGHTED, 1.0, "Robot2"),
     ):
-        system = VirtualSystem(Robot("Robot1", **cheap), Robot("Robot2", **quick))
+        system = VirtualSystem(Robot("Robot1", 10, 60), Robot("Robot2", 25, 30))
         (view,) = system.finish(system.submit(WISH, policy=policy, time_value=value))
         assert view.steps[0].service == f"{chosen}.TransferObject", (policy, value)
 

@@ -39,6 +39,9 @@ log = logging.getLogger(__name__)
 DELIVERY_TIME = 30.0
 """Seconds for which a message without a time limit of its own is sent again."""
 
+FIRST_PAUSE = 0.05
+"""Seconds before a message is sent again the first time; each time as long again, up to a second."""
+
 ANSWER_TIME = 120.0
 """Seconds for which an anonymous requester's connection is kept open for the answer."""
 
@@ -192,23 +195,27 @@ class Node:
             box.sender = asyncio.create_task(self._deliver(recipient, box))
 
     async def _deliver(self, recipient: str, box: _Outbox) -> None:
-        pause = 0.05
+        """Send what waits, in order. While nobody answers, whatever has run out of time is given up, wherever it stands."""
+        pause = FIRST_PAUSE
         while box.waiting:
             effect, until = box.waiting[0]
-            left = until - self._host.clock.now()
             try:
-                if left <= 0:
-                    raise RemoteError("its time was up before it could be sent")
-                await self._host.post(recipient, effect.message, min(left, 10.0))
+                await self._host.post(recipient, effect.message, min(max(until - self._host.clock.now(), 1.0), 10.0))
             except RemoteError as error:
-                if self._host.clock.now() + pause < until:
-                    await asyncio.sleep(pause)
-                    pause = min(pause * 2, 1.0)
-                    continue
-                self.feed(Undelivered(effect.message, str(error)))
-            pause = 0.05
-            box.waiting.popleft()
+                await asyncio.sleep(pause)
+                pause = min(pause * 2, 1.0)
+                self._give_up_late(box, str(error))
+            else:
+                pause = FIRST_PAUSE
+                box.waiting.popleft()
         box.sender = None
+
+    def _give_up_late(self, box: _Outbox, reason: str) -> None:
+        now = self._host.clock.now()
+        late = [effect.message for effect, until in box.waiting if until <= now]
+        box.waiting = deque((effect, until) for effect, until in box.waiting if until > now)
+        for message in late:
+            self.feed(Undelivered(message, reason))
 
 
 class Host:

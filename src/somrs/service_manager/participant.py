@@ -96,14 +96,11 @@ class ServiceManager:
         return job.session.state if job is not None else State.NEW
 
     def calendar(self, now: float) -> list[Commitment]:
-        """From when until when the device is committed, as far as can be told; what is overdue starts, or ends, now.
-
-        Terms that still stand count: whoever holds them may accept them.
-        """
+        """From when until when the device is committed, as far as can be told; what is overdue starts, or ends, now."""
         busy: list[Commitment] = []
         for job in self._jobs.values():
             terms = job.session.terms
-            if terms is None or job.session.state not in WORKING | {State.OFFERED, State.COMMITTED}:
+            if terms is None or job.session.state not in WORKING | {State.COMMITTED}:
                 continue
             start = job.began if job.began is not None else max(terms.start_from or now, now)
             busy.append((start, max(start + terms.duration, now)))

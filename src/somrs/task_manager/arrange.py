@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction, conjuncts, names, substitute
@@ -33,6 +33,15 @@ def bid(participant: str, terms: Terms, terms_id: str, earliest: float) -> Bid:
     """The bid that Terms are, for a step that can start at `earliest`."""
     start = max(earliest, terms.start_from or earliest)
     return Bid(participant=participant, terms=terms, terms_id=terms_id, start=start, finish=start + terms.duration)
+
+
+def fitted(bid: Bid, busy: Iterable[tuple[float, float]]) -> Bid:
+    """The bid, later if need be: after whatever the device has been committed to since it gave its terms."""
+    start, length = bid.start, bid.finish - bid.start
+    for begins, ends in sorted(busy):
+        if start < ends and start + length > begins:
+            start = ends
+    return replace(bid, start=start, finish=start + length)
 
 
 def choose(bids: Sequence[Bid], task: Submit, now: float) -> Bid:

@@ -15,7 +15,7 @@ from somrs.protocol.directory import Discover, Discovered
 from somrs.protocol.envelope import Header, Message, message_id, reply
 from somrs.protocol.replica import Replica
 from somrs.task_manager.transaction import Setting, Transaction, problem, wrong_with
-from somrs.task_manager.workflow import STEP_STATE, StepRun
+from somrs.task_manager.workflow import STEP_STATE, Progress, StepRun
 
 Then = Callable[[Message, float], None]
 
@@ -51,6 +51,7 @@ class TaskManager:
             replica=self.replica,
             request=self._request,
             when_known=self._when_known,
+            busy=self._busy,
         )
 
     def handle(self, event: Input, now: float) -> list[Effect]:
@@ -193,6 +194,15 @@ class TaskManager:
             then(now)
         else:
             self._until_known.append((version, then))
+
+    def _busy(self, provider: str) -> list[tuple[float, float]]:
+        return [
+            (run.start, run.finish)
+            for transaction in self.transactions.values()
+            if transaction.workflow is not None and transaction.phase is not Phase.ENDED
+            for run in transaction.workflow
+            if run.progress in (Progress.ARRANGED, Progress.EXECUTING) and transaction.members[run.member or ""].offer.provider == provider
+        ]
 
     # Speaking
 

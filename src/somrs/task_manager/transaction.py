@@ -27,7 +27,7 @@ from somrs.protocol.knowledge import Rejected, Updated, UpdateMap
 from somrs.protocol.replica import Replica
 from somrs.protocol.session import CoordinatorBody, CoordinatorSession, participant_id
 from somrs.protocol.states import COORDINATOR_SENDS
-from somrs.task_manager.arrange import able, about, bid, choose, precondition_now, service_types
+from somrs.task_manager.arrange import able, about, bid, choose, fitted, precondition_now, service_types
 from somrs.task_manager.workflow import Member, Progress, StepRun, Workflow
 
 REPLY_TIME = 10.0
@@ -35,6 +35,9 @@ REPLY_TIME = 10.0
 
 SILENCE = 20.0
 """Seconds without a word from an executing service after which it is queried; and again as many to answer."""
+
+GOODBYE_TIME = 86_400.0
+"""Seconds for which End and Cancel are sent again: a device that is down may come back, and has to hear that it is free."""
 
 STOP_TIME = 60.0
 """Seconds that a service has to stop safely."""
@@ -55,6 +58,8 @@ class Setting:
     """Makes the effect that asks another component, and sees to it that the answer comes to the function."""
     when_known: Callable[[int, Callable[[float], None], float], None]
     """Calls the function as soon as the replica has this version of the map."""
+    busy: Callable[[str], list[tuple[float, float]]]
+    """From when until when a provider is committed to this Task Manager, in any transaction."""
 
 
 @dataclass(slots=True)
@@ -146,7 +151,7 @@ class Transaction:
             )
             member = self.members[run.member or ""]
             if same is None:
-                self._send(member, frp.Cancel(reason="the plan changed"))
+                self._send(member, frp.Cancel(reason="the plan changed"), now)
             else:
                 member.step = same.step.id
                 same.progress, same.member, same.attempt = run.progress, run.member, run.attempt
@@ -193,7 +198,7 @@ class Transaction:
                 earliest_start=earliest,
                 reply_by=now + REPLY_TIME,
             )
-            self._send(member, body, until=now + REPLY_TIME)
+            self._send(member, body, now, REPLY_TIME)
         self.effects.append(Wake(f"{self.id}/bids/{run.step.id}/{run.attempt}", now + REPLY_TIME))
         self.tell(now, f"asking {', '.join(offer.service for offer in invited)}", run)
 
@@ -216,10 +221,11 @@ class Transaction:
         invited = [self.members[id] for id in run.invited]
         if not waited and any(member.session.state is State.ARRANGING for member in invited):
             return
-        bids = [m.bid for m in invited if m.bid is not None and m.session.state is State.OFFERED]
+        offered = [(m.offer.provider, m.bid) for m in invited if m.bid is not None and m.session.state is State.OFFERED]
+        bids = [fitted(bid, self.setting.busy(provider)) for provider, bid in offered]
         for member in invited:
             if member.session.state is State.ARRANGING:
-                self._send(member, frp.Cancel(reason="no answer in time"))
+                self._send(member, frp.Cancel(reason="no answer in time"), now)
                 run.excluded[member.offer.service] = "did not answer"
         if not bids:
             why = "; ".join(f"{m.offer.service}: {m.last_word or 'did not answer'}" for m in invited)
@@ -231,9 +237,9 @@ class Transaction:
                 continue
             if member.id == best.participant:
                 member.committed = True
-                self._send(member, frp.Accept(terms=best.terms_id))
+                self._send(member, frp.Accept(terms=best.terms_id), now)
             else:
-                self._send(member, frp.Cancel(reason=f"another service was chosen by {self.task.policy}"))
+                self._send(member, frp.Cancel(reason=f"another service was chosen by {self.task.policy}"), now)
         run.progress, run.member, run.start, run.finish = Progress.ARRANGED, best.participant, best.start, best.finish
         chosen = self.members[best.participant]
         terms = best.terms
@@ -247,7 +253,7 @@ class Transaction:
         try:
             situation = self.precondition(run)
         except LookupError as error:
-            self._send(member, frp.Cancel(reason="its precondition does not hold any more"))
+            self._send(member, frp.Cancel(reason="its precondition does not hold any more"), now)
             run.progress, run.member = Progress.OPEN, None
             self.replan(now, f"{run.step.service_type} cannot start: {error}")
             return
@@ -259,6 +265,7 @@ class Transaction:
                 inputs={name: str(term) for name, term in run.step.inputs.items()},
                 precondition=str(situation) if situation is not None else None,
             ),
+            now,
         )
         self.effects.append(Wake(f"{self.id}/silence/{member.id}", now + SILENCE))
         self.tell(now, f"{member.offer.service} starts", run)
@@ -421,9 +428,9 @@ class Transaction:
         for member in self.members.values():
             match member.session.state:
                 case State.EXECUTING:
-                    self._send(member, frp.Stop(reason=reason))
+                    self._send(member, frp.Stop(reason=reason), now)
                 case State.ARRANGING | State.OFFERED | State.COMMITTED:
-                    self._send(member, frp.Cancel(reason=reason))
+                    self._send(member, frp.Cancel(reason=reason), now)
         self.effects.append(Wake(f"{self.id}/stop", now + STOP_TIME))
         self._end_when_quiet(now)
 
@@ -454,7 +461,7 @@ class Transaction:
         """End goes to everyone that was ever committed (FRP, property 6)."""
         for member in self.members.values():
             if member.committed and frp.End in COORDINATOR_SENDS.get(member.session.state, {}):
-                self._send(member, frp.End(outcome=outcome))
+                self._send(member, frp.End(outcome=outcome), now)
         self.phase, self.outcome, self.ended_at = Phase.ENDED, outcome, now
         if outcome is not Outcome.ACCOMPLISHED and self.workflow is not None:
             left = [f"{run.step.service_type} was done: {run.step.effect}" for run in self.workflow if run.progress is Progress.DONE]
@@ -474,7 +481,7 @@ class Transaction:
             self.effects.append(Wake(f"{self.id}/silence/{participant}", member.heard_at + SILENCE))
         elif not member.queried:
             member.queried = True
-            self._send(member, frp.Query(), until=now + SILENCE)
+            self._send(member, frp.Query(), now, SILENCE)
             self.effects.append(Wake(f"{self.id}/silence/{participant}", now + SILENCE))
             self.tell(now, f"{member.offer.service} is silent; asking for its state")
         else:
@@ -490,7 +497,7 @@ class Transaction:
         member.last_word = f"could not be reached: {reason}"
         match message.body:
             case frp.Arrange() if member.session.state is State.ARRANGING:
-                self._send(member, frp.Cancel(reason=member.last_word))
+                self._send(member, frp.Cancel(reason=member.last_word), now)
                 self._left(run, member, member.last_word, now)
             case frp.Accept() if member.session.state is State.COMMITTED:
                 member.session.give_up()
@@ -503,8 +510,9 @@ class Transaction:
     def _ask(self, address: str, body: object, then: Callable[[Message, float], None]) -> None:
         self.effects.append(self.setting.request(address, body, then))
 
-    def _send(self, member: Member, body: CoordinatorBody, until: float | None = None) -> None:
-        self.effects.append(Send(member.session.send(body), until))
+    def _send(self, member: Member, body: CoordinatorBody, now: float, seconds: float = SILENCE) -> None:
+        lasting = isinstance(body, frp.End | frp.Cancel)
+        self.effects.append(Send(member.session.send(body), now + (GOODBYE_TIME if lasting else seconds)))
 
 
 def problem(task: Submit, replica: Replica, offers: list[Offer]) -> Problem:
