@@ -113,8 +113,14 @@ class Client:
     # The Service Registry
 
     async def services(self, wanted: directory.Discover | None = None) -> tuple[directory.Offer, ...]:
-        found = await self.ask(self.addresses.registry, wanted or directory.Discover(), directory.Discovered)
-        return found.offers
+        question = wanted or directory.Discover()
+        offers: list[directory.Offer] = []
+        while True:
+            found = await self.ask(self.addresses.registry, question, directory.Discovered)
+            offers += found.offers
+            if not found.more:
+                return tuple(offers)
+            question = msgspec.structs.replace(question, after=offers[-1].service)
 
     # The Task Manager
 

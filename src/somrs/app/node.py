@@ -90,13 +90,19 @@ class Node:
         self._host, self._carry_out, self._keep, self._watch = host, carry_out, keep, watch
         self._inputs: deque[Input] = deque()
         self._handling = False
+        self._broken = False
         self._timers: dict[str, asyncio.TimerHandle] = {}
         self._asked: dict[str, asyncio.Task[None]] = {}
         self._outboxes: dict[str, _Outbox] = {}
         self._anonymous: dict[str, asyncio.Future[Message]] = {}
 
     def feed(self, event: Input) -> None:
-        """Have the component handle an input, after those that wait already."""
+        """Have the component handle an input, after those that wait already.
+
+        A component whose record could not be kept is ahead of its disk: it takes no more inputs. Raises RemoteError then.
+        """
+        if self._broken:
+            raise RemoteError(f"{self.address} stopped, because it could not keep what it had to; see its log")
         self._inputs.append(event)
         if self._handling:
             return
@@ -160,7 +166,12 @@ class Node:
                 if (asked := self._asked.get(question)) is not None:
                     asked.cancel()
             case Record(entry):
-                self._keep(entry)
+                try:
+                    self._keep(entry)
+                except BaseException:
+                    log.critical("%s: a record could not be kept; nothing more is taken", self.address, exc_info=True)
+                    self._broken = True
+                    raise
 
     def _ring(self, timer: str) -> None:
         self._timers.pop(timer, None)

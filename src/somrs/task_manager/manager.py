@@ -11,7 +11,7 @@ from somrs.protocol import clients, frp
 from somrs.protocol.bodies import Body, FrpBody
 from somrs.protocol.clients import Phase, StepView, TaskView
 from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
-from somrs.protocol.directory import Discover, Discovered
+from somrs.protocol.directory import Discover, Discovered, Offer
 from somrs.protocol.envelope import Header, Message, message_id, reply
 from somrs.protocol.replica import Replica
 from somrs.task_manager.transaction import Setting, Transaction, problem, wrong_with
@@ -128,14 +128,19 @@ class TaskManager:
 
     def _preview(self, message: Message, task: clients.Preview) -> None:
         submit = clients.Submit(effect=task.effect, precondition=task.precondition)
+        offers: list[Offer] = []
 
         def discovered(answer: Message, now: float) -> None:
             if not isinstance(answer.body, Discovered):
                 self._reply(message, clients.Previewed(steps=(), explanation=f"the Service Registry answered {type(answer.body).__name__}"))
                 return
+            offers.extend(answer.body.offers)
+            if answer.body.more:
+                self._effects.append(self._request(self._setting.registry, Discover(after=offers[-1].service), discovered))
+                return
             question = f"preview {message.header.message_id}"
             self._previews[question] = message
-            self._effects.append(Ask(question, problem(submit, self.replica, list(answer.body.offers))))
+            self._effects.append(Ask(question, problem(submit, self.replica, offers)))
 
         if (wrong := wrong_with(submit, self.replica)) is not None:
             self._reply(message, clients.Previewed(steps=(), explanation=wrong))

@@ -99,7 +99,7 @@ class Transaction:
 
     def discover(self, now: float) -> None:
         """Ask who offers what; the plan is made of it."""
-        self.phase = Phase.PLANNING
+        self.phase, self.offers = Phase.PLANNING, ()
         self._ask(self.setting.registry, Discover(), self._discovered)
 
     def _discovered(self, answer: Message, now: float) -> None:
@@ -108,7 +108,10 @@ class Transaction:
         if not isinstance(answer.body, Discovered):
             self.give_up(now, f"the Service Registry answered: {_said(answer)}")
             return
-        self.offers = answer.body.offers
+        self.offers += answer.body.offers
+        if answer.body.more:
+            self._ask(self.setting.registry, Discover(after=self.offers[-1].service), self._discovered)
+            return
         replica = self.setting.replica
         self.effects.append(Ask(f"{self.id}/plan/{self.replans}", self.problem(replica)))
 
