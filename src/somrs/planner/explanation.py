@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from somrs.entish import Name, Variable
 from somrs.entish.formula import Literal, alternatives, conjunction, conjuncts, names, substitute, variables
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.matching import bring_about_all, can_bring_about
-from somrs.ontology.services import ServiceType
-from somrs.ontology.truth import holds
+from somrs.ontology.services import PROVIDER
+from somrs.ontology.truth import bindings, holds
 from somrs.planner.grounding import Grounding, World
 from somrs.planner.operators import Inexpressible, goal_operators, operators
 from somrs.planner.plan import NoPlan
-from somrs.planner.problem import Problem
+from somrs.planner.problem import Available, Problem
 from somrs.planner.relevance import demands
 
 DEPTH = 4
@@ -37,7 +37,7 @@ def why_not(problem: Problem, world: World, left_out: list[Inexpressible]) -> No
     for branch in alternatives(problem.goal):
         reasons = _Reasons(problem, world, left_out)
         for literal in branch:
-            if not reasons.reachable((literal,)):
+            if not reasons.reachable([literal]):
                 reasons.unreachable.append(str(literal))
                 reasons.explain(literal, DEPTH)
         if best is None or len(reasons.unreachable) < len(best.unreachable):
@@ -63,33 +63,36 @@ class _Reasons:
     unoffered: dict[str, None] = field(default_factory=dict)
     said: dict[str, None] = field(default_factory=dict)
 
-    def reachable(self, literals: tuple[Literal, ...]) -> bool:
-        """Whether all can come about together if nothing that is true ever became false."""
+    def reachable(self, literals: Sequence[Literal]) -> bool:
+        """Whether all can come about together if nothing that is true ever became false; when in doubt, yes."""
         usable = list(goal_operators(conjunction(*literals), self.world.known))
         for available in self.problem.services:
             try:
                 usable.extend(operators(available, self.world.known, self.problem.excluded))
             except Inexpressible:
                 continue
-        demanded = demands(usable, self.world.known, self.world.is_a, lambda fact: False)
-        return Grounding(self.world, demanded).reached
+        try:
+            return Grounding(self.world, demands(usable, self.world.known, self.world.is_a)).reached
+        except Inexpressible:
+            return True
 
     def explain(self, literal: Literal, depth: int) -> None:
         """Why the literal, which is not reachable, is not."""
         if self._unknown_objects(literal):
             return
-        offered = [a.service_type for a in self.problem.services if a.providers]
-        helpful = [service for service in offered if can_bring_about(service, literal, self.problem.ontology, self.problem.map)]
+        offered = [available for available in self.problem.services if available.providers]
+        helpful = [a for a in offered if can_bring_about(a.service_type, literal, self.problem.ontology, self.problem.map)]
         if not helpful:
-            self._nobody(literal, offered)
+            self._nobody(literal, {available.service_type.name for available in offered})
             return
-        for service in helpful:
+        for available in helpful:
+            service = available.service_type
             unexpressed = [i for i in self.left_out if str(i.formula).startswith(f"{service.name}: ")]
             self.said.update(
                 (f"{literal} could be brought about by {service.name}, which cannot be planned with: {i}", None) for i in unexpressed
             )
             if not unexpressed:
-                self._lacking(service, literal, depth)
+                self._lacking(available, literal, depth)
 
     def _unknown_objects(self, literal: Literal) -> bool:
         unknown = [name for name in self._objects(literal) if name not in self.problem.map.objects]
@@ -106,10 +109,9 @@ class _Reasons:
         words = {value for attribute in self.problem.ontology.attributes.values() for value in attribute.values}
         return (name for name in names(literal) if name not in words or name in self.problem.map.objects)
 
-    def _nobody(self, literal: Literal, offered: list[ServiceType]) -> None:
+    def _nobody(self, literal: Literal, there: set[str]) -> None:
         types = {a.service_type.name: a.service_type for a in self.problem.services}
         known = {**self.problem.ontology.services, **types}
-        there = {service.name for service in offered}
         absent = [
             name
             for name, service in known.items()
@@ -122,24 +124,26 @@ class _Reasons:
             self.missing[_wish(literal)] = None
             self.said[f"{_wish(literal)} does not hold on the map, and no service type brings it about"] = None
 
-    def _lacking(self, service: ServiceType, literal: Literal, depth: int) -> None:
+    def _lacking(self, available: Available, literal: Literal, depth: int) -> None:
         """What the service needs and cannot have."""
-        if service.precondition is None:
-            self.said[f"{service.name} could bring about {_wish(literal)}, but not with the objects on the map"] = None
-            return
+        service = available.service_type
         bound = next(bring_about_all(service, literal, self.problem.ontology, self.problem.map), {})
-        branch = next(
-            alternatives(substitute(parse(service.precondition), {n: t for n, t in bound.items() if not isinstance(t, Variable)}))
-        )
-        lacking = [part for part in branch if not self.reachable((part,))]
+        given = {name: term for name, term in bound.items() if not isinstance(term, Variable)}
+        given.setdefault(PROVIDER, Name(next(p for p in available.providers)))
+        had: list[Literal] = []
+        lacking: list[Literal] = []
+        for part in next(alternatives(substitute(parse(service.precondition), given))) if service.precondition is not None else ():
+            (had if self.reachable([*had, part]) else lacking).append(part)
+        row = next(bindings(conjunction(*had), self.problem.map, self.problem.ontology), {}) if had else {}
         for part in lacking:
-            self.missing[_wish(part)] = None
-            self.said[f"{service.name} could bring about {_wish(literal)}, but needs {_wish(part)}"] = None
+            missing = substitute(part, row)
+            assert isinstance(missing, Literal), "variables of a literal were replaced"
+            self.missing[_wish(missing)] = None
+            self.said[f"{service.name} could bring about {_wish(literal)}, but needs {_wish(missing)}"] = None
             if depth > 0:
-                self.explain(part, depth - 1)
+                self.explain(missing, depth - 1)
         if not lacking:
-            needed = " and ".join(map(_wish, branch))
-            self.said[f"{service.name} could bring about {_wish(literal)}, but needs {needed} together"] = None
+            self.said[f"{service.name} brings about such things, but not {_wish(literal)}"] = None
 
 
 def _wish(literal: Literal) -> str:

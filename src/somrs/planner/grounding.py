@@ -15,13 +15,15 @@ from somrs.ontology.truth import bindings
 from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
 from somrs.ontology.units import converted
 from somrs.ontology.values import Measured, attribute_at, compare, constant, measure, value_of
-from somrs.planner.operators import GOAL, SOME, Argument, Fact, Forbidden, Inexpressible, Operator, Pattern, Test, Vocabulary
+from somrs.planner.operators import GOAL, SOME, Argument, Fact, Facts, Forbidden, Inexpressible, Operator, Pattern, Test, Vocabulary
 from somrs.planner.problem import Problem
 from somrs.planner.relevance import Demand
 
 Bound = dict[str, Argument]
-ACTIONS = 400_000
+ACTIONS = 100_000
 """More actions than this are not searched through."""
+PLACES = 16
+"""So many objects are tried where any of a type will do, when planning narrowly."""
 
 VALUES: Mapping[str, tuple[type, ...]] = {"number": (Number,), "text": (Text, Name), "truth": (Truth,)}
 """What an input that is a value can be."""
@@ -36,31 +38,6 @@ class Action:
     needs: tuple[Fact, ...]
     adds: tuple[Fact, ...]
     removes: tuple[Fact, ...]
-
-
-class Facts:
-    """A growing set of facts, found by predicate and any one argument."""
-
-    def __init__(self) -> None:
-        self.all: dict[Fact, None] = {}
-        self._by_predicate: dict[str, list[tuple[Argument, ...]]] = {}
-        self._by_argument: dict[tuple[str, int, Argument], list[tuple[Argument, ...]]] = {}
-
-    def add(self, fact: Fact) -> bool:
-        """Whether the fact is new."""
-        if fact in self.all:
-            return False
-        self.all[fact] = None
-        predicate, arguments = fact
-        self._by_predicate.setdefault(predicate, []).append(arguments)
-        for place, argument in enumerate(arguments):
-            self._by_argument.setdefault((predicate, place, argument), []).append(arguments)
-        return True
-
-    def like(self, predicate: str, known: Iterable[Argument | None]) -> list[tuple[Argument, ...]]:
-        """The arguments of facts that may have the known ones, of which at least one was looked at."""
-        lists = [self._by_argument.get((predicate, place, value), []) for place, value in enumerate(known) if value is not None]
-        return min(lists, key=len) if lists else self._by_predicate.get(predicate, [])
 
 
 class World:
@@ -110,8 +87,14 @@ class World:
             self._domains[types] = [name for name in of_one if self.is_a(name, types)]
         return self._domains[types]
 
-    def initial(self) -> Iterator[Fact]:
+    def now(self) -> Facts:
         """What holds now, of what services change."""
+        found = Facts()
+        for fact in self._initial():
+            found.add(fact)
+        return found
+
+    def _initial(self) -> Iterator[Fact]:
         for relation in self.known.relations:
             for fact in self.map.facts(relation):
                 yield self.canonical((relation, fact.arguments))
@@ -168,11 +151,10 @@ def as_argument(term: Term) -> Argument:
 class Grounding:
     """The actions that are demanded and reachable, and the facts they lead to."""
 
-    def __init__(self, world: World, demanded: list[Demand]) -> None:
+    def __init__(self, world: World, demanded: list[Demand], narrow: bool = False) -> None:
         self.world = world
-        self.facts = Facts()
-        for fact in world.initial():
-            self.facts.add(fact)
+        self.narrow = narrow
+        self.facts = world.now()
         self.initial = dict(self.facts.all)
         self.actions: list[Action] = []
         self._seen: set[tuple[Operator, tuple[Argument, ...]]] = set()
@@ -332,7 +314,20 @@ class Grounding:
             return [Truth(True), Truth(False)]
         if types & {"number", "text"}:
             return []  # a value that the goal does not give could be anything
-        return [*self.world.domain(types)]
+        found = self.world.domain(types)
+        if not self.narrow or len(found) <= PLACES:
+            return [*found]
+        usual = [place for place in self._usual(demand.operator, name) if self.world.is_a(place, types)]
+        return [*dict.fromkeys([*usual[:PLACES], *found[:PLACES]])][:PLACES]
+
+    def _usual(self, operator: Operator, name: str) -> list[Argument]:
+        """The objects that stand in that place now, in the facts that the operator adds: where things are put as a rule."""
+        found: dict[Argument, None] = {}
+        for predicate, terms in operator.adds:
+            for place, term in enumerate(terms):
+                if isinstance(term, Variable) and term.name == name:
+                    found.update((arguments[place], None) for arguments in self.facts.like(predicate, ()))
+        return list(found)
 
     # Actions
 

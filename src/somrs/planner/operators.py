@@ -41,6 +41,31 @@ class Inexpressible(Exception):
         super().__init__(f"{formula}: {why}")
 
 
+class Facts:
+    """A growing set of facts, found by predicate and any one argument."""
+
+    def __init__(self) -> None:
+        self.all: dict[Fact, None] = {}
+        self._by_predicate: dict[str, list[tuple[Argument, ...]]] = {}
+        self._by_argument: dict[tuple[str, int, Argument], list[tuple[Argument, ...]]] = {}
+
+    def add(self, fact: Fact) -> bool:
+        """Whether the fact is new."""
+        if fact in self.all:
+            return False
+        self.all[fact] = None
+        predicate, arguments = fact
+        self._by_predicate.setdefault(predicate, []).append(arguments)
+        for place, argument in enumerate(arguments):
+            self._by_argument.setdefault((predicate, place, argument), []).append(arguments)
+        return True
+
+    def like(self, predicate: str, known: Iterable[Argument | None]) -> list[tuple[Argument, ...]]:
+        """The arguments of facts that may have the known ones, of which at least one was looked at."""
+        lists = [self._by_argument.get((predicate, place, value), []) for place, value in enumerate(known) if value is not None]
+        return min(lists, key=len) if lists else self._by_predicate.get(predicate, [])
+
+
 @dataclass(frozen=True, slots=True)
 class Test:
     """A comparison with attributes that change: `hidden` variables stand for their values, each with its tolerance."""

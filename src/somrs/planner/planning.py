@@ -12,7 +12,7 @@ from somrs.ontology.truth import bindings, holds
 from somrs.planner.causal import linked
 from somrs.planner.explanation import unmet_precondition, why_not
 from somrs.planner.grounding import Action, Grounding, World, as_term
-from somrs.planner.operators import Fact, Inexpressible, Operator, Vocabulary, goal_operators, operators, vocabulary
+from somrs.planner.operators import Inexpressible, Operator, Vocabulary, goal_operators, operators, vocabulary
 from somrs.planner.plan import NoPlan, Plan, Step, after, validate
 from somrs.planner.problem import Problem
 from somrs.planner.relevance import demands
@@ -39,8 +39,8 @@ def plan(problem: Problem, engine: Engine | None = None, limit: float = LIMIT) -
         known = vocabulary(problem)
         world = World(problem, known)
         usable, left_out = _operators(problem, known)
-        for settled in (frozenset(world.initial()), frozenset[Fact]()):
-            grounding = Grounding(world, demands(usable, known, world.is_a, settled.__contains__))
+        for narrow in (True, False):
+            grounding = Grounding(world, demands(usable, known, world.is_a, world.now() if narrow else None), narrow)
             if grounding.reached:
                 task = Task(grounding)
                 moves = _solve(task, engine, limit)

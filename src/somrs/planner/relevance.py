@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from somrs.entish import Comparison, Name, Number, Text, Truth, Variable
-from somrs.planner.operators import SOME, Argument, Fact, Operator, Pattern, Vocabulary
+from somrs.planner.operators import SOME, Argument, Facts, Operator, Pattern, Vocabulary
 
 Kinds = frozenset[str]
 """In place of an argument that is not known: the types that it is of."""
@@ -28,12 +28,12 @@ class Demand:
 
 
 def demands(
-    operators: Iterable[Operator], known: Vocabulary, is_a: Callable[[Argument, Iterable[str]], bool], settled: Callable[[Fact], bool]
+    operators: Iterable[Operator], known: Vocabulary, is_a: Callable[[Argument, Iterable[str]], bool], now: Facts | None = None
 ) -> list[Demand]:
     """Every use of an operator that may help, the goal's own first.
 
-    `settled` are the `SOME` facts that nobody needs to bring about: leaving them out keeps the answer small, but may lose
-    plans that take such a fact away and have to restore it.
+    With `now`, what is so at the start, fewer: nobody needs to bring about a `SOME` fact that is so already, and of facts
+    that must not hold, those that do hold now are looked at one by one. That may lose plans, but seldom does.
     """
     by_predicate: dict[tuple[bool, str], list[tuple[Operator, Pattern]]] = {}
     goals: list[Operator] = []
@@ -51,10 +51,7 @@ def demands(
         if new in found:
             return
         found[new] = None
-        for wanted in _wants(new):
-            truth, predicate, arguments = wanted
-            if truth and predicate.endswith(SOME) and isinstance(arguments[0], Argument) and settled((predicate, (arguments[0],))):
-                continue
+        for wanted in _wants(new) if now is None else _narrowed(_wants(new), now, is_a):
             if wanted not in seen:
                 seen.add(wanted)
                 open_.append(wanted)
@@ -68,6 +65,19 @@ def demands(
             if new is not None:
                 demand(new)
     return list(found)
+
+
+def _narrowed(every: Iterable[Wanted], now: Facts, is_a: Callable[[Argument, Iterable[str]], bool]) -> Iterator[Wanted]:
+    for truth, predicate, arguments in every:
+        known = [None if isinstance(argument, frozenset) else argument for argument in arguments]
+        if truth:
+            if not (predicate.endswith(SOME) and known[0] is not None and (predicate, (known[0],)) in now.all):
+                yield truth, predicate, arguments
+            continue
+        for fact in now.like(predicate, known):
+            pairs = zip(arguments, fact, strict=True)
+            if all(is_a(mine, wanted) if isinstance(wanted, frozenset) else mine == wanted for wanted, mine in pairs):
+                yield truth, predicate, fact
 
 
 def _brings_about(operator: Operator, known: Vocabulary) -> Iterator[tuple[bool, Pattern]]:

@@ -1,4 +1,5 @@
-"""The small tasks of the day, solved at once: greedy best-first search with the additive heuristic (Bonet and Geffner 2001)."""
+"""The tasks of the day, solved at once: greedy best-first search that looks at states as late as it can and at helpful
+moves first (Richter and Helmert 2009), guided by the additive heuristic (Bonet and Geffner 2001)."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from heapq import heappop, heappush
 from somrs.planner.task import Assignment, Move, State, Task
 
 EFFORT = 400_000
-"""Effects looked at before an engine is asked instead: about half a second."""
+"""Moves and effects looked at before an engine is asked instead: about half a second."""
 
 
 class TooHard(Exception):
@@ -18,13 +19,14 @@ class TooHard(Exception):
 def search(task: Task, effort: int = EFFORT) -> list[Move] | None:
     """The moves that reach the goal, or None if nothing does. Raises TooHard."""
     assert task.goal is not None, "a goal that nothing reaches is not searched for"
-    if task.initial[task.goal[0]] == task.goal[1]:
-        return []
     estimate = _Estimate(task)
     came: dict[State, tuple[State, Move] | None] = {task.initial: None}
-    open_: list[tuple[float, int, State]] = [(0.0, 0, task.initial)]
+    open_: list[tuple[float, bool, int, State]] = [(0.0, True, 0, task.initial)]
     while open_:
-        _, _, state = heappop(open_)
+        *_, state = heappop(open_)
+        distance, helpful = estimate.of(state)
+        if distance is None:
+            continue
         for move in task.moves:
             if not move.applicable(state):
                 continue
@@ -34,9 +36,7 @@ def search(task: Task, effort: int = EFFORT) -> list[Move] | None:
             came[after] = state, move
             if after[task.goal[0]] == task.goal[1]:
                 return _path(came, after)
-            value = estimate.of(after)
-            if value is not None:
-                heappush(open_, (value, len(came), after))
+            heappush(open_, (distance, move not in helpful, len(came), after))
         effort -= len(task.moves)
         if effort - estimate.looked_at < 0:
             raise TooHard
@@ -75,41 +75,58 @@ def _reaches(state: State, task: Task) -> bool:
 
 
 class _Estimate:
-    """How far a state is from the goal: each fact costs what the cheapest action to it costs, and what that needs, added up."""
+    """How far a state is from the goal: each fact costs what the cheapest move to it costs, and what that needs, added up."""
 
     def __init__(self, task: Task) -> None:
         self.task = task
         self.looked_at = 0
-        self.effects: list[tuple[tuple[Assignment, ...], Assignment, int]] = []
+        self.moves: list[Move] = []
+        self.needs: list[tuple[Assignment, ...]] = []
+        self.makes: list[Assignment] = []
         self.needing: dict[Assignment, list[int]] = {}
-        self.free: list[int] = []
         for move in task.moves:
             for conditions, variable, value in move.effects:
                 needs = tuple(dict.fromkeys((*move.needs, *conditions)))
                 for need in needs:
-                    self.needing.setdefault(need, []).append(len(self.effects))
-                if not needs:
-                    self.free.append(len(self.effects))
-                self.effects.append((needs, (variable, value), move.cost))
+                    self.needing.setdefault(need, []).append(len(self.moves))
+                self.moves.append(move)
+                self.needs.append(needs)
+                self.makes.append((variable, value))
 
-    def of(self, state: State) -> float | None:
-        """None when the goal cannot be reached from there, even if nothing were ever undone."""
-        left = [len(needs) for needs, _, _ in self.effects]
-        cost: dict[Assignment, float] = {}
-        total = [float(c) for _, _, c in self.effects]
-        queue: list[tuple[float, Assignment]] = [(0.0, assignment) for assignment in enumerate(state)]
-        queue += [(total[index], self.effects[index][1]) for index in self.free]
+    def of(self, state: State) -> tuple[float | None, set[Move]]:
+        """The distance, and the moves of the state that a way there begins with. None: the goal cannot be reached from
+        there, even if nothing were ever undone."""
+        left = [len(needs) for needs in self.needs]
+        total = [float(move.cost) for move in self.moves]
+        supporter: dict[Assignment, int] = {}
+        queue: list[tuple[float, Assignment, int]] = [(0.0, assignment, -1) for assignment in enumerate(state)]
+        queue += [(total[index], self.makes[index], index) for index, needs in enumerate(self.needs) if not needs]
         while queue:
-            price, assignment = heappop(queue)
-            if assignment in cost:
+            price, assignment, index = heappop(queue)
+            if assignment in supporter:
                 continue
-            cost[assignment] = price
+            supporter[assignment] = index
             if assignment == self.task.goal:
-                return price
+                return price, self._helpful(supporter, state)
             for index in self.needing.get(assignment, ()):
                 self.looked_at += 1
                 left[index] -= 1
                 total[index] += price
                 if left[index] == 0:
-                    heappush(queue, (total[index], self.effects[index][1]))
-        return None
+                    heappush(queue, (total[index], self.makes[index], index))
+        return None, set()
+
+    def _helpful(self, supporter: dict[Assignment, int], state: State) -> set[Move]:
+        assert self.task.goal is not None, "it was just reached"
+        found: set[Move] = set()
+        waiting, seen = [self.task.goal], {self.task.goal}
+        while waiting:
+            index = supporter[waiting.pop()]
+            if index < 0:
+                continue
+            if self.moves[index].applicable(state):
+                found.add(self.moves[index])
+            new = [need for need in self.needs[index] if need not in seen]
+            seen.update(new)
+            waiting.extend(new)
+        return found
