@@ -14,7 +14,8 @@ from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Receive
 from somrs.protocol.directory import Discover, Discovered, Offer
 from somrs.protocol.envelope import Header, Message, message_id, reply
 from somrs.protocol.replica import Replica
-from somrs.task_manager.transaction import Setting, Transaction, problem, wrong_with
+from somrs.task_manager.setting import Setting, problem, wrong_with
+from somrs.task_manager.transaction import Transaction
 from somrs.task_manager.workflow import STEP_STATE, Progress, StepRun
 
 Then = Callable[[Message, float], None]

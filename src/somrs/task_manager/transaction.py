@@ -1,7 +1,7 @@
 """One task from the client's wish to its end: planning, arranging, executing, recovering (paper, "Protocol for failure
 handling and recovery": the realization of a task is a transaction).
 
-What the ladder of recovery tries next is in `recovery.py`; messages are correlated and routed here by `manager.py`.
+What is tried next when something fails is `recovery.py`'s to say; messages are correlated and routed here by `manager.py`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,9 @@ from dataclasses import dataclass, field
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction
 from somrs.entish.parse import parse
-from somrs.errors import FormulaError
-from somrs.ontology.check import check
 from somrs.ontology.truth import holds
 from somrs.planner.plan import NoPlan, Plan
-from somrs.planner.problem import Available, Problem
+from somrs.planner.problem import Problem
 from somrs.protocol import frp
 from somrs.protocol.clients import Phase, Submit, TaskEvent
 from somrs.protocol.component import Ask, Effect, Send, Wake
@@ -28,6 +26,8 @@ from somrs.protocol.replica import Replica
 from somrs.protocol.session import CoordinatorBody, CoordinatorSession, participant_id
 from somrs.protocol.states import COORDINATOR_SENDS
 from somrs.task_manager.arrange import able, about, bid, choose, fitted, precondition_now, service_types
+from somrs.task_manager.recovery import MOST_REPLANS, Rung, next_rung
+from somrs.task_manager.setting import Setting, problem
 from somrs.task_manager.workflow import Member, Progress, StepRun, Workflow
 
 REPLY_TIME = 10.0
@@ -41,25 +41,6 @@ GOODBYE_TIME = 86_400.0
 
 STOP_TIME = 60.0
 """Seconds that a service has to stop safely."""
-
-MOST_REPLANS = 8
-"""How often one task is planned anew before it is given up: each time something failed that the plan could not foresee."""
-
-
-@dataclass(slots=True, kw_only=True)
-class Setting:
-    """What a transaction needs to know of the world around it; shared by all transactions of a Task Manager."""
-
-    address: str
-    repository: str
-    registry: str
-    replica: Replica
-    request: Callable[[str, object, Callable[[Message, float], None]], Effect]
-    """Makes the effect that asks another component, and sees to it that the answer comes to the function."""
-    when_known: Callable[[int, Callable[[float], None], float], None]
-    """Calls the function as soon as the replica has this version of the map."""
-    busy: Callable[[str], list[tuple[float, float]]]
-    """From when until when a provider is committed to this Task Manager, in any transaction."""
 
 
 @dataclass(slots=True)
@@ -139,26 +120,12 @@ class Transaction:
     def _keep_commitments(self, old: Workflow, now: float) -> None:
         """Services already committed to a step that is in the new plan, too, are not asked again; the others leave."""
         assert self.workflow is not None
-        for run in old:
-            if run.progress is not Progress.ARRANGED:
-                continue
-            same = next(
-                (
-                    new
-                    for new in self.workflow
-                    if new.progress is Progress.OPEN
-                    and (new.step.service_type, new.step.inputs, new.step.provider)
-                    == (run.step.service_type, run.step.inputs, run.step.provider)
-                ),
-                None,
-            )
+        for kept, run in self.workflow.adopt(old):
             member = self.members[run.member or ""]
-            if same is None:
+            if kept is None:
                 self._send(member, frp.Cancel(reason="the plan changed"), now)
             else:
-                member.step = same.step.id
-                same.progress, same.member, same.attempt = run.progress, run.member, run.attempt
-                same.start, same.finish, same.precondition = run.start, run.finish, run.precondition
+                member.step = kept.step.id
 
     # Arranging
 
@@ -380,23 +347,23 @@ class Transaction:
     # Recovering
 
     def recover(self, run: StepRun, now: float, reason: str) -> None:
-        """The ladder: replace the service if the step can still be done by another, else replan."""
-        replica = self.setting.replica
-        known = service_types(replica.ontology, self.offers)
+        """Climb the ladder: the step is nobody's now, and something has to be done about it."""
+        known = service_types(self.setting.replica.ontology, self.offers)
         others = able(run.step, self.offers, known, {*run.excluded, *self.broken})
-        if others and run.reported is not None:
-            try:
-                run.precondition = self.precondition(run)
-            except LookupError:
+        try:
+            run.precondition = self.precondition(run)
+            possible = True
+        except LookupError:
+            possible = False
+        match next_rung(run, others, possible):
+            case Rung.REPLACE:
+                run.progress = Progress.OPEN
+                self.tell(now, "replacing the service", run)
+                self.proceed(now)
+            case Rung.REPLAN:
+                if not others:
+                    self.broken.update({service: why for service, why in run.excluded.items() if service not in self.broken})
                 self.replan(now, reason)
-                return
-            run.progress = Progress.OPEN
-            self.tell(now, "replacing the service", run)
-            self.proceed(now)
-            return
-        if not others:
-            self.broken.update({service: why for service, why in run.excluded.items() if service not in self.broken})
-        self.replan(now, reason)
 
     def replan(self, now: float, reason: str) -> None:
         """From the map as it is now to the task's effect; what runs is awaited first."""
@@ -516,30 +483,6 @@ class Transaction:
     def _send(self, member: Member, body: CoordinatorBody, now: float, seconds: float = SILENCE) -> None:
         lasting = isinstance(body, frp.End | frp.Cancel)
         self.effects.append(Send(member.session.send(body), now + (GOODBYE_TIME if lasting else seconds)))
-
-
-def problem(task: Submit, replica: Replica, offers: list[Offer]) -> Problem:
-    """The planning problem of a task on the map as it is now, with these services on offer."""
-    providers: dict[str, list[str]] = {}
-    for offer in offers:
-        providers.setdefault(offer.service_type.name, []).append(offer.provider)
-    types = {offer.service_type.name: offer.service_type for offer in offers}
-    return Problem(
-        ontology=replica.ontology,
-        map=replica.map,
-        goal=check(task.effect, replica.ontology, replica.map),
-        precondition=check(task.precondition, replica.ontology, replica.map) if task.precondition else None,
-        services=tuple(Available(service_type=types[name], providers=tuple(sorted(found))) for name, found in sorted(providers.items())),
-    )
-
-
-def wrong_with(task: Submit, replica: Replica) -> str | None:
-    """What is wrong with a task as its client stated it, if anything."""
-    try:
-        problem(task, replica, [])
-    except FormulaError as error:
-        return str(error)
-    return None
 
 
 def _said(answer: Message) -> str:

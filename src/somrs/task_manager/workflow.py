@@ -61,6 +61,11 @@ class StepRun:
     start: float = 0.0
     finish: float = 0.0
 
+    def same_work(self, other: StepRun) -> bool:
+        """Whether both ask the same of a service, whatever the steps are called."""
+        mine, its = self.step, other.step
+        return (mine.service_type, mine.inputs, mine.provider) == (its.service_type, its.inputs, its.provider)
+
 
 class Workflow:
     """The steps of a plan with their states; order comes from the plan's links."""
@@ -71,6 +76,18 @@ class Workflow:
 
     def __iter__(self) -> Iterator[StepRun]:
         return iter(self.runs.values())
+
+    def adopt(self, old: Workflow) -> Iterator[tuple[StepRun | None, StepRun]]:
+        """Take over what still stands of the plan before: each step that had a service then, with the step here that it is
+        now (None: there is no such step any more)."""
+        for run in old:
+            if run.progress is not Progress.ARRANGED:
+                continue
+            same = next((new for new in self if new.progress is Progress.OPEN and new.same_work(run)), None)
+            if same is not None:
+                same.progress, same.member, same.attempt = run.progress, run.member, run.attempt
+                same.start, same.finish, same.precondition = run.start, run.finish, run.precondition
+            yield same, run
 
     def before(self, step: str) -> list[StepRun]:
         """The steps that must be done before this one."""

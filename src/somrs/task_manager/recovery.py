@@ -1,0 +1,29 @@
+"""The ladder of recovery, cheapest rung first: what to try when a step has lost its service (FRP, "Recovery")."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+
+from somrs.protocol.directory import Offer
+from somrs.task_manager.workflow import StepRun
+
+MOST_REPLANS = 8
+"""How often one task is planned anew before it is given up: each time something failed that the plan could not foresee."""
+
+
+class Rung(StrEnum):
+    """What to do about a step that nobody does now."""
+
+    REPLACE = "replace"
+    """Arrange the same step anew, with the reported situation as its precondition."""
+    REPLAN = "replan"
+    """From the map as it is now to the task's effect, without the services that are known to be broken."""
+
+
+def next_rung(run: StepRun, others: Sequence[Offer], possible: bool) -> Rung:
+    """The cheapest rung that can help: `others` could do the step, and its precondition is `possible` on the map as it is.
+
+    A step of which nobody reported what became of it is not simply begun again.
+    """
+    return Rung.REPLACE if others and possible and run.reported is not None else Rung.REPLAN

@@ -1,0 +1,55 @@
+"""What all transactions of a Task Manager share, and the planning problem that a task is in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from somrs.errors import FormulaError
+from somrs.ontology.check import check
+from somrs.planner.problem import Available, Problem
+from somrs.protocol.clients import Submit
+from somrs.protocol.component import Effect
+from somrs.protocol.directory import Offer
+from somrs.protocol.envelope import Message
+from somrs.protocol.replica import Replica
+
+
+@dataclass(slots=True, kw_only=True)
+class Setting:
+    """What a transaction needs to know of the world around it; shared by all transactions of a Task Manager."""
+
+    address: str
+    repository: str
+    registry: str
+    replica: Replica
+    request: Callable[[str, object, Callable[[Message, float], None]], Effect]
+    """Makes the effect that asks another component, and sees to it that the answer comes to the function."""
+    when_known: Callable[[int, Callable[[float], None], float], None]
+    """Calls the function as soon as the replica has this version of the map."""
+    busy: Callable[[str], list[tuple[float, float]]]
+    """From when until when a provider is committed to this Task Manager, in any transaction."""
+
+
+def problem(task: Submit, replica: Replica, offers: list[Offer]) -> Problem:
+    """The planning problem of a task on the map as it is now, with these services on offer."""
+    providers: dict[str, list[str]] = {}
+    for offer in offers:
+        providers.setdefault(offer.service_type.name, []).append(offer.provider)
+    types = {offer.service_type.name: offer.service_type for offer in offers}
+    return Problem(
+        ontology=replica.ontology,
+        map=replica.map,
+        goal=check(task.effect, replica.ontology, replica.map),
+        precondition=check(task.precondition, replica.ontology, replica.map) if task.precondition else None,
+        services=tuple(Available(service_type=types[name], providers=tuple(sorted(found))) for name, found in sorted(providers.items())),
+    )
+
+
+def wrong_with(task: Submit, replica: Replica) -> str | None:
+    """What is wrong with a task as its client stated it, if anything."""
+    try:
+        problem(task, replica, [])
+    except FormulaError as error:
+        return str(error)
+    return None
