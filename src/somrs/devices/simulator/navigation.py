@@ -26,6 +26,8 @@ COMFORT = 0.25
 """Robots keep this far from obstacles where there is room, m."""
 ESCAPE = 0.8
 """How far a robot may drive straight away from what it stands too close to, m."""
+ARM = 0.05
+"""Half the width of an arm, m."""
 SLACK = 0.01
 """Metres by which a clearance may be missed: what interpolation between cells loses."""
 
@@ -138,19 +140,12 @@ class Navigator:
             for r in (reach[0] + (reach[1] - reach[0]) * i / 5 for i in range(6))
         ]
         room = self.grid.sample(self._clearance, [(x, y) for x, y, _ in bases])
+        tall = [s for s in self.solids.values() if s.top > height + 0.02 and s.distance(*target) < reach[1] + ARM]
         return [
             Pose(x, y, yaw, target)
             for (x, y, yaw), clearance in zip(bases, room, strict=True)
-            if min(float(clearance), *(disc.distance((x, y)) for disc in others), FAR) >= radius
-            and self._arm_passes((x, y), target, height)
+            if min(float(clearance), *(disc.distance((x, y)) for disc in others), FAR) >= radius and _arm_passes((x, y), target, tall)
         ]
-
-    def _arm_passes(self, base: Point, target: Point, height: float) -> bool:
-        """Whether nothing higher than what the target stands on is between the base and the target."""
-        count = max(2, math.ceil(math.dist(base, target) / 0.04))
-        line = [(base[0] + (target[0] - base[0]) * i / count, base[1] + (target[1] - base[1]) * i / count) for i in range(count + 1)]
-        near = (s for s in self.solids.values() if s.top > height + 0.02 and math.dist((s.x, s.y), target) < s.extent + 1.5)
-        return not any(solid.distance(*point) < 0.05 for solid in near for point in line)
 
     def _ranked(self, start: Point, poses: list[Pose], radius: float, others: Sequence[Disc], limit: int) -> list[Pose]:
         """Those that can be driven to, by the length of the way, how much room there is and how far the arm stretches."""
@@ -232,8 +227,11 @@ def edge_targets(solid: Solid, inset: float, spacing: float = 0.2) -> Iterator[t
         count = max(1, int((long - 2 * inset) / spacing) + 1) if long > 2 * inset else 1
         for i in range(count):
             along = long / 2 + (i - (count - 1) / 2) * min(spacing, max(long - 2 * inset, 0.0) / max(count - 1, 1) or spacing)
-            point = solid.world(ax + along * dx - inset * dy, ay + along * dy + inset * dx)
-            if solid.distance(*point) <= -min(inset, 0.04) + 1e-6:
+            depth, point = inset, solid.world(ax + along * dx - inset * dy, ay + along * dy + inset * dx)
+            while depth > 0.03 and solid.distance(*point) > -0.9 * depth:
+                depth *= 0.8
+                point = solid.world(ax + along * dx - depth * dy, ay + along * dy + depth * dx)
+            if depth > 0.03:
                 c, s = math.cos(solid.yaw), math.sin(solid.yaw)
                 yield point, (c * dy + s * dx, s * dy - c * dx)
 
@@ -250,6 +248,13 @@ def _edges(solid: Solid) -> list[tuple[Point, Point]]:
     else:
         corners = [(solid.radius * math.cos(i * math.pi / 8), solid.radius * math.sin(i * math.pi / 8)) for i in range(16)]
     return list(zip(corners, corners[1:] + corners[:1], strict=True))
+
+
+def _arm_passes(base: Point, target: Point, tall: Sequence[Solid]) -> bool:
+    """Whether nothing higher than what the target stands on is between the base and the target."""
+    count = max(2, math.ceil(math.dist(base, target) / ARM))
+    line = [(base[0] + (target[0] - base[0]) * i / count, base[1] + (target[1] - base[1]) * i / count) for i in range(count + 1)]
+    return not any(solid.distance(*point) < ARM for solid in tall for point in line)
 
 
 def _stands(solid: Solid) -> bool:

@@ -23,6 +23,8 @@ TIGHT = 2.0
 """How much more it costs to drive with no room at all to spare, per metre, than with plenty."""
 LEVELS = 50
 """Steps between no room and plenty; 0 is not free at all."""
+HASTE = 1.1 / CELL
+"""Cells per metre of the coarse way ahead: trusting it a little too much halves the search, and costs a few per cent of way."""
 STEPS = tuple((dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0))
 
 
@@ -105,7 +107,7 @@ def search(field: Field, radius: float, comfort: float, start: Cell, goal: Cell)
             if cost < made.get(other, math.inf):
                 made[other], before[other] = cost, cell
                 row, column = divmod(other, columns)
-                coarse = ahead[row // BLOCK * across + column // BLOCK] / CELL
+                coarse = ahead[row // BLOCK * across + column // BLOCK] * HASTE
                 heapq.heappush(queue, (cost + max(coarse, math.hypot(row - goal[0], column - goal[1])), other))
     else:
         return None
