@@ -1,0 +1,184 @@
+"""What a physical object of the map takes up in space: its place, its form, and the role that it plays in the simulated world."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from somrs.errors import SimulationError
+from somrs.ontology.objects import Object
+from somrs.ontology.types import ABSTRACT, Ontology, Value
+
+Point = tuple[float, float]
+Array = npt.NDArray[np.float64]
+
+
+class Role(StrEnum):
+    """How an object behaves in the world; follows from its type."""
+
+    NOTHING = "nothing"
+    """Not made of matter, or without a place or a form."""
+    MARK = "mark"
+    """Only painted on the floor."""
+    FLOOR = "floor"
+    WALL = "wall"
+    DOOR = "door"
+    SUPPORT = "support"
+    """Things can be put on top of it."""
+    STATIC = "static"
+    """Stands where it is, and nothing is put on it."""
+    THING = "thing"
+    """Can be carried."""
+    ROBOT = "robot"
+
+
+# The first type that fits decides, so special ones come before general ones.
+ROLES = (
+    (ABSTRACT, Role.NOTHING),
+    ("Ceiling", Role.NOTHING),
+    ("Opening", Role.NOTHING),
+    ("Place", Role.MARK),
+    ("Floor", Role.FLOOR),
+    ("Door", Role.DOOR),
+    ("Wall", Role.WALL),
+    ("Window", Role.WALL),
+    ("Support", Role.SUPPORT),
+    ("Graspable", Role.THING),
+    ("MobileRobot", Role.ROBOT),
+    ("PhysicalObject", Role.STATIC),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solid:
+    """An upright prism: position of the middle of its underside, heading, form and sizes in metres, all on the map."""
+
+    name: str
+    type: str
+    role: Role
+    x: float
+    y: float
+    z: float
+    yaw: float
+    form: str
+    width: float = 0.0
+    depth: float = 0.0
+    radius: float = 0.0
+    height: float = 0.0
+    outline: tuple[Point, ...] = ()
+    color: str | None = None
+    weight: float = 0.3
+    open: bool = False
+    speed: float = 0.8
+    gripper: bool = False
+
+    @property
+    def top(self) -> float:
+        return self.z + self.height
+
+    @property
+    def extent(self) -> float:
+        """The radius of the smallest circle about its position that holds it, seen from above."""
+        match self.form:
+            case "Box":
+                return math.hypot(self.width, self.depth) / 2
+            case "Polygon":
+                return max(math.hypot(*corner) for corner in self.outline)
+        return self.radius
+
+    def world(self, x: float, y: float) -> Point:
+        """A point of the solid's own frame on the map."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return self.x + c * x - s * y, self.y + s * x + c * y
+
+    def distance(self, x: float, y: float) -> float:
+        """From its outline to the point, seen from above; negative inside."""
+        return float(self.distances(np.array([[x, y]]))[0])
+
+    def distances(self, points: Array) -> Array:
+        """From its outline to each of the points (n, 2), seen from above; negative inside."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        dx, dy = points[:, 0] - self.x, points[:, 1] - self.y
+        u, v = c * dx + s * dy, c * dy - s * dx
+        match self.form:
+            case "Box":
+                a, b = np.abs(u) - self.width / 2, np.abs(v) - self.depth / 2
+                return np.asarray(np.hypot(np.maximum(a, 0.0), np.maximum(b, 0.0)) + np.minimum(np.maximum(a, b), 0.0))
+            case "Polygon":
+                return _polygon_distances(self.outline, u, v)
+        return np.asarray(np.hypot(u, v) - self.radius)
+
+
+def _polygon_distances(outline: tuple[Point, ...], u: Array, v: Array) -> Array:
+    """Signed distances of points to a polygon's edge; the even-odd rule says what is inside."""
+    nearest, inside = np.full(u.shape, np.inf), np.zeros(u.shape, dtype=bool)
+    for (ax, ay), (bx, by) in zip(outline, (*outline[1:], outline[0]), strict=True):
+        dx, dy = bx - ax, by - ay
+        share = np.clip(((u - ax) * dx + (v - ay) * dy) / (dx * dx + dy * dy or 1.0), 0.0, 1.0)
+        nearest = np.minimum(nearest, np.hypot(u - ax - share * dx, v - ay - share * dy))
+        if ay != by:
+            inside ^= ((ay > v) != (by > v)) & (u < ax + (v - ay) / (by - ay) * dx)
+    return np.where(inside, -nearest, nearest)
+
+
+def role_of(object: Object, ontology: Ontology) -> Role:
+    """The role of the object's type; a type that the ontology does not know plays none."""
+    return next((role for ancestor, role in ROLES if ontology.is_a(object.type, ancestor)), Role.NOTHING)
+
+
+def solid_of(object: Object, ontology: Ontology) -> Solid | None:
+    """The object's place and form, its type's defaults where it says nothing; None if it takes up no known space."""
+
+    def value(path: str) -> Value | None:
+        own = object.values.get(path)
+        return ontology.default(object.type, path) if own is None else own
+
+    def number(path: str, otherwise: float = 0.0) -> float:
+        found = value(path)
+        if found is None:
+            return otherwise
+        if isinstance(found, str) or not math.isfinite(found):
+            raise SimulationError(f"{object.name}: {path} must be a finite number, not {found!r}; correct it in the map")
+        return float(found)
+
+    role, form = role_of(object, ontology), value("Shape.Form")
+    if role is Role.NOTHING or form is None or value("PositionX") is None or value("PositionY") is None:
+        return None
+    color = value("Color")
+    solid = Solid(
+        name=object.name,
+        type=object.type,
+        role=role,
+        x=number("PositionX"),
+        y=number("PositionY"),
+        z=number("PositionZ"),
+        yaw=number("RotationZ"),
+        form=str(form),
+        width=number("Shape.Width"),
+        depth=number("Shape.Depth"),
+        radius=number("Shape.Radius"),
+        height=number("Shape.Height"),
+        outline=_outline(object.name, str(value("Shape.Outline") or "")) if form == "Polygon" else (),
+        color=None if color is None else str(color),
+        weight=number("Weight", 0.3),
+        open=bool(value("Open")),
+        speed=number("Speed", 0.8),
+        gripper=ontology.is_a(object.type, "MobileManipulator"),
+    )
+    if role is not Role.MARK and (solid.extent <= 0 or solid.height <= 0):
+        raise SimulationError(f"{object.name}: a {object.type} without extent cannot be built; give it a Shape in the map")
+    return solid
+
+
+def _outline(name: str, text: str) -> tuple[Point, ...]:
+    try:
+        corners = tuple((float(x), float(y)) for x, y in (corner.split(",") for corner in text.split()))
+    except ValueError:
+        corners = ()
+    if len(corners) < 3:
+        raise SimulationError(f'{name}: Shape.Outline must be three or more corners such as "0,0 4,0 4,3", not "{text}"')
+    return corners
