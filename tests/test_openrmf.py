@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import deque
 from pathlib import Path
 
@@ -218,6 +219,19 @@ def test_what_cannot_be_understood_is_told_with_its_line(old: str, new: str, lin
         import_text(SMALL.replace(old, new, 1), "depot.building.yaml")
     assert caught.value.problems[0].line == line
     assert words in str(caught.value)
+
+
+@given(st.data())
+def test_no_change_of_a_file_makes_the_import_fail_otherwise(data: st.DataObject) -> None:
+    """A file with a value overwritten is brought in, or its problems are told; nothing else happens."""
+    values = [match.span(1) for match in re.finditer(r"[:,\[] ?([^\s,\[\]{}]+|\[[^\[\]]*\]|\{\})(?=[\n,\]}])", SMALL)]
+    start, end = data.draw(st.sampled_from(values))
+    junk = data.draw(st.sampled_from(["-1", "1e400", ".nan", "''", "x", "null", "[]", "{}", "[1]", "{a: 1}", "99999999999", "true"]))
+    try:
+        site = import_text(SMALL[:start] + junk + SMALL[end:])
+    except ModelError:
+        return
+    assert violations(site.map, site.ontology) == []
 
 
 def test_file_that_is_not_there(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from somrs.errors import InputError, ModelError, Problem
+from somrs.ontology.conformance import violations
 from somrs.ontology.files import upper
 from somrs.ontology.nodes import Path as YamlPath
 from somrs.ontology.nodes import Source
@@ -85,19 +86,24 @@ class _Import:
         name = _identifier(str(data.get("name") or "Building"))
         building = self._add(name, "Building", {}, None)
         levels = [level for key in data["levels"] if (level := self._level(str(key), building)) is not None]
-        self._align(levels)
-        for level in levels:
-            self._reserve(level)
-        for level in levels:
-            self._fabric(level)
-            self._models(level)
-            self._places(level)
-        self._lifts(levels)
         if self.problems:
             raise ModelError(self.problems)
-        return Site(
-            name=name, ontology=upper().extended(self.types.values()), map=Map(self.objects.values(), self.facts), notes=tuple(self.notes)
-        )
+        self._align(levels)
+        for stage in (self._reserve, self._fabric, self._models, self._places):
+            for level in levels:
+                with self._reading(f"level {level.name}", ("levels", level.name)):
+                    stage(level)
+        with self._reading("lifts", ("lifts",)):
+            self._lifts(levels)
+        ontology, map = upper().extended(self.types.values()), Map(self.objects.values(), self.facts)
+        if not self.problems:
+            for broken in violations(map, ontology):
+                self.problems.append(
+                    Problem(file=self.source.file, line=None, subject=broken.subject, rule=broken.rule, message=broken.message)
+                )
+        if self.problems:
+            raise ModelError(self.problems)
+        return Site(name=name, ontology=ontology, map=map, notes=tuple(self.notes))
 
     # Levels and their coordinates
 
@@ -244,7 +250,7 @@ class _Import:
         x, y = self._point(level, model["x"], model["y"])
         wanted = Box(x, y, size.width, size.depth, float(model.get("yaw", 0.0)))
         type_name = self._model_type(kind, size)
-        name = self._numbered(type_name)
+        name = self._numbered(_identifier(kind))
         box = cleared(wanted, level.walls)
         if box is None:
             self.notes.append(f"{name} stands where walls leave no room for it; it is left out")
@@ -256,10 +262,7 @@ class _Import:
 
     def _model_type(self, kind: str, size: Model) -> str:
         """A type for the model, which knows its size; Open-RMF's names are kept where the upper ontology has not taken them."""
-        if size is UNKNOWN:
-            name = "UnknownModel"
-        else:
-            name = kind if kind not in upper().types else f"{kind}Model"
+        name = "UnknownModel" if size is UNKNOWN else f"{kind}Model" if kind in upper().types else kind
         defaults: dict[str, Value] = {**_shape(Box(0, 0, size.width, size.depth), size.height), "Color": size.color}
         self.types[name] = ObjectType(name=name, parent=size.parent, defaults=defaults)
         return name
@@ -358,7 +361,7 @@ class _Import:
         """Turn what is missing or of the wrong kind in the file into a problem with its line."""
         try:
             yield
-        except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError, StopIteration) as error:
             missing = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
             message = f"cannot be understood: {missing}; mend it in the traffic editor"
             self.problems.append(
