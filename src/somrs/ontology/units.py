@@ -20,7 +20,7 @@ def _not_units() -> tuple[type[Exception], ...]:
     """What pint raises on unknown units, other dimensions, and texts that are no unit at all."""
     from pint.errors import PintError
 
-    return (PintError, AssertionError, AttributeError, ValueError, TypeError, ArithmeticError, SyntaxError, tokenize.TokenError)
+    return (PintError, AssertionError, AttributeError, KeyError, ValueError, TypeError, ArithmeticError, SyntaxError, tokenize.TokenError)
 
 
 @lru_cache(maxsize=8192)
