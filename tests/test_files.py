@@ -256,6 +256,17 @@ def test_examples_in_the_documentation_load() -> None:
         ontology = load_text(block, "docs/ontology.md", ontology).ontology
 
 
+def test_messages_in_the_documentation_are_those_that_are_told() -> None:
+    text = DOCS.read_text("utf-8")
+    map = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[0]
+    for old, new in (("type: Table", "type: Tabel"), ("Weight: 300 g", "Weight: 300 mm"), ("isOn Bench1", "isOn Bnch1")):
+        assert old in map
+        map = map.replace(old, new)
+    with pytest.raises(ModelError) as caught:
+        load_text(map, "workshop.yaml")
+    assert f"```\n{caught.value}\n```" in text
+
+
 # What is written is read back
 
 names = st.sampled_from(["null", "true", "Off", "e5", "y", "é", "A-1", "No", "on", "x_"]) | st.builds(
