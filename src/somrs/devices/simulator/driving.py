@@ -1,0 +1,211 @@
+"""How a robot gets somewhere: along a path around what stands still, giving way to what moves, never into anything."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from somrs.devices.simulator.clearance import Disc
+from somrs.devices.simulator.robot import BRAKING, GivenUp, Robot, Routine, wait, wrap
+from somrs.devices.simulator.solids import Point
+from somrs.devices.simulator.traffic import GAP, Capsule, length, path_distance, point_distance
+
+PATIENCE = 25.0
+"""How long a robot waits and tries without getting nearer, s."""
+MARGIN = 0.03
+"""What a planned path keeps from obstacles beyond the robot's radius, m."""
+NEAR_FLOOR = 0.3
+"""Things whose underside is lower than this stand in a robot's way, m."""
+
+
+def floor_things(robot: Robot, ignored: Collection[str] = ()) -> list[Disc]:
+    """Things that stand on the robot's floor."""
+    found = []
+    for thing in robot.scene.things():
+        x, y, z, _ = robot.scene.pose(thing)
+        if thing not in ignored and robot.scene.holder(thing) is None and -0.1 < z - robot.solid.z < NEAR_FLOOR:
+            below = robot.scene.below(x, y, z + 0.02)
+            if below is None or below.top - robot.solid.z < 0.05:
+                found.append(Disc(x, y, robot.scene.world.solids[thing].extent))
+    return found
+
+
+def robot_discs(robots: Collection[Robot]) -> list[Disc]:
+    """The room of robots as it is now, as discs."""
+    found = []
+    for robot in robots:
+        for claim in robot.claims():
+            steps = max(1, math.ceil(math.dist(claim.start, claim.end) / 0.15))
+            for i in range(steps + 1):
+                x = claim.start[0] + (claim.end[0] - claim.start[0]) * i / steps
+                y = claim.start[1] + (claim.end[1] - claim.start[1]) * i / steps
+                found.append(Disc(x, y, claim.radius + GAP))
+    return found
+
+
+def route(robot: Robot, goal: Point, around: Collection[Robot]) -> list[Point] | None:
+    """A path that keeps clear of everything static, of things on the floor, and of the given robots."""
+    x, y, _ = robot.pose()
+    discs = [*floor_things(robot, [robot.holding] if robot.holding else []), *robot_discs(around)]
+    near = [disc for disc in discs if math.hypot(disc.x - x, disc.y - y) < disc.radius + robot.size.radius + MARGIN]
+    # A robot that is too near to something already must be able to leave: what it touches shrinks to what it leaves free.
+    for disc in near:
+        gap = math.hypot(disc.x - x, disc.y - y) - robot.size.radius - MARGIN - 0.005
+        discs[discs.index(disc)] = Disc(disc.x, disc.y, max(0.01, gap))
+    return robot.navigator.path((x, y), goal, robot.size.radius + MARGIN, discs)
+
+
+def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: float = PATIENCE) -> Routine:
+    """Get to the goal; give up when that is impossible, or when others leave no way for longer than the patience."""
+    waited, avoided = 0.0, set[str]()
+    best = math.inf
+    try:
+        while math.dist(robot.pose()[:2], goal) > 0.015:
+            robot.need_drive()
+            around = [other for other in robot.others() if not other.plan or other.name in avoided]
+            path = route(robot, goal, around)
+            if path is None:
+                if route(robot, goal, ()) is None:
+                    raise GivenUp("unreachable", f"{robot.name} finds no way to ({goal[0]:.2f}, {goal[1]:.2f})")
+                obstacle = next((o for o in around if route(robot, goal, [r for r in around if r is not o]) is not None), None)
+                waited += yield from _unblock(robot, obstacle, goal)
+            else:
+                left = length(path)
+                if left < best - 0.3:
+                    best, waited = left, 0.0
+                obstacle = yield from _follow(robot, path)
+                if obstacle is None:
+                    continue
+                waited += yield from _wait_for(robot, obstacle)
+            avoided = {obstacle.name} if obstacle is not None else set()
+            if waited > patience:
+                by = f" by {obstacle.name}" if obstacle is not None else ""
+                raise GivenUp("blocked", f"the way of {robot.name} to ({goal[0]:.2f}, {goal[1]:.2f}) is blocked{by}")
+        if yaw is not None:
+            yield from turn_to(robot, yaw)
+    finally:
+        robot.plan = []
+
+
+def turn_to(robot: Robot, yaw: float) -> Routine:
+    """Turn on the spot."""
+    for _ in range(500):
+        robot.need_drive()
+        error = wrap(yaw - robot.pose()[2])
+        if abs(error) < 0.01:
+            return
+        robot.move((math.cos(robot.pose()[2]), math.sin(robot.pose()[2])), 0.0, _turning(error))
+        yield
+
+
+def _turning(error: float) -> float:
+    """How fast to turn towards a heading that is that far off: so that it stops there without overshooting."""
+    return math.copysign(min(4.0 * abs(error), math.sqrt(2 * 3.0 * abs(error))), error)
+
+
+def _follow(robot: Robot, path: Sequence[Point]):  # type: ignore[no-untyped-def]
+    """Go along the path. Returns the robot that kept it standing for a while, or None at the end of the path."""
+    corner, stood = 1 if len(path) > 1 else 0, 0
+    while True:
+        robot.need_drive()
+        x, y, yaw = robot.pose()
+        robot.plan = [(x, y), *path[corner:]]
+        dx, dy = path[corner][0] - x, path[corner][1] - y
+        distance, last = math.hypot(dx, dy), corner == len(path) - 1
+        if distance < (0.01 if last else 0.04):
+            if last:
+                robot.plan = []
+                return None
+            corner += 1
+            continue
+        direction = (dx / distance, dy / distance)
+        error = wrap(math.atan2(dy, dx) - yaw)
+        if last and distance < 0.04:
+            error = 0.0  # too near for the direction to mean anything
+        allowed = robot.solid.speed * max(0.0, math.cos(error)) ** 4 if abs(error) < 1.0 else 0.0
+        after = 0.02 if last else _corner_speed(robot, path[corner - 1], path[corner], path[corner + 1])
+        allowed = min(allowed, math.sqrt(after * after + 2 * 0.6 * BRAKING * max(0.0, distance - 0.01)))
+        obstacle = robot.move(direction, allowed, _turning(error))
+        stood = stood + 1 if obstacle is not None and robot.speed < 0.03 else 0
+        if stood > 25 and obstacle is not None:
+            return obstacle
+        yield
+
+
+def _corner_speed(robot: Robot, before: Point, corner: Point, after: Point) -> float:
+    """How fast a robot may be where its path bends."""
+    a = math.atan2(corner[1] - before[1], corner[0] - before[0])
+    bend = wrap(math.atan2(after[1] - corner[1], after[0] - corner[0]) - a)
+    return max(0.08, robot.solid.speed * max(0.0, math.cos(bend)) ** 6)
+
+
+def _yields_to(robot: Robot, other: Robot) -> bool:
+    """Who makes way for whom: the one that has nothing to do, else the one with the greater name."""
+    return other.mobile and bool(other.plan) and (not robot.plan or robot.name > other.name)
+
+
+def _wait_for(robot: Robot, other: Robot):  # type: ignore[no-untyped-def]
+    """Another one is in the way, where there was a path. Returns the seconds waited."""
+    if not other.mobile or not other.plan:
+        yield from wait(0.1)
+        return 0.1
+    pause = 1.6 if _yields_to(robot, other) else 0.2
+    yield from wait(pause)
+    return pause
+
+
+def _unblock(robot: Robot, other: Robot | None, goal: Point):  # type: ignore[no-untyped-def]
+    """No path because of another robot: step aside, or have it step aside, or wait. Returns the seconds waited."""
+    start = robot.scene.time
+    if other is not None and not other.plan and other.mobile and other.doing is None:
+        other.asked = robot
+        robot.plan = route(robot, goal, [r for r in robot.others() if r is not other and not r.plan]) or []
+    elif other is not None and _yields_to(robot, other):
+        yield from make_way(robot, other)
+    yield from wait(0.5)
+    return robot.scene.time - start
+
+
+def make_way(robot: Robot, other: Robot) -> Routine:
+    """Leave the way of another robot, if there is a place to go, and wait until that has passed."""
+    refuge = _refuge(robot, other)
+    if refuge is None:
+        return
+    robot.plan = []
+    obstacle = yield from _follow(robot, refuge)
+    robot.plan = []
+    for _ in range(30):
+        if obstacle is not None or not other.plan:
+            return
+        yield from wait(0.5)
+        mine = robot.base_claim()
+        if path_distance([mine.start], other.plan[:6]) > 1.5:
+            return
+
+
+def _refuge(robot: Robot, other: Robot) -> list[Point] | None:
+    """The way to the nearest place off the other's path."""
+    x, y, _ = robot.pose()
+    room = robot.size.radius + other.size.radius + 0.12
+    discs = [*floor_things(robot), *robot_discs(robot.others())]
+    candidates = []
+    for radius in (0.5, 0.8, 1.2, 1.7, 2.4, 3.2, 4.2, 5.5):
+        for angle in np.arange(16) * math.pi / 8:
+            point = (x + radius * math.cos(angle), y + radius * math.sin(angle))
+            aside = all(point_distance(point, a, b) > room for a, b in zip(other.plan, other.plan[1:], strict=False))
+            here = Capsule(point, point, robot.size.radius + 0.05)
+            if aside and all(here.gap(Capsule((d.x, d.y), (d.x, d.y), d.radius)) > 0 for d in discs):
+                candidates.append(point)
+    tried = 0
+    for point in candidates:
+        if not robot.navigator.free(point, robot.size.radius + MARGIN):
+            continue
+        path = route(robot, point, robot.others())
+        tried += 1
+        if path is not None:
+            return path
+        if tried > 24:
+            break
+    return None

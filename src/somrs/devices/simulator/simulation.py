@@ -1,0 +1,369 @@
+"""The simulation as others use it: time in control periods, commands to robots and how they end, faults, and what can be seen.
+
+Nothing here reads a clock: whoever calls `step` decides how fast simulated time passes. While nothing is `busy`, no time need pass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from somrs.devices.simulator.commands import (
+    Approach,
+    Command,
+    Done,
+    DriveTo,
+    Fault,
+    Gave,
+    Grip,
+    Place,
+    PutDown,
+    RobotState,
+    Seen,
+    Sense,
+    Status,
+    Stop,
+)
+from somrs.devices.simulator.driving import drive_to, make_way
+from somrs.devices.simulator.handling import get_within_reach, pick, put, set_down, spots_on, top_of, withdraw
+from somrs.devices.simulator.navigation import Navigator
+from somrs.devices.simulator.robot import PERIOD, GivenUp, Robot, Routine
+from somrs.devices.simulator.scene import Scene
+from somrs.devices.simulator.solids import Array, Role, Solid
+from somrs.devices.simulator.standing import outline_spots
+from somrs.devices.simulator.world import STEP
+from somrs.errors import UsageError
+from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved
+from somrs.ontology.types import Ontology
+
+OnEnd = Callable[[Done | Gave], None]
+
+
+@dataclass(slots=True)
+class _Work:
+    """What a robot is doing: the routine, and the command it carries out (None: of its own accord)."""
+
+    routine: Routine
+    command: Command | None
+    on_end: OnEnd | None
+    touched: tuple[str, ...] = ()
+    given: GivenUp | None = None
+    """Why the command was given up, while the robot still brings its arm in or puts down what it holds."""
+
+
+class Simulation:
+    """A world made from a map, and the robots in it."""
+
+    def __init__(self, map: Map, ontology: Ontology) -> None:
+        self._map, self._ontology = map, ontology
+        self.scene = Scene(map, ontology)
+        self._navigators: dict[float, Navigator] = {}
+        self.robots: dict[str, Robot] = {}
+        self._work: dict[str, _Work] = {}
+        self._dropped: dict[str, str] = {}
+        for solid in self.scene.world.of(Role.ROBOT):
+            self._add_robot(solid)
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the beginning, s."""
+        return self.scene.time
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything moves or is to move."""
+        working = any(not self._dead(name) for name in self._work)
+        return working or any(robot.asked is not None for robot in self.robots.values()) or not self._at_rest()
+
+    def _at_rest(self) -> bool:
+        things = all(self.scene.holder(thing) is not None or self.scene.still(thing) for thing in self.scene.things())
+        return things and all(max(map(abs, robot.joints.speed())) < 0.01 for robot in self.robots.values())
+
+    def step(self) -> None:
+        """Let one control period pass."""
+        for robot in self.robots.values():
+            robot.begin_period()
+        for name in list(self._work):
+            if name in self._work and not self._dead(name):
+                self._advance(name)
+        for name, robot in self.robots.items():
+            if robot.asked is not None and name not in self._work:
+                other, robot.asked = robot.asked, None
+                if robot.mobile and not robot.arm_out:
+                    self._work[name] = _Work(make_way(robot, other), None, None)
+            robot.end_period()
+        self.scene.step(round(PERIOD / STEP))
+
+    # Commands
+
+    def command(self, robot: str, command: Command, on_end: OnEnd) -> None:
+        """Have a robot do something. `on_end` is called once, when that is done or given up; a command that comes while
+        another one runs ends that one."""
+        one = self._robot(robot)
+        if isinstance(command, Status):
+            on_end(Done(state=one.state()))
+            return
+        if Fault.SILENT in one.faults:
+            return
+        if isinstance(command, Sense):
+            on_end(Done(state=one.state(), seen=self.look(robot, command.radius)))
+            return
+        running = self._work.get(robot)
+        reflex = running is not None and (running.command is None or running.given is not None) and Fault.DRIVE in one.faults
+        if not reflex:
+            self._end(robot, GivenUp("stopped", f"{robot} was told to do something else"))
+        if isinstance(command, Stop):
+            on_end(Done(state=one.state()))
+            return
+        routine, touched = self._routine(one, command)
+        if reflex and running is not None:
+            self._end_callback_only(robot)
+            routine = _after(running.routine, routine)
+        one.doing = type(command).__name__
+        self._work[robot] = _Work(routine, command, on_end, touched)
+
+    def _end_callback_only(self, robot: str) -> None:
+        """End the running command towards its sender, but let the robot finish putting down what it holds."""
+        work = self._work.pop(robot)
+        self._report(robot, work, work.given or GivenUp("stopped", f"{robot} was told to do something else"))
+
+    def _routine(self, robot: Robot, command: Command) -> tuple[Routine, tuple[str, ...]]:
+        match command:
+            case DriveTo(x=x, y=y, yaw=yaw):
+                return _drive(robot, x, y, yaw), ()
+            case Approach(object=name):
+                return self._approach(robot, name), (name,)
+            case Grip(object=name):
+                return self._grip(robot, name), (name,)
+            case Place(on=name):
+                return self._place(robot, command), (robot.holding,) if robot.holding else ()
+            case PutDown():
+                return self._put_down(robot), (robot.holding,) if robot.holding else ()
+        raise UsageError(f"a simulated robot cannot carry out {command!r}")
+
+    def _advance(self, name: str) -> None:
+        robot, work = self.robots[name], self._work[name]
+        try:
+            next(work.routine)
+        except StopIteration:
+            self._finish(robot, work)
+        except GivenUp as given:
+            self._give_up(robot, work, given)
+
+    def _finish(self, robot: Robot, work: _Work) -> None:
+        if work.given is None and robot.holding is not None and Fault.DRIVE in robot.faults:
+            given = GivenUp("drive-dead", f"the drive of {robot.name} is dead")
+            self._give_up(robot, work, given)
+            return
+        del self._work[robot.name]
+        self._report(robot, work, work.given)
+
+    def _give_up(self, robot: Robot, work: _Work, given: GivenUp) -> None:
+        """Clean up before the command ends: draw the arm in, and put down what cannot be carried any further."""
+        robot.plan = []
+        if work.given is not None:  # the cleaning up failed, too: that is how it stays
+            del self._work[robot.name]
+            robot.arm_claim = robot.arm_claim if robot.arm_out else None
+            self._report(robot, work, work.given)
+            return
+        work.given = given
+        if Fault.DRIVE in robot.faults and robot.holding is not None and Fault.GRIPPER not in robot.faults:
+            self._dropped[robot.name] = robot.holding
+            work.routine = set_down(robot)
+        else:
+            work.routine = withdraw(robot)
+
+    def _end(self, robot: str, given: GivenUp) -> None:
+        """End whatever the robot is doing at once."""
+        work = self._work.pop(robot, None)
+        one = self.robots[robot]
+        one.plan, one.doing = [], None
+        if work is not None:
+            work.routine.close()
+            self._report(robot, work, work.given or given)
+
+    def _report(self, robot: Robot | str, work: _Work, given: GivenUp | None) -> None:
+        one = self.robots[robot] if isinstance(robot, str) else robot
+        one.doing = None
+        if work.on_end is None:
+            return
+        dropped = self._dropped.pop(one.name, None)
+        touched = dict.fromkeys([*work.touched, *([dropped] if dropped else []), *([one.holding] if one.holding else [])])
+        seen = tuple(self.seen(name) for name in touched if name in self.scene.world.solids)
+        on_end, work.on_end = work.on_end, None
+        if given is None:
+            on_end(Done(state=one.state(), seen=seen))
+        else:
+            on_end(Gave(reason=given.reason, description=given.description, state=one.state(), seen=seen))
+
+    # What the commands do
+
+    def _approach(self, robot: Robot, name: str) -> Routine:
+        solid = self._solid(name)
+        if solid.role is Role.THING:
+            yield from get_within_reach(robot, name, lambda: self._spot_of(name), self.scene.pose(name)[2], [name])
+            return
+        if solid.role in (Role.SUPPORT, Role.FLOOR, Role.MARK):
+            yield from get_within_reach(robot, name, spots_on(robot, solid, None), top_of(solid))
+            return
+        spots = outline_spots(solid)
+        # Only to be near it: the arm is not going to reach into it, so no height is in the way.
+        yield from get_within_reach(robot, name, lambda: (spots, np.zeros(len(spots))), max(solid.top, 1.5), [name])
+
+    def _grip(self, robot: Robot, name: str) -> Routine:
+        self._able(robot)
+        solid = self._solid(name)
+        if robot.holding is not None:
+            raise GivenUp("holding", f"{robot.name} holds {robot.holding} already")
+        if solid.role is not Role.THING:
+            raise GivenUp("not-possible", f"{name} is a {solid.type}, not a thing that can be carried")
+        holder = self.scene.holder(name)
+        if holder is not None:
+            raise GivenUp("not-possible", f"{name} is held by {holder}")
+        robot.need_gripper()
+        yield from get_within_reach(robot, name, lambda: self._spot_of(name), self.scene.pose(name)[2], [name])
+        yield from pick(robot, name)
+
+    def _place(self, robot: Robot, command: Place) -> Routine:
+        self._able(robot)
+        solid = self._solid(command.on)
+        if robot.holding is None:
+            raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put on {command.on}")
+        if solid.role not in (Role.SUPPORT, Role.FLOOR, Role.MARK):
+            raise GivenUp("not-possible", f"nothing can be put on {command.on}, which is a {solid.type}")
+        robot.need_gripper()
+        at = (command.x, command.y) if command.x is not None and command.y is not None else None
+        spot = yield from get_within_reach(robot, command.on, spots_on(robot, solid, at), top_of(solid))
+        yield from put(robot, spot, top_of(solid))
+
+    def _put_down(self, robot: Robot) -> Routine:
+        self._able(robot)
+        if robot.holding is None:
+            raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put down")
+        yield from set_down(robot)
+
+    def _able(self, robot: Robot) -> None:
+        if not robot.size.gripper:
+            raise GivenUp("not-possible", f"{robot.name} has no gripper")
+
+    def _spot_of(self, thing: str) -> tuple[Array, Array]:
+        x, y, _, _ = self.scene.pose(thing)
+        return np.array([[x, y]]), np.zeros(1)
+
+    # What is seen
+
+    def state(self, robot: str) -> RobotState:
+        return self._robot(robot).state()
+
+    def seen(self, object: str) -> Seen:
+        """The truth about an object: where it is, and on what."""
+        if object not in self.scene.world.solids:
+            raise UsageError(f"{object} is not in the simulated world")
+        return self.scene.seen(object)
+
+    def look(self, robot: str, radius: float) -> tuple[Seen, ...]:
+        """The things and robots within the radius that nothing hides from the robot's camera."""
+        one = self._robot(robot)
+        x, y, _ = one.pose()
+        eye = (x, y, one.solid.z + (1.05 if one.size.gripper else one.size.height + 0.05))
+        found = []
+        for name in [*self.scene.things(), *self.robots]:
+            px, py, z, _ = self.scene.pose(name)
+            middle = (px, py, z + 0.6 * self.scene.world.solids[name].height)
+            if name != robot and math.dist((x, y), (px, py)) <= radius and self.scene.ray(eye, middle, (robot, name)):
+                found.append(self.seen(name))
+        return tuple(found)
+
+    # Faults
+
+    def fault(self, robot: str, fault: Fault) -> None:
+        """Break something."""
+        one = self._robot(robot)
+        one.faults.add(fault)
+        match fault:
+            case Fault.DRIVE if robot not in self._work and one.holding is not None and Fault.GRIPPER not in one.faults:
+                self._dropped[robot] = one.holding
+                self._work[robot] = _Work(set_down(one), None, None, given=GivenUp("drive-dead", f"the drive of {robot} is dead"))
+            case Fault.SILENT:
+                work = self._work.pop(robot, None)
+                if work is not None:
+                    work.routine.close()
+                one.plan, one.doing = [], None
+            case Fault.LINK:
+                self._end(robot, GivenUp("stopped", f"the link to {robot} is lost"))
+            case Fault.GRIPPER if one.size.gripper:
+                one.hold_joint("left")
+                one.hold_joint("right")
+
+    def repair(self, robot: str, fault: Fault) -> None:
+        """Mend it; what was given up for it stays given up."""
+        self._robot(robot).faults.discard(fault)
+
+    def _dead(self, robot: str) -> bool:
+        return bool(self.robots[robot].faults & {Fault.SILENT, Fault.LINK})
+
+    # What comes and goes
+
+    def add(self, object: Object) -> None:
+        """An object appears."""
+        solid = self.scene.add(object)
+        self._map = self._map.changed([ObjectAdded(object)])
+        if solid is None:
+            return
+        if solid.role is Role.ROBOT:
+            self._add_robot(solid)
+        elif solid.role is not Role.THING:
+            self._renew_navigators()
+
+    def remove(self, name: str) -> None:
+        """An object is gone."""
+        solid = self.scene.world.solids.get(name)
+        if name in self.robots:
+            self._end(name, GivenUp("stopped", f"{name} was taken out of the world"))
+            del self.robots[name]
+        if solid is not None:
+            self.scene.remove(name)
+        if name in self._map.objects:
+            self._map = self._map.changed([ObjectRemoved(name)])
+        if solid is not None and solid.role not in (Role.ROBOT, Role.THING):
+            self._renew_navigators()
+
+    def _add_robot(self, solid: Solid) -> None:
+        self.robots[solid.name] = Robot(solid, self.scene, self._navigator(solid.z), self.robots)
+
+    def _navigator(self, level: float) -> Navigator:
+        key = round(level, 1)
+        if key not in self._navigators:
+            self._navigators[key] = Navigator(self._map, self._ontology, level=level)
+        return self._navigators[key]
+
+    def _renew_navigators(self) -> None:
+        self._navigators = {}
+        for robot in self.robots.values():
+            robot.navigator = self._navigator(robot.solid.z)
+
+    def _robot(self, name: str) -> Robot:
+        if name not in self.robots:
+            raise UsageError(f"{name} is not a robot in the simulated world; there are {', '.join(self.robots) or 'none'}")
+        return self.robots[name]
+
+    def _solid(self, name: str) -> Solid:
+        if name not in self.scene.world.solids:
+            raise GivenUp("unknown-object", f"{name} is not in the simulated world")
+        return self.scene.world.solids[name]
+
+
+def _drive(robot: Robot, x: float, y: float, yaw: float | None) -> Routine:
+    yield from withdraw(robot)
+    yield from drive_to(robot, (x, y), yaw)
+
+
+def _after(first: Routine, second: Routine) -> Routine:
+    """One routine after the other, whether or not the first can be carried out."""
+    with suppress(GivenUp):
+        yield from first
+    yield from second
