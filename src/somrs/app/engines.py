@@ -21,7 +21,8 @@ from somrs.planner.problem import Problem
 UNSOLVABLE = {11, 12}
 """Fast Downward's exit codes for: proved unsolvable; searched through without finding a solution. 12 comes from incomplete
 searches too, but the one used here is complete."""
-OUT_OF_TIME = 23
+OUT_OF_TIME = {23, 256 - signal.SIGXCPU}
+"""Its own exit code, and what its driver makes of the signal that ends a process at its limit."""
 GRACE = 5.0
 """Seconds on top of the limit for the process to start and to write its answer."""
 
@@ -57,7 +58,7 @@ def fast_downward(task: str, seconds: float) -> list[str] | None:
             return [line.strip("()") for line in lines if not line.startswith(";")]
     if code in UNSOLVABLE:
         return None
-    if code == OUT_OF_TIME:
+    if code in OUT_OF_TIME:
         raise RemoteError(f"no plan was found in {seconds:g} s, nor that there is none")
     raise RemoteError(f"Fast Downward ended with code {code}: {said[-500:]}")
 
@@ -76,7 +77,7 @@ def _run(command: list[str], folder: Path, seconds: float) -> tuple[int, str]:
             said, _ = process.communicate(timeout=seconds)
             over = True
         except subprocess.TimeoutExpired:
-            return OUT_OF_TIME, ""
+            return 256 - signal.SIGXCPU, ""
         finally:
             if not over:
                 os.killpg(process.pid, signal.SIGKILL)

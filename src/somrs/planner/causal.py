@@ -39,7 +39,7 @@ def linked(steps: Sequence[Step], problem: Problem) -> tuple[Link, ...]:
                 found[Link(steps[place].id, steps[n].id, str(condition), keeps=True)] = None
             elif place < len(steps):
                 found[Link(steps[n].id, steps[place].id, str(condition), keeps=True)] = None
-    return tuple(_needed(list(found)))
+    return tuple(_needed(list(found), steps))
 
 
 def _conditions(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) -> Iterator[tuple[int, Literal]]:
@@ -101,22 +101,24 @@ def _displaces(made: Relation, wanted: Relation, ontology: Ontology) -> bool:
     return gives_up and any(isinstance(argument, Variable) or argument == made.arguments[0] for argument in losing)
 
 
-def _needed(links: list[Link]) -> Iterator[Link]:
+def _needed(links: list[Link], steps: Sequence[Step]) -> Iterator[Link]:
     """The links without orders that the others give already; causal links all stay, because they say why."""
-    causal = [link for link in links if not link.keeps]
-    kept = causal + [link for link in links if link.keeps and not any((c.before, c.after) == (link.before, link.after) for c in causal)]
-    for link in list(kept):
-        if link.keeps and _leads(link.before, link.after, [other for other in kept if other is not link]):
-            kept.remove(link)
-    yield from kept
-
-
-def _leads(before: str, after: str, links: list[Link]) -> bool:
-    reached, waiting = {before}, [before]
-    while waiting:
-        step = waiting.pop()
-        for link in links:
-            if link.before == step and link.after not in reached:
-                reached.add(link.after)
-                waiting.append(link.after)
-    return after in reached
+    place = {step.id: number for number, step in enumerate(steps)}
+    after: dict[str, set[str]] = {step.id: set() for step in steps}
+    for link in links:
+        after[link.before].add(link.after)
+    beyond: dict[str, int] = {}
+    """For each step the steps that come somewhere after it, as bits."""
+    for step in reversed(steps):
+        beyond[step.id] = 0
+        for next_ in after[step.id]:
+            beyond[step.id] |= beyond[next_] | 1 << place[next_]
+    causal = {(link.before, link.after) for link in links if not link.keeps}
+    said: set[tuple[str, str]] = set()
+    for link in links:
+        pair = link.before, link.after
+        if not link.keeps:
+            yield link
+        elif pair not in causal | said and not any(beyond[other] >> place[link.after] & 1 for other in after[link.before]):
+            said.add(pair)
+            yield link

@@ -135,8 +135,8 @@ def _matched(
     kinds: dict[str, Kinds] = {}
     for mine, theirs in zip(pattern[1], wanted, strict=False):
         if isinstance(mine, Variable):
-            if not mine.name:
-                continue
+            if not mine.name or "." in mine.name:
+                continue  # any partner; or the value that an attribute has by then, which is not for the goal to say
             if isinstance(theirs, frozenset):
                 kinds[mine.name] = kinds.get(mine.name, ANYTHING) | theirs - operator.types.get(mine.name, ANYTHING)
             elif values.setdefault(mine.name, theirs) != theirs or not is_a(theirs, operator.types.get(mine.name, ())):

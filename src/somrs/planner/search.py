@@ -4,11 +4,11 @@ moves first (Richter and Helmert 2009), guided by the additive heuristic (Bonet 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
 
 from somrs.planner.task import Assignment, Move, State, Task
 
-EFFORT = 400_000
+EFFORT = 1_500_000
 """Moves and effects looked at before an engine is asked instead: about half a second."""
 
 
@@ -80,18 +80,22 @@ class _Estimate:
     def __init__(self, task: Task) -> None:
         self.task = task
         self.looked_at = 0
+        # Effects with the same conditions come about together: one unit of a move, what it needs, and what it makes.
         self.moves: list[Move] = []
         self.needs: list[tuple[Assignment, ...]] = []
-        self.makes: list[Assignment] = []
+        self.makes: list[list[Assignment]] = []
         self.needing: dict[Assignment, list[int]] = {}
         for move in task.moves:
+            units: dict[tuple[Assignment, ...], list[Assignment]] = {}
             for conditions, variable, value in move.effects:
+                units.setdefault(conditions, []).append((variable, value))
+            for conditions, made in units.items():
                 needs = tuple(dict.fromkeys((*move.needs, *conditions)))
                 for need in needs:
                     self.needing.setdefault(need, []).append(len(self.moves))
                 self.moves.append(move)
                 self.needs.append(needs)
-                self.makes.append((variable, value))
+                self.makes.append(made)
 
     def of(self, state: State) -> tuple[float | None, set[Move]]:
         """The distance, and the moves of the state that a way there begins with. None: the goal cannot be reached from
@@ -100,7 +104,8 @@ class _Estimate:
         total = [float(move.cost) for move in self.moves]
         supporter: dict[Assignment, int] = {}
         queue: list[tuple[float, Assignment, int]] = [(0.0, assignment, -1) for assignment in enumerate(state)]
-        queue += [(total[index], self.makes[index], index) for index, needs in enumerate(self.needs) if not needs]
+        queue += [(total[n], made, n) for n, needs in enumerate(self.needs) if not needs for made in self.makes[n]]
+        heapify(queue)
         while queue:
             price, assignment, index = heappop(queue)
             if assignment in supporter:
@@ -113,7 +118,9 @@ class _Estimate:
                 left[index] -= 1
                 total[index] += price
                 if left[index] == 0:
-                    heappush(queue, (total[index], self.makes[index], index))
+                    for made in self.makes[index]:
+                        if made not in supporter:
+                            heappush(queue, (total[index], made, index))
         return None, set()
 
     def _helpful(self, supporter: dict[Assignment, int], state: State) -> set[Move]:

@@ -1,0 +1,111 @@
+"""Fast Downward, as a process of its own, on tasks as we write them."""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from somrs.app.engines import driver, fast_downward, plan_in_process
+from somrs.entish.parse import parse
+from somrs.errors import RemoteError
+from somrs.ontology.files import upper
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.services import Parameter, ServiceType
+from somrs.planner.grounding import Grounding, World
+from somrs.planner.operators import goal_operators, operators, vocabulary
+from somrs.planner.plan import NoPlan, Plan, validate
+from somrs.planner.planning import plan
+from somrs.planner.problem import Available, Problem
+from somrs.planner.relevance import demands
+from somrs.planner.sas import read, written
+from somrs.planner.search import TooHard, search
+from somrs.planner.task import Task
+from test_planner_properties import problems
+
+needs_engine = pytest.mark.skipif(driver() is None, reason="the planner extra is not installed")
+
+STACK = ServiceType(
+    name="Stack",
+    inputs=(Parameter(name="Block", type="Carton"), Parameter(name="To", type="Carton")),
+    precondition="?Block isOn ?From AND NOT ?Above isOn ?Block AND NOT ?Other isOn ?To",
+    effect="?Block isOn ?To",
+)
+UNSTACK = ServiceType(
+    name="Unstack",
+    inputs=(Parameter(name="Block", type="Carton"), Parameter(name="Table", type="Table")),
+    precondition="?Block isOn ?From AND NOT ?Above isOn ?Block",
+    effect="?Block isOn ?Table",
+)
+
+
+def tower(count: int) -> Problem:
+    """A tower of cartons that is to stand the other way round, its second one from below on top."""
+    names = [f"Carton{n}" for n in range(count)]
+    map = Map(
+        [Object(name="Table1", type="Table"), *(Object(name=name, type="Carton") for name in names)],
+        [Fact("isOn", (name, below)) for name, below in zip(names, ["Table1", *names], strict=False)],
+    )
+    turned = [names[1], *names[:1], *names[:1:-1]]
+    goal = " AND ".join(f"{above} isOn {below}" for above, below in pairwise(turned))
+    return Problem(ontology=upper(), map=map, goal=parse(goal), services=(Available(STACK, ("Robot1",)), Available(UNSTACK, ("Robot1",))))
+
+
+def task_of(problem: Problem) -> Task | None:
+    """The ground task, if the goal is not out of reach from the beginning."""
+    known = vocabulary(problem)
+    world = World(problem, known)
+    usable = [*goal_operators(problem.goal, known)]
+    for available in problem.services:
+        usable += operators(available, known, problem.excluded)
+    grounding = Grounding(world, demands(usable, known, world.is_a))
+    return Task(grounding) if grounding.reached else None
+
+
+@needs_engine
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(problems())
+def test_the_engine_and_the_small_search_agree(problem: Problem) -> None:
+    task = task_of(problem)
+    if task is None:
+        return
+    names = fast_downward(written(task), 20)
+    found = search(task, 10**9)
+    assert (names is None) == (found is None)
+    if names is not None:
+        state = task.initial
+        for move in read(names, task):
+            assert move.applicable(state)
+            state = move.apply(state)
+        assert any(move.action.operator.service is None and move.applicable(state) for move in task.moves)
+
+
+@needs_engine
+def test_a_task_too_hard_for_the_small_search_goes_to_the_engine() -> None:
+    problem = tower(10)
+    task = task_of(problem)
+    assert task is not None
+    with pytest.raises(TooHard):
+        search(task, 2_000)
+    found = plan_in_process(problem)
+    assert isinstance(found, Plan)
+    assert validate(found, problem) == []
+
+
+def test_without_an_engine_the_explanation_says_what_to_install() -> None:
+    found = plan(tower(40), None)
+    assert isinstance(found, NoPlan)
+    assert "somrs[planner]" in found.explanation
+
+
+@needs_engine
+def test_the_engine_ends_at_its_limit() -> None:
+    problem = tower(60)
+    task = task_of(problem)
+    assert task is not None
+    started = time.monotonic()
+    with pytest.raises(RemoteError, match="no plan was found in 1 s"):
+        fast_downward(written(task), 1)
+    assert time.monotonic() - started < 8
