@@ -14,6 +14,8 @@ from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 
+from msgspec import structs
+
 from somrs.app.http import Server, Wire
 from somrs.errors import RemoteError
 from somrs.protocol.bodies import REQUESTS
@@ -229,6 +231,14 @@ class Node:
             self.feed(Undelivered(message, reason))
 
 
+def _in_session(answer: Message, message: Message) -> Message:
+    """The answer, in the session of the message: the Fault of a node that could not read it does not know which that was."""
+    if answer.header.transaction is not None:
+        return answer
+    header = structs.replace(answer.header, transaction=message.header.transaction, participant=message.header.participant)
+    return structs.replace(answer, header=header)
+
+
 class Host:
     """The components of one process behind one port. Binds the loopback address unless told otherwise."""
 
@@ -269,7 +279,7 @@ class Host:
         else:
             answer = await self.wire.post(message, timeout=seconds)
             if answer is not None and (sender := self._nodes.get(message.header.sender)) is not None:
-                sender.feed(Received(answer))
+                sender.feed(Received(_in_session(answer, message)))
 
     async def request(self, message: Message, timeout: float = 30.0) -> Message:
         """Ask and wait for the answer on the same connection. Raises RemoteError."""

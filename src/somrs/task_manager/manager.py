@@ -113,6 +113,8 @@ class TaskManager:
                     self._effects.append(Wake(f"watch {message.header.message_id}", now + wait))
             case clients.Preview():
                 self._preview(message, message.body)
+            case frp.Fault():
+                pass  # a Fault is never answered
             case body:
                 self._reply(message, frp.Fault(code="wsa:ActionNotSupported", text=f"a Task Manager does not take {type(body).__name__}"))
 

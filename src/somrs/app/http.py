@@ -1,0 +1,192 @@
+"""SOAP over HTTP: a server for the components of a process, and the wire to those of other processes.
+
+A message is answered with 202 when the component has taken it and any answer goes elsewhere, with 200 and the answer when the
+sender waits for it (anonymous ReplyTo), and with a SOAP Fault otherwise (SOAP 1.2 part 2, 7.5.2.2).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import socket
+from collections.abc import Awaitable, Callable, Iterator
+
+import aiohttp
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route
+
+from somrs.errors import RemoteError, UsageError, WireError
+from somrs.protocol import frp, soap
+from somrs.protocol.envelope import Message
+
+log = logging.getLogger(__name__)
+
+Handler = Callable[[Message], Awaitable[Message | None]]
+"""Takes a message; the answer, when it goes back on the same connection."""
+
+START_TIME = 10.0
+"""Seconds that a server has to listen."""
+
+CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
+
+
+class Server:
+    """Serves `parts`, handlers by path, at one port. Runs in the event loop that is there already."""
+
+    def __init__(self, host: str, port: int, parts: dict[str, Handler] | None = None) -> None:
+        self.host, self.port = host, port
+        self.parts: dict[str, Handler] = parts if parts is not None else {}
+        self._serving: asyncio.Task[None] | None = None
+        self._server: uvicorn.Server | None = None
+
+    @property
+    def url(self) -> str:
+        return f"http://{self.host}:{self.port}"
+
+    async def start(self) -> None:
+        """Listen. Port 0 becomes a free one. Raises UsageError when the port cannot be had."""
+        listening = socket.socket()
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listening.bind((self.host, self.port))
+        except OSError as error:
+            listening.close()
+            raise UsageError(f"cannot listen at {self.host}:{self.port}: {error.strerror}; another --port may be free") from None
+        self.port = listening.getsockname()[1]
+        routes = [Route("/{path:path}", self._take, methods=["POST"]), Route("/{path:path}", self._show, methods=["GET"])]
+        config = uvicorn.Config(
+            Starlette(routes=routes), log_level="warning", access_log=False, lifespan="off", timeout_graceful_shutdown=1, backlog=512
+        )
+        self._server = _Quiet(config)
+        self._serving = asyncio.create_task(self._server.serve(sockets=[listening]))
+        async with asyncio.timeout(START_TIME):
+            while not self._server.started:
+                if self._serving.done():
+                    raise UsageError(f"cannot listen at {self.url}")
+                await asyncio.sleep(0.005)
+
+    async def stop(self) -> None:
+        if self._server is not None and self._serving is not None:
+            self._server.should_exit = True
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._serving
+
+    async def _take(self, request: Request) -> Response:
+        handler = self.parts.get(request.url.path)
+        if handler is None:
+            return PlainTextResponse(f"nothing is at {request.url.path}; here are {', '.join(self.parts) or 'no parts'}\n", 404)
+        media = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+        if media != soap.MEDIA_TYPE or "content-encoding" in request.headers:
+            return PlainTextResponse(f"send {soap.MEDIA_TYPE}, not compressed\n", 415)
+        try:
+            document = await _body(request)
+        except ClientDisconnect:
+            return Response(status_code=400)
+        except WireError as error:
+            return _fault(error)
+        return await self._answer(handler, document)
+
+    async def _answer(self, handler: Handler, document: bytes) -> Response:
+        message: Message | None = None
+        try:
+            message = soap.decode(document)
+            answer = await handler(message)
+            if answer is None:
+                return Response(status_code=202)
+            return Response(soap.encode(answer), 500 if isinstance(answer.body, frp.Fault) else 200, media_type=CONTENT_TYPE)
+        except WireError as error:
+            return _fault(error, message)
+        except RemoteError as error:
+            return _fault(WireError(soap.RECEIVER, str(error)), message)
+        except Exception:
+            log.exception("a %s could not be handled", type(message.body).__name__ if message else "message")
+            return _fault(WireError(soap.RECEIVER, "this message met a defect here; see the log"), message)
+
+    async def _show(self, request: Request) -> Response:
+        path = request.url.path
+        if path not in self.parts:
+            return PlainTextResponse(f"nothing is at {path}; here are {', '.join(self.parts) or 'no parts'}\n", 404)
+        from somrs.protocol.wsdl import description, schema
+
+        query = request.query_params
+        if "wsdl" in query:
+            return Response(description(path, f"{self.url}{path}"), media_type="text/xml")
+        if (wanted := query.get("xsd")) is not None:
+            document = schema(wanted)
+            return Response(document, media_type="text/xml") if document is not None else PlainTextResponse("no such schema\n", 404)
+        return PlainTextResponse(f"a SOAP 1.2 endpoint of SO-MRS; its description is at {path}?wsdl\n")
+
+
+class _Quiet(uvicorn.Server):
+    """Signals are the program's business, not the server's."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+async def _body(request: Request) -> bytes:
+    """The request's body; what is too large is not even read to its end."""
+    parts: list[bytes] = []
+    length = 0
+    async for part in request.stream():
+        length += len(part)
+        if length > soap.MOST_BYTES:
+            raise WireError(soap.SENDER, f"the document has more than {soap.MOST_BYTES} bytes, which are the most")
+        parts.append(part)
+    return b"".join(parts)
+
+
+def _fault(error: WireError, message: Message | None = None) -> Response:
+    relates_to = message.header.message_id if message is not None else None
+    status = 500 if error.code == soap.RECEIVER else 400
+    return Response(soap.fault(error, relates_to), status, media_type=CONTENT_TYPE)
+
+
+class Wire:
+    """Sends messages to components in other processes, over connections that are kept."""
+
+    def __init__(self) -> None:
+        self._session: aiohttp.ClientSession | None = None
+
+    async def post(self, message: Message, timeout: float = 30.0) -> Message | None:
+        """Send the message; the answer that came back, or None when it was taken. Raises RemoteError.
+
+        A Fault that answers a request is an answer; a Fault because the message could not be processed is an error.
+        """
+        if self._session is None:
+            self._session = aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0, keepalive_timeout=60), auto_decompress=False)
+        document = soap.encode(message)
+        headers = {"Content-Type": f'{CONTENT_TYPE}; action="{soap.action(type(message.body))}"'}
+        try:
+            async with self._session.post(
+                message.header.recipient, data=document, headers=headers, timeout=aiohttp.ClientTimeout(total=timeout)
+            ) as response:
+                return await self._answer(response, message)
+        except TimeoutError:
+            raise RemoteError(f"{message.header.recipient} did not answer within {timeout:.0f} s") from None
+        except (aiohttp.ClientError, ValueError) as error:
+            raise RemoteError(f"{message.header.recipient} cannot be reached: {error}") from None
+
+    async def _answer(self, response: aiohttp.ClientResponse, message: Message) -> Message | None:
+        document = await response.content.read(soap.MOST_BYTES + 1)
+        while len(document) <= soap.MOST_BYTES and (more := await response.content.read(soap.MOST_BYTES + 1 - len(document))):
+            document += more
+        if response.status == 202 and not document:
+            return None
+        if not document or response.content_type != soap.MEDIA_TYPE:
+            said = document[:200].decode(errors="replace").strip()
+            raise RemoteError(f"{message.header.recipient} answered with HTTP {response.status}{': ' + said if said else ''}")
+        try:
+            return soap.decode(document)
+        except WireError as error:
+            raise RemoteError(f"{message.header.recipient} answered something that cannot be read: {error}") from None
+
+    async def close(self) -> None:
+        if self._session is not None:
+            await self._session.close()
+            self._session = None
