@@ -115,6 +115,17 @@ class Scene:
             self.model.eq_data[weld] = welds[robot]
             self.data.eq_active[weld] = 1
 
+    def put(self, thing: str, x: float, y: float, z: float, yaw: float) -> None:
+        """A thing is elsewhere from now on, upright and at rest; whoever held it does so no more."""
+        holder = self.holder(thing)
+        if holder is not None:
+            self.release(holder)
+        body = self.model.body(self._things[thing])
+        place, speed = int(self.model.jnt_qposadr[body.jntadr[0]]), int(body.dofadr[0])
+        self.data.qpos[place : place + 7] = [x, y, z, math.cos(yaw / 2), 0, 0, math.sin(yaw / 2)]
+        self.data.qvel[speed : speed + 6] = 0
+        mujoco.mj_forward(self.model, self.data)
+
     # Where things are
 
     def pose(self, name: str) -> tuple[float, float, float, float]:

@@ -332,6 +332,13 @@ class Simulation:
         if solid is not None and solid.role not in (Role.ROBOT, Role.THING):
             self._renew_navigators()
 
+    def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
+        """Somebody takes a thing away and puts it elsewhere."""
+        solid = self.scene.world.solids.get(thing)
+        if solid is None or solid.role is not Role.THING:
+            raise UsageError(f"{thing} is not a thing in the simulated world that can be moved")
+        self.scene.put(thing, x, y, z, yaw)
+
     def _add_robot(self, solid: Solid) -> None:
         self.robots[solid.name] = Robot(solid, self.scene, self._navigator(solid.z), self.robots)
 
