@@ -268,9 +268,9 @@ def simulator(
 ) -> None:
     """The simulator; its world is made of the Repository's map."""
     from somrs.app.client import Addresses
-    from somrs.app.programs import run_program, run_simulator
+    from somrs.app.programs import run_program, run_simulator, speed_of
 
-    _guarded(lambda: run_program(run_simulator(Addresses.read(data), host, port, speed)))
+    _guarded(lambda: run_program(run_simulator(Addresses.read(data), host, port, speed_of(speed))))
 
 
 @run_app.command()

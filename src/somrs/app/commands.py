@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import msgspec
 from rich.live import Live
 
 from somrs.app import show
@@ -226,7 +225,7 @@ async def history(name: str, data: Path, *, json: bool) -> None:
         show.print_json(found.events)
         return
     rows = (
-        (event.version, show.clock(event.at), event.author or "-", "; ".join(str(msgspec.to_builtins(change)) for change in event.changes))
+        (event.version, show.clock(event.at), event.author or "-", "\n".join(show.change(change) for change in event.changes))
         for event in found.events
     )
     show.console().print(show.table(name, ("version", "when", "who", "what"), rows) if found.events else f"nothing happened to {name} yet")

@@ -53,6 +53,7 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
     from somrs.app.store import RepositoryStore
     from somrs.ontology.files import load
     from somrs.repository.component import Repository
+    from somrs.repository.entries import Handled, Subscription
 
     data.mkdir(parents=True, exist_ok=True)
     store = RepositoryStore.open(data / "repository.sqlite")
@@ -70,9 +71,13 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
         async def carry_out(task: object, report: Report) -> object:
             return store.answer(task)
 
+        def keep(entry: object) -> None:
+            assert isinstance(entry, Handled | Subscription), f"a Repository does not record {type(entry).__name__}"
+            store.record(entry)
+
         rim = Host(host, port)
         await rim.start()
-        node = rim.add("/repository", lambda address: Repository(address, contents), carry_out=carry_out, keep=store.record)
+        node = rim.add("/repository", lambda address: Repository(address, contents), carry_out=carry_out, keep=keep)
         say_ready("repository", node.address)
         await until_stopped()
         await rim.stop()
@@ -116,6 +121,19 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
         await until_stopped()
         await rim.stop()
     trace.close()
+
+
+def speed_of(text: str) -> float | None:
+    """Simulated seconds per second; None, as fast as the processor allows, for `max`."""
+    if text == "max":
+        return None
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = 0.0
+    if not 0 < speed < 1000:
+        raise UsageError(f"a speed is `max` or a number such as 1 (real time) or 4, and not {text!r}")
+    return speed
 
 
 async def run_simulator(addresses: Addresses, host: str, port: int, speed: float | None) -> None:

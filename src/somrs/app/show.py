@@ -13,6 +13,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.protocol.clients import StepView, TaskEvent, TaskView
 from somrs.protocol.directory import Offer
 from somrs.protocol.frp import Outcome, State
@@ -121,6 +122,23 @@ def live(view: TaskView) -> Group:
     """A task under way."""
     parts: list[Any] = [outcome(view)]
     return Group(steps(view.effect, view.steps), *parts) if view.steps else Group(*parts)
+
+
+def change(made: Change) -> str:
+    """A change of the map, in a line."""
+    match made:
+        case ObjectAdded(object):
+            return f"{object.name}: {object.type} appeared"
+        case ObjectRemoved(name):
+            return f"{name} disappeared"
+        case ValueSet(name, path, None):
+            return f"{name}.{path} is unknown"
+        case ValueSet(name, path, value):
+            return f"{name}.{path} = {value}"
+        case FactAdded(fact):
+            return f"{fact}"
+        case FactRemoved(fact):
+            return f"no longer {fact}"
 
 
 def console() -> Console:
