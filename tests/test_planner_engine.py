@@ -14,7 +14,7 @@ from somrs.errors import RemoteError
 from somrs.ontology.files import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.planner.grounding import Grounding, World
+from somrs.planner.grounding import Grounding
 from somrs.planner.operators import goal_operators, operators, vocabulary
 from somrs.planner.plan import NoPlan, Plan, validate
 from somrs.planner.planning import plan
@@ -23,6 +23,7 @@ from somrs.planner.relevance import demands
 from somrs.planner.sas import read, written
 from somrs.planner.search import TooHard, search
 from somrs.planner.task import Task
+from somrs.planner.world import World
 from test_planner_properties import problems
 
 needs_engine = pytest.mark.skipif(driver() is None, reason="the planner extra is not installed")

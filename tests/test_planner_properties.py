@@ -100,6 +100,8 @@ FACTS = st.one_of(
     st.builds(Fact, st.just("near"), st.sampled_from([("P1", "P2"), ("P2", "P3"), ("P1", "P3")])),
     st.builds(Fact, st.just("marked"), st.tuples(st.sampled_from(["T1", "T2"]))),
 )
+AT_ONCE = [{"?T on ?P", "?T heldBy ?Provider"}, {"?T tiedTo ?P", "?T gluedTo ?P"}]
+"""Effects that contradict each other."""
 STATES = 60
 """The plain search gives up after so many maps."""
 
@@ -107,7 +109,7 @@ STATES = 60
 @st.composite
 def service_types(draw: st.DrawFn, name: str) -> ServiceType:
     conditions = draw(st.lists(st.sampled_from(CONDITIONS), max_size=2, unique=True))
-    effects = draw(st.lists(st.sampled_from(EFFECTS), min_size=1, max_size=2, unique=True))
+    effects = draw(st.lists(st.sampled_from(EFFECTS), min_size=1, max_size=2, unique=True).filter(lambda e: set(e) not in AT_ONCE))
     inputs = tuple(p for p in INPUTS if any(f"?{p.name}" in text for text in (*conditions, *effects)))
     return ServiceType(name=name, inputs=inputs, precondition=" AND ".join(conditions) or None, effect=" AND ".join(effects))
 
@@ -153,24 +155,20 @@ def _wishes(draw: st.DrawFn) -> Formula:
 
 @st.composite
 def _outcomes(draw: st.DrawFn, problem: Problem) -> Formula:
-    map = problem.map
+    later = problem.map
     for _ in range(draw(st.integers(2, 5))):
-        choices = list(islice(successors(problem, map), 12))
+        choices = list(islice(successors(problem, later), 12))
         if choices:
-            map = draw(st.sampled_from(choices))
-    new = [str(fact) for fact in map.facts() if not problem.map.holds(fact.relation, fact.arguments)]
-    new += [f"NOT {fact}" for fact in problem.map.facts() if not map.holds(fact.relation, fact.arguments)]
-    for object in map.objects.values():
+            later = draw(st.sampled_from(choices))
+    new = [str(fact) for fact in later.facts() if not problem.map.holds(fact.relation, fact.arguments)]
+    new += [f"NOT {fact}" for fact in problem.map.facts() if not later.holds(fact.relation, fact.arguments)]
+    for object in later.objects.values():
         for path, value in object.values.items():
             if problem.map.objects[object.name].values.get(path) != value:
                 new.append(f"{object.name}.{path} = {str(value).upper() if isinstance(value, bool) else value}")
     if not new:
         return draw(_wishes())
-    return conjunction(*map_parse(draw(st.lists(st.sampled_from(new), min_size=1, max_size=4, unique=True))))
-
-
-def map_parse(texts: list[str]) -> list[Formula]:
-    return [parse(text) for text in texts]
+    return conjunction(*map(parse, draw(st.lists(st.sampled_from(new), min_size=1, max_size=4, unique=True))))
 
 
 def successors(problem: Problem, map: Map) -> Iterator[Map]:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import pickle
+import time
 
 import pytest
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.ontology.files import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.truth import holds
-from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology
+from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.plan import NoPlan, Plan, after, linearisations, validate
 from somrs.planner.planning import plan
 from somrs.planner.problem import Available, Problem
@@ -42,8 +43,6 @@ LABEL = ServiceType(
 
 
 def laboratory() -> Ontology:
-    from somrs.ontology.types import RelationType
-
     return upper().extended(
         [
             AttributeType(name="Clean", kind=Kind.TRUTH),
@@ -205,3 +204,62 @@ def test_problems_can_be_sent_to_another_process() -> None:
     asked = pickle.loads(pickle.dumps(problem("Jar001 isOn Platform001", TRANSFER)))
     assert len(planned(asked).steps) == 1
     assert pickle.loads(pickle.dumps(planned(asked))) == planned(asked)
+
+
+@pytest.mark.parametrize(
+    ("goal", "count"),
+    [
+        ("Jar7 isOn Shelf9", 1),
+        ("Jar7 isOn ?Place: Shelf AND NOT Jar7 isOn Shelf7", 1),
+        ("Jar7.Clean = TRUE AND Jar7 isOn Shelf9", 3),
+        ("NOT ?Thing isOn Shelf9", 25),
+    ],
+)
+def test_a_map_of_five_thousand_objects_is_no_burden(goal: str, count: int) -> None:
+    shelves = [Object(name=f"Shelf{n}", type="Shelf") for n in range(2499)]
+    jars = [Object(name=f"Jar{n}", type="Jar") for n in range(2500)]
+    map = Map([*shelves, *jars, Object(name="Washer1", type="Washer")], [Fact("isOn", (f"Jar{n}", f"Shelf{n % 100}")) for n in range(2500)])
+    asked = problem(goal, TRANSFER, WASH, map=map)
+    started = time.process_time()
+    found = plan(asked)
+    assert time.process_time() - started < 0.5
+    assert isinstance(found, Plan), found
+    assert len(found.steps) == count
+    assert validate(found, asked) == []
+
+
+def test_things_are_put_where_such_things_stand() -> None:
+    (step,) = planned(problem("NOT Jar001 isOn Shelf1", TRANSFER, map=MAP.changed([FactAdded(Fact("isOn", ("Jar002", "Shelf2")))]))).steps
+    assert step.inputs["Destination"] in (Name("Shelf2"), Name("Platform001"))
+
+
+def test_a_heavy_thing_goes_to_the_device_that_can_carry_it() -> None:
+    carry = ServiceType(
+        name="Carry",
+        inputs=TRANSFER.inputs,
+        precondition="?Object isOn ?Source AND ?Object.Weight <= ?Provider.Payload",
+        effect="?Object isOn ?Destination",
+    )
+    robots = [Object(name=f"Robot{n}", type="MobileRobot", values={"Payload": float(n)}) for n in (1, 2, 3)]
+    heavy = Object(name="Jar001", type="Jar", values={"Weight": 2.5})
+    map = MAP.changed([ObjectAdded(object) for object in (*robots, heavy)])
+    asked = Problem(
+        ontology=laboratory(), map=map, goal=parse("Jar001 isOn Platform001"), services=(Available(carry, ("Robot1", "Robot2", "Robot3")),)
+    )
+    assert [step.provider for step in planned(asked).steps] == ["Robot3"]
+    too_heavy = map.changed([ObjectAdded(Object(name="Jar001", type="Jar", values={"Weight": 4.0}))])
+    found = plan(Problem(ontology=asked.ontology, map=too_heavy, goal=asked.goal, services=asked.services))
+    assert isinstance(found, NoPlan)
+    assert "Jar001.Weight <= Robot1.Payload" in found.explanation
+
+
+def test_what_cannot_be_expressed_is_named() -> None:
+    find = ServiceType(
+        name="Find",
+        inputs=(Parameter(name="Jar", type="Jar"),),
+        outputs=(Parameter(name="Place", type="Object"),),
+        effect="?Jar isOn ?Place",
+    )
+    found = plan(problem("Jar001 isOn Platform001", find))
+    assert isinstance(found, NoPlan)
+    assert "?Place is known only when the service is done" in found.explanation

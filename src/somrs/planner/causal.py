@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Variable
+from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
 from somrs.entish.formula import Literal, alternatives, conjunction, conjuncts, substitute, terms
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import bindings, holds
 from somrs.ontology.types import Ontology
+from somrs.ontology.values import measure
 from somrs.planner.plan import Link, Step, after
 from somrs.planner.problem import Problem
 
@@ -49,12 +50,25 @@ def _conditions(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) ->
             for part in conjuncts(step.precondition):
                 assert not isinstance(part, Or), "a step's precondition is one alternative"
                 yield place, part  # type: ignore[misc]  # conjuncts of a conjunction of literals
+        for reading in _readings(step.effect):
+            measured = measure(reading, maps[place], problem.ontology)
+            if measured is not None:
+                yield place, Comparison(reading, "=", measured.constant)
     for branch in alternatives(problem.goal):
         row = next((row for row in bindings(conjunction(*branch), maps[-1], problem.ontology)), None)
         if row is not None:
             for literal in branch:
                 yield len(steps), substitute(literal, row)  # type: ignore[misc]
             return
+
+
+def _readings(effect: Formula) -> Iterator[Term]:
+    """What an effect copies: of `?A.Level = ?B.Level`, the level of ?B, which has to be what it is by then."""
+    for part in conjuncts(effect):
+        if isinstance(part, Comparison):
+            source = part.right if isinstance(part.left, Attribute) else part.left
+            if isinstance(source, Attribute | Call):
+                yield source
 
 
 def touches(effect: Formula, condition: Literal, ontology: Ontology) -> bool:

@@ -11,11 +11,12 @@ from somrs.entish.parse import nearest, parse
 from somrs.ontology.matching import bring_about_all, can_bring_about
 from somrs.ontology.services import PROVIDER
 from somrs.ontology.truth import bindings, holds
-from somrs.planner.grounding import Grounding, World
+from somrs.planner.grounding import Grounding
 from somrs.planner.operators import Inexpressible, goal_operators, operators
 from somrs.planner.plan import NoPlan
 from somrs.planner.problem import Available, Problem
 from somrs.planner.relevance import demands
+from somrs.planner.world import World
 
 DEPTH = 4
 """How many services back a reason is looked for."""
@@ -45,7 +46,8 @@ def why_not(problem: Problem, world: World, left_out: list[Inexpressible]) -> No
     assert best is not None, "a formula has an alternative"
     if not best.unreachable:
         best.said[f"no order of services makes {problem.goal} true: each part can be brought about, but not all together"] = None
-        best.said.update((f"not considered: {inexpressible}", None) for inexpressible in left_out)
+    told = "; ".join(best.said)
+    best.said.update((f"not considered: {inexpressible}", None) for inexpressible in left_out if str(inexpressible) not in told)
     return NoPlan(
         explanation="; ".join(best.said), unreachable=tuple(best.unreachable), missing=tuple(best.missing), unoffered=tuple(best.unoffered)
     )

@@ -11,7 +11,7 @@ from somrs.ontology.objects import Map
 from somrs.ontology.truth import bindings, holds
 from somrs.planner.causal import linked
 from somrs.planner.explanation import unmet_precondition, why_not
-from somrs.planner.grounding import Action, Grounding, World, as_term
+from somrs.planner.grounding import Action, Grounding
 from somrs.planner.operators import Inexpressible, Operator, Vocabulary, goal_operators, operators, vocabulary
 from somrs.planner.plan import NoPlan, Plan, Step, after, validate
 from somrs.planner.problem import Problem
@@ -19,6 +19,7 @@ from somrs.planner.relevance import demands
 from somrs.planner.sas import read, written
 from somrs.planner.search import TooHard, search, without_useless
 from somrs.planner.task import Move, Task
+from somrs.planner.world import World, as_term
 
 Engine = Callable[[str, float], list[str] | None]
 """Given a task in Fast Downward's format and a limit in seconds: the names of the operators that solve it, or None when

@@ -146,6 +146,8 @@ class Task:
                 needs[self.place[fact][0], 0] = None
         if len({variable for variable, _ in needs}) < len(needs) or set(action.adds) & set(action.removes):
             return None
+        if len({self._key(fact) for fact in action.adds}) < len(action.adds):
+            return None  # an object cannot be in two of these at a time
         effects: dict[int, tuple[tuple[Assignment, ...], int]] = {}
         for fact in action.removes:
             self._remove(fact, effects, ())
