@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Generator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -58,28 +59,30 @@ def route(robot: Robot, goal: Point, around: Collection[Robot]) -> list[Point] |
 
 
 def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: float = PATIENCE) -> Routine:
-    """Get to the goal; give up when that is impossible, or when others leave no way for longer than the patience."""
-    waited, avoided = 0.0, set[str]()
-    best = math.inf
+    """Get to the goal; give up when that is impossible, or when others leave no way for longer than the patience.
+
+    Robots that are on their way are met rather than planned around: they are mostly gone when one gets there. One that is
+    met is planned around; if that is impossible, the one with less right of way steps aside.
+    """
+    waited, best = 0.0, math.inf
+    met: Robot | None = None
     try:
         while math.dist(robot.pose()[:2], goal) > 0.015:
             robot.need_drive()
-            around = [other for other in robot.others() if not other.plan or other.name in avoided]
-            path = route(robot, goal, around)
+            parked = [other for other in robot.others() if not other.plan]
+            path = route(robot, goal, [*parked, met] if met is not None and met.plan else parked)
             if path is None:
-                if route(robot, goal, ()) is None:
-                    raise GivenUp("unreachable", f"{robot.name} finds no way to ({goal[0]:.2f}, {goal[1]:.2f})")
-                obstacle = next((o for o in around if route(robot, goal, [r for r in around if r is not o]) is not None), None)
-                waited += yield from _unblock(robot, obstacle, goal)
+                obstacle = _culprit(robot, goal, parked, met)
+                waited += yield from _unblock(robot, obstacle, patience)
+                met = None
             else:
-                left = length(path)
-                if left < best - 0.3:
-                    best, waited = left, 0.0
-                obstacle = yield from _follow(robot, path)
-                if obstacle is None:
+                if length(path) < best - 0.3:
+                    best, waited = length(path), 0.0
+                met = yield from _follow(robot, path)
+                if met is None:
                     continue
-                waited += yield from _wait_for(robot, obstacle)
-            avoided = {obstacle.name} if obstacle is not None else set()
+                obstacle = met
+                waited += yield from _wait_for(robot, met)
             if waited > patience:
                 by = f" by {obstacle.name}" if obstacle is not None else ""
                 raise GivenUp("blocked", f"the way of {robot.name} to ({goal[0]:.2f}, {goal[1]:.2f}) is blocked{by}")
@@ -87,6 +90,18 @@ def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: floa
             yield from turn_to(robot, yaw)
     finally:
         robot.plan = []
+
+
+def _culprit(robot: Robot, goal: Point, parked: list[Robot], met: Robot | None) -> Robot | None:
+    """Which robot it is that leaves no way; None if it takes several. Sets out what the robot would do without them."""
+    wish = route(robot, goal, ())
+    if wish is None:
+        raise GivenUp("unreachable", f"{robot.name} finds no way to ({goal[0]:.2f}, {goal[1]:.2f})")
+    robot.plan = wish
+    if met is not None and route(robot, goal, parked) is not None:
+        return met
+    without = ((one, [other for other in parked if other is not one]) for one in parked)
+    return next((one for one, rest in without if route(robot, goal, rest) is not None), None)
 
 
 def turn_to(robot: Robot, yaw: float) -> Routine:
@@ -105,7 +120,7 @@ def _turning(error: float) -> float:
     return math.copysign(min(4.0 * abs(error), math.sqrt(2 * 3.0 * abs(error))), error)
 
 
-def _follow(robot: Robot, path: Sequence[Point]):  # type: ignore[no-untyped-def]
+def _follow(robot: Robot, path: Sequence[Point]) -> Generator[None, None, Robot | None]:
     """Go along the path. Returns the robot that kept it standing for a while, or None at the end of the path."""
     corner, stood = 1 if len(path) > 1 else 0, 0
     while True:
@@ -116,7 +131,6 @@ def _follow(robot: Robot, path: Sequence[Point]):  # type: ignore[no-untyped-def
         distance, last = math.hypot(dx, dy), corner == len(path) - 1
         if distance < (0.01 if last else 0.04):
             if last:
-                robot.plan = []
                 return None
             corner += 1
             continue
@@ -142,47 +156,76 @@ def _corner_speed(robot: Robot, before: Point, corner: Point, after: Point) -> f
 
 
 def _yields_to(robot: Robot, other: Robot) -> bool:
-    """Who makes way for whom: the one that has nothing to do, else the one with the greater name."""
-    return other.mobile and bool(other.plan) and (not robot.plan or robot.name > other.name)
+    """Who makes way for whom: the one that has nowhere to go, else the one with the greater name."""
+    return bool(other.plan) and (not robot.plan or robot.name > other.name)
 
 
-def _wait_for(robot: Robot, other: Robot):  # type: ignore[no-untyped-def]
+def _wait_for(robot: Robot, other: Robot) -> Generator[None, None, float]:
     """Another one is in the way, where there was a path. Returns the seconds waited."""
-    if not other.mobile or not other.plan:
-        yield from wait(0.1)
-        return 0.1
-    pause = 1.6 if _yields_to(robot, other) else 0.2
-    yield from wait(pause)
-    return pause
-
-
-def _unblock(robot: Robot, other: Robot | None, goal: Point):  # type: ignore[no-untyped-def]
-    """No path because of another robot: step aside, or have it step aside, or wait. Returns the seconds waited."""
     start = robot.scene.time
-    if other is not None and not other.plan and other.mobile and other.doing is None:
-        other.asked = robot
-        robot.plan = route(robot, goal, [r for r in robot.others() if r is not other and not r.plan]) or []
-    elif other is not None and _yields_to(robot, other):
-        yield from make_way(robot, other)
-    yield from wait(0.5)
+    yield from wait(1.6 if _yields_to(robot, other) else 0.2)
+    yield from _back_off(robot, other)
     return robot.scene.time - start
 
 
-def make_way(robot: Robot, other: Robot) -> Routine:
-    """Leave the way of another robot, if there is a place to go, and wait until that has passed."""
-    refuge = _refuge(robot, other)
+def _back_off(robot: Robot, other: Robot) -> Routine:
+    """Get so far away from another robot that there is a way around it, if there is room behind."""
+    for _ in range(100):
+        robot.need_drive()
+        x, y, _ = robot.pose()
+        nearest = min(other.claims(), key=robot.base_claim().gap)
+        gap = Capsule((x, y), (x, y), robot.size.radius).gap(nearest)
+        tx, ty = (nearest.start[i] + nearest.end[i] for i in (0, 1))
+        way = math.hypot(x - tx / 2, y - ty / 2)
+        direction = ((x - tx / 2) / way, (y - ty / 2) / way)
+        behind = (x + 0.1 * direction[0], y + 0.1 * direction[1])
+        things = floor_things(robot, [robot.holding] if robot.holding else [])
+        if gap > GAP + MARGIN + 0.06 or not robot.navigator.free(behind, robot.size.radius + MARGIN, things):
+            return
+        robot.move(direction, 0.15, 0.0)
+        yield
+
+
+def _unblock(robot: Robot, other: Robot | None, patience: float) -> Generator[None, None, float]:
+    """No way because of another robot: step aside, or have it step aside, or wait. Returns what that costs of the patience."""
+    if other is not None and _yields_to(robot, other) and other.mobile:
+        if (yield from make_way(robot, other)):
+            return patience / 8
+    elif other is not None and not other.plan and other.mobile and other.doing is None:
+        other.asked = robot
+    yield from wait(0.5)
+    return 0.5
+
+
+def make_way(robot: Robot, other: Robot) -> Generator[None, None, bool]:
+    """Leave the way of another robot, and wait until that has passed. Whether there was anywhere to go."""
+    refuge, goal = _refuge(robot, other), robot.plan[-1] if robot.plan else None
     if refuge is None:
-        return
+        return False
+    met = yield from _follow(robot, refuge)
+    for _ in range(60):
+        robot.need_drive()
+        if met is not None or not other.plan or not other.mobile:
+            break
+        yield from wait(0.25)
+        mine = (route(robot, goal, ()) if goal is not None else None) or [robot.pose()[:2]]
+        if path_distance(_beginning(mine), _beginning(other.plan)) > robot.size.radius + other.size.radius + 0.1:
+            break
     robot.plan = []
-    obstacle = yield from _follow(robot, refuge)
-    robot.plan = []
-    for _ in range(30):
-        if obstacle is not None or not other.plan:
-            return
-        yield from wait(0.5)
-        mine = robot.base_claim()
-        if path_distance([mine.start], other.plan[:6]) > 1.5:
-            return
+    return True
+
+
+def _beginning(path: Sequence[Point], way: float = 3.0) -> list[Point]:
+    """The first metres of a path."""
+    kept = [path[0]]
+    for a, b in pairwise(path):
+        step = math.dist(a, b)
+        if step >= way:
+            share = way / step
+            return [*kept, (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))]
+        kept.append(b)
+        way -= step
+    return kept
 
 
 def _refuge(robot: Robot, other: Robot) -> list[Point] | None:
@@ -194,7 +237,7 @@ def _refuge(robot: Robot, other: Robot) -> list[Point] | None:
     for radius in (0.5, 0.8, 1.2, 1.7, 2.4, 3.2, 4.2, 5.5):
         for angle in np.arange(16) * math.pi / 8:
             point = (x + radius * math.cos(angle), y + radius * math.sin(angle))
-            aside = all(point_distance(point, a, b) > room for a, b in zip(other.plan, other.plan[1:], strict=False))
+            aside = all(point_distance(point, a, b) > room for a, b in pairwise(other.plan))
             here = Capsule(point, point, robot.size.radius + 0.05)
             if aside and all(here.gap(Capsule((d.x, d.y), (d.x, d.y), d.radius)) > 0 for d in discs):
                 candidates.append(point)
@@ -206,6 +249,6 @@ def _refuge(robot: Robot, other: Robot) -> list[Point] | None:
         tried += 1
         if path is not None:
             return path
-        if tried > 24:
+        if tried > 80:
             break
     return None

@@ -39,7 +39,7 @@ TYPICAL: dict[str, Colour] = {
     "Door": (0.58, 0.42, 0.28, 1),
 }
 BY_ROLE: dict[Role, Colour] = {
-    Role.FLOOR: (0.74, 0.75, 0.75, 1),
+    Role.FLOOR: (0.82, 0.81, 0.78, 1),
     Role.WALL: (0.92, 0.91, 0.88, 1),
     Role.SUPPORT: (0.65, 0.55, 0.45, 1),
     Role.ROBOT: (0.72, 0.12, 0.11, 1),
@@ -53,6 +53,8 @@ def colour_of(solid: Solid) -> Colour:
     typical = TYPICAL.get(solid.type) or BY_ROLE.get(solid.role, (0.62, 0.62, 0.60, 1))
     if solid.color in COLOURS:
         own = COLOURS[solid.color]
+        if solid.role is Role.FLOOR:  # no floor is of a full colour: half of it, the rest light
+            own = (0.45 + 0.55 * own[0], 0.45 + 0.55 * own[1], 0.45 + 0.55 * own[2], 1)
         return (*own[:3], typical[3])
     return typical
 
@@ -69,20 +71,22 @@ def add_surroundings(spec: mujoco.MjSpec, low: tuple[float, float, float], high:
     )  # fmt: skip
     spec.add_texture(
         name="tiles", type=mujoco.mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT, mark=mujoco.mjtMark.mjMARK_EDGE,
-        rgb1=[0.98, 0.98, 0.98], markrgb=[0.80, 0.80, 0.80], width=256, height=256,
+        rgb1=[0.98, 0.98, 0.98], markrgb=[0.86, 0.86, 0.86], width=256, height=256,
     )  # fmt: skip
-    tiles = spec.add_material(name="tiles", texuniform=True, texrepeat=[1.0, 1.0], specular=0.15, shininess=0.3, reflectance=0.06)
+    tiles = spec.add_material(name="tiles", texuniform=True, texrepeat=[1.0, 1.0], specular=0.15, shininess=0.3)
     tiles.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "tiles"
     spec.add_material(name="matt", specular=0.08, shininess=0.1)
     spec.add_material(name="satin", specular=0.35, shininess=0.5)
     headlight = spec.visual.headlight
-    headlight.ambient, headlight.diffuse, headlight.specular = [0.38, 0.38, 0.40], [0.22, 0.22, 0.22], [0.05, 0.05, 0.05]
+    headlight.ambient, headlight.diffuse, headlight.specular = [0.46, 0.46, 0.47], [0.18, 0.18, 0.18], [0.04, 0.04, 0.04]
     middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
     size = max(high[0] - low[0], high[1] - low[1], 4.0)
-    sun = {"type": mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, "castshadow": True, "specular": [0.25, 0.25, 0.25]}
-    spec.worldbody.add_light(
-        name="sun", pos=[middle[0] + size / 2, middle[1] - size / 2, high[2] + size], dir=[-0.35, 0.3, -1], diffuse=[0.5, 0.49, 0.46], **sun
-    )
+    directional = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    above = [middle[0] + size / 2, middle[1] - size / 2, high[2] + size]
+    sun = spec.worldbody.add_light(name="sun", type=directional, pos=above, dir=[-0.35, 0.3, -1], castshadow=True)
+    sun.diffuse, sun.specular = [0.42, 0.41, 0.38], [0.2, 0.2, 0.2]
+    sky = spec.worldbody.add_light(name="sky", type=directional, pos=above, dir=[0.5, 0.6, -0.6], castshadow=False)
+    sky.diffuse, sky.specular = [0.16, 0.17, 0.2], [0, 0, 0]
     spec.worldbody.add_geom(
         name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, pos=[middle[0], middle[1], low[2] - 0.02], size=[4 * size, 4 * size, 1],
         rgba=[0.80, 0.83, 0.85, 1], contype=0, conaffinity=0, material="matt",
@@ -211,8 +215,13 @@ def _bottle(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
 def _mark(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
     """A ring on the floor."""
     radius = max(s.extent, 0.1)
-    _part(body, (radius, 0, 0.002), (0, 0, 0.001), c, "cylinder", "matt")
-    _part(body, (radius - 0.04, 0, 0.002), (0, 0, 0.002), (0.86, 0.88, 0.88, 1), "cylinder", "matt")
+    form, pieces = mujoco.mjtGeom.mjGEOM_BOX, 24
+    for i in range(pieces):
+        angle = i * math.tau / pieces
+        size, pos = [0.018, radius * math.tan(math.pi / pieces) + 0.002, 0.001], [radius * math.cos(angle), radius * math.sin(angle), 0.001]
+        turn = [math.cos(angle / 2), 0, 0, math.sin(angle / 2)]
+        body.add_geom(type=form, size=size, pos=pos, quat=turn, rgba=[*c[:3], 1], contype=0, conaffinity=0, mass=0, material="matt")
+    _part(body, (radius, 0, 0.001), (0, 0, 0.0005), (*c[:3], 0.18), "cylinder", "matt")
 
 
 def _plain(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:

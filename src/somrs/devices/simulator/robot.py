@@ -134,19 +134,12 @@ class Robot:
         return [r for r in self.fleet.values() if r is not self and abs(r.solid.z - self.solid.z) < 1.5]
 
     def in_the_way(self, wanted: Capsule) -> Robot | None:
-        """A robot whose room the wanted claim would take, unless that gets out of it where they overlap already."""
+        """A robot whose room the wanted claim would take. To stand still, or to get away from it, is always allowed."""
         for other in self.others():
             for claim in other.claims():
-                gap = wanted.gap(claim)
-                if gap < GAP and not (math.dist(wanted.start, wanted.end) > 0 and gap > self._gap_now(claim) + 1e-6):
-                    if wanted.start == wanted.end and wanted.radius == self.size.radius:
-                        continue  # to stand still is always allowed
+                if wanted.gap(claim) < GAP and not _leaves(wanted, claim):
                     return other
         return None
-
-    def _gap_now(self, claim: Capsule) -> float:
-        x, y, _ = self.pose()
-        return Capsule((x, y), (x, y), self.size.radius).gap(claim)
 
     # The arm
 
@@ -201,6 +194,17 @@ class Robot:
     def arm_out(self) -> bool:
         """Whether the hand is not above the base."""
         return self.size.gripper and self.joints["reach"] > self.size.drawn_in + 0.02
+
+
+def _leaves(wanted: Capsule, claim: Capsule) -> bool:
+    """Whether the wanted claim begins too close to the other one and leads away from it; as both are convex, it never comes back."""
+    way = math.dist(wanted.start, wanted.end)
+    if way == 0:
+        return True
+    share = min(1.0, 0.01 / way)
+    ahead = tuple(a + share * (b - a) for a, b in zip(wanted.start, wanted.end, strict=True))
+    now = Capsule(wanted.start, wanted.start, wanted.radius).gap(claim)
+    return now < GAP and Capsule((ahead[0], ahead[1]), (ahead[0], ahead[1]), wanted.radius).gap(claim) >= now
 
 
 def wait(seconds: float) -> Routine:
