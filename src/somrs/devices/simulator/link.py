@@ -5,7 +5,6 @@ simulator. Both find the server again when the connection is lost.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import itertools
 import logging
 from collections.abc import Callable
@@ -116,8 +115,7 @@ class _Link:
     async def close(self) -> None:
         if self._keeping is not None:
             self._keeping.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._keeping
+            await asyncio.wait({self._keeping})
             self._keeping = None
 
     async def __aenter__(self) -> Self:

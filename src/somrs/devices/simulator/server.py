@@ -125,8 +125,9 @@ class Server:
             session.writer.close()
         if self._camera is not None:
             self._camera.close()
-        with contextlib.suppress(asyncio.CancelledError):
-            await self._running
+        await asyncio.wait({self._running})
+        if not self._running.cancelled():
+            self._running.result()
 
     # Time
 
@@ -151,7 +152,8 @@ class Server:
             self._tell_states()
             self._wake.clear()
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._wake.wait(), HEARTBEAT / 2)
+                async with asyncio.timeout(HEARTBEAT / 2):
+                    await self._wake.wait()
 
     async def _run_at(self, speed: float) -> None:
         began, origin = time.monotonic(), self.simulation.time
@@ -183,7 +185,7 @@ class Server:
             if now - session.last_state < 1 / MOST_STATES or robot not in self.simulation.robots:
                 continue
             due = session.rate > 0 and self.simulation.time >= session.next_state
-            if (due or now - session.last_state > HEARTBEAT) and not session.slow and not self._silent(robot):
+            if (due or now - session.last_state > HEARTBEAT) and not session.slow and not self._mute(robot):
                 session.last_state = now
                 session.next_state = self.simulation.time + (1 / session.rate if session.rate else 0.0)
                 session.say(State(state=self.simulation.state(robot)))
@@ -272,7 +274,7 @@ class Server:
             raise WireError("not-allowed", "an operator's connection commands no robot; connect as the robot's controller")
 
         def ended(how: Done | Gave) -> None:
-            if self._silent(robot):
+            if self._mute(robot):
                 return
             if isinstance(how, Done):
                 session.say(OrderDone(id=order.id, state=how.state, seen=how.seen))
@@ -281,8 +283,9 @@ class Server:
 
         self.simulation.command(robot, order.command, ended)
 
-    def _silent(self, robot: str) -> bool:
-        return robot in self.simulation.robots and Fault.SILENT in self.simulation.robots[robot].faults
+    def _mute(self, robot: str) -> bool:
+        """Whether nothing that the robot says arrives."""
+        return robot in self.simulation.robots and bool(self.simulation.robots[robot].faults & {Fault.SILENT, Fault.LINK})
 
     # Questions
 
@@ -329,8 +332,7 @@ class Server:
         self.simulation.fault(robot, fault)
         session = self._controllers.get(robot)
         if fault is Fault.LINK and session is not None:
-            session.say(Refused(reason="link-cut", description=f"the link to {robot} is broken until it is repaired"))
-            session.writer.close()
+            session.writer.transport.abort()
             self._leave(session)
 
 
