@@ -22,6 +22,7 @@ from starlette.routing import Route
 from somrs.errors import RemoteError, UsageError, WireError
 from somrs.protocol import frp, soap
 from somrs.protocol.envelope import Message
+from somrs.protocol.wsdl import description, schema
 
 log = logging.getLogger(__name__)
 
@@ -31,14 +32,21 @@ Handler = Callable[[Message], Awaitable[Message | None]]
 START_TIME = 10.0
 """Seconds that a server has to listen."""
 
+BODY_TIME = 10.0
+"""Seconds that a sender has for all of its message."""
+
+KEPT_TIME = 60
+"""Seconds for which a connection is kept for the next message; the server's are kept longer, so that it never hangs up first."""
+
 CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
+HANG_UP = {"Connection": "close"}
 
 
 class Server:
     """Serves `parts`, handlers by path, at one port. Runs in the event loop that is there already."""
 
-    def __init__(self, host: str, port: int, parts: dict[str, Handler] | None = None) -> None:
-        self.host, self.port = host, port
+    def __init__(self, host: str, port: int, parts: dict[str, Handler] | None = None, body_time: float = BODY_TIME) -> None:
+        self.host, self.port, self.body_time = host, port, body_time
         self.parts: dict[str, Handler] = parts if parts is not None else {}
         self._serving: asyncio.Task[None] | None = None
         self._server: uvicorn.Server | None = None
@@ -59,7 +67,14 @@ class Server:
         self.port = listening.getsockname()[1]
         routes = [Route("/{path:path}", self._take, methods=["POST"]), Route("/{path:path}", self._show, methods=["GET"])]
         config = uvicorn.Config(
-            Starlette(routes=routes), log_level="warning", access_log=False, lifespan="off", timeout_graceful_shutdown=1, backlog=512
+            Starlette(routes=routes),
+            log_level="warning",
+            access_log=False,
+            lifespan="off",
+            ws="none",
+            timeout_keep_alive=KEPT_TIME + 15,
+            timeout_graceful_shutdown=1,
+            backlog=512,
         )
         self._server = _Quiet(config)
         self._serving = asyncio.create_task(self._server.serve(sockets=[listening]))
@@ -79,15 +94,17 @@ class Server:
         handler = self.parts.get(request.url.path)
         if handler is None:
             return PlainTextResponse(f"nothing is at {request.url.path}; here are {', '.join(self.parts) or 'no parts'}\n", 404)
-        media = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-        if media != soap.MEDIA_TYPE or "content-encoding" in request.headers:
-            return PlainTextResponse(f"send {soap.MEDIA_TYPE}, not compressed\n", 415)
+        if not _is_soap(request):
+            return PlainTextResponse(f"send {CONTENT_TYPE}, not compressed\n", 415, headers=HANG_UP)
         try:
-            document = await _body(request)
+            async with asyncio.timeout(self.body_time):
+                document = await _body(request)
         except ClientDisconnect:
             return Response(status_code=400)
-        except WireError as error:
-            return _fault(error)
+        except TimeoutError:
+            return PlainTextResponse(f"the message was not here within {self.body_time:.0f} s\n", 408, headers=HANG_UP)
+        if document is None:
+            return PlainTextResponse(f"the message has more than {soap.MOST_BYTES} bytes, which are the most\n", 413, headers=HANG_UP)
         return await self._answer(handler, document)
 
     async def _answer(self, handler: Handler, document: bytes) -> Response:
@@ -97,7 +114,7 @@ class Server:
             answer = await handler(message)
             if answer is None:
                 return Response(status_code=202)
-            return Response(soap.encode(answer), 500 if isinstance(answer.body, frp.Fault) else 200, media_type=CONTENT_TYPE)
+            return Response(soap.encode(answer), _status(answer), media_type=CONTENT_TYPE)
         except WireError as error:
             return _fault(error, message)
         except RemoteError as error:
@@ -110,14 +127,12 @@ class Server:
         path = request.url.path
         if path not in self.parts:
             return PlainTextResponse(f"nothing is at {path}; here are {', '.join(self.parts) or 'no parts'}\n", 404)
-        from somrs.protocol.wsdl import description, schema
-
         query = request.query_params
         if "wsdl" in query:
-            return Response(description(path, f"{self.url}{path}"), media_type="text/xml")
+            # The address by which the client came is one by which it can come again.
+            return _xml(description(path, str(request.url.replace(query=""))))
         if (wanted := query.get("xsd")) is not None:
-            document = schema(wanted)
-            return Response(document, media_type="text/xml") if document is not None else PlainTextResponse("no such schema\n", 404)
+            return _xml(schema(wanted))
         return PlainTextResponse(f"a SOAP 1.2 endpoint of SO-MRS; its description is at {path}?wsdl\n")
 
 
@@ -129,22 +144,43 @@ class _Quiet(uvicorn.Server):
         yield
 
 
-async def _body(request: Request) -> bytes:
-    """The request's body; what is too large is not even read to its end."""
+def _xml(document: bytes | None) -> Response:
+    return Response(document, media_type="text/xml") if document is not None else PlainTextResponse("there is none\n", 404)
+
+
+def _is_soap(request: Request) -> bool:
+    media, _, parameters = request.headers.get("content-type", "").partition(";")
+    charset = parameters.lower().partition("charset=")[2].partition(";")[0].strip(' "')
+    plain = request.headers.get("content-encoding", "identity").strip().lower() in ("", "identity")
+    return media.strip().lower() == soap.MEDIA_TYPE and charset in ("", "utf-8", "utf-16") and plain
+
+
+async def _body(request: Request) -> bytes | None:
+    """The request's body; None for one that is too large, which is not even read to its end."""
     parts: list[bytes] = []
     length = 0
     async for part in request.stream():
         length += len(part)
         if length > soap.MOST_BYTES:
-            raise WireError(soap.SENDER, f"the document has more than {soap.MOST_BYTES} bytes, which are the most")
+            return None
         parts.append(part)
     return b"".join(parts)
 
 
+def _status(answer: Message) -> int:
+    if isinstance(answer.body, frp.Fault):
+        return _fault_status(answer.body.code)
+    return 400 if type(answer.body) in soap.REFUSALS else 200
+
+
+def _fault_status(code: str) -> int:
+    """SOAP 1.2 part 2, table 20: 400 where the sender is to blame, 500 for all other Faults."""
+    return 500 if code.removeprefix("env:") in ("Receiver", "MustUnderstand", "VersionMismatch", "DataEncodingUnknown") else 400
+
+
 def _fault(error: WireError, message: Message | None = None) -> Response:
     relates_to = message.header.message_id if message is not None else None
-    status = 500 if error.code == soap.RECEIVER else 400
-    return Response(soap.fault(error, relates_to), status, media_type=CONTENT_TYPE)
+    return Response(soap.fault(error, relates_to), _fault_status(error.code), media_type=CONTENT_TYPE)
 
 
 class Wire:
@@ -159,12 +195,20 @@ class Wire:
         A Fault that answers a request is an answer; a Fault because the message could not be processed is an error.
         """
         if self._session is None:
-            self._session = aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0, keepalive_timeout=60), auto_decompress=False)
-        document = soap.encode(message)
+            connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT_TIME)
+            self._session = aiohttp.ClientSession(connector=connector, cookie_jar=aiohttp.DummyCookieJar(), auto_decompress=False)
+        try:
+            document = soap.encode(message)
+        except WireError as error:
+            raise RemoteError(f"{type(message.body).__name__} cannot be sent to {message.header.recipient}: {error.text}") from None
         headers = {"Content-Type": f'{CONTENT_TYPE}; action="{soap.action(type(message.body))}"'}
         try:
             async with self._session.post(
-                message.header.recipient, data=document, headers=headers, timeout=aiohttp.ClientTimeout(total=timeout)
+                message.header.recipient,
+                data=document,
+                headers=headers,
+                timeout=aiohttp.ClientTimeout(total=timeout),
+                allow_redirects=False,
             ) as response:
                 return await self._answer(response, message)
         except TimeoutError:

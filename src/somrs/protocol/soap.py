@@ -2,21 +2,23 @@
 
 What WS-Addressing has a place for is in the SOAP header. The transaction, the participant and the version of the protocol are
 the first elements of a body of the Failure Recovery Protocol, where stacks that were generated from the WSDL can set them.
+An answer that refuses is a SOAP Fault with the answer in its Detail, as stacks expect of what a WSDL declares as a fault.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import Any, NamedTuple
+import codecs
+import re
+from typing import NamedTuple
 
 from lxml import etree
 from msgspec import Struct
 
 from somrs.errors import WireError
-from somrs.protocol import frp
-from somrs.protocol.bodies import ClientBody, DirectoryBody, FrpBody, KnowledgeBody
+from somrs.protocol import clients, frp, knowledge
+from somrs.protocol.bodies import REQUESTS, ClientBody, DirectoryBody, FrpBody, KnowledgeBody
 from somrs.protocol.envelope import ANONYMOUS, VERSION, Header, Message, message_id, normalised_id
-from somrs.protocol.xml import Element, read_fields, union_of, write_fields
+from somrs.protocol.xml import Element, struct_reader, union_of, writer
 
 ENV = "http://www.w3.org/2003/05/soap-envelope"
 WSA = "http://www.w3.org/2005/08/addressing"
@@ -31,6 +33,9 @@ MOST_BYTES = 256 * 1024
 
 MOST_DEPTH = 32
 """The deepest nesting that is read; our own documents need ten."""
+
+MOST_REASON = 4000
+"""The most characters of a Fault's reason."""
 
 MEDIA_TYPE = "application/soap+xml"
 SENDER, RECEIVER = "env:Sender", "env:Receiver"
@@ -51,8 +56,15 @@ NAMESPACES: dict[str, tuple[type[Struct], ...]] = {
 SESSION = ("Transaction", "Participant", "Version")
 """The elements before the fields of a body of the Failure Recovery Protocol."""
 
+REFUSALS = frozenset(kind for answers in REQUESTS.values() for kind in answers[1:])
+"""The answers that refuse what a request asks for."""
+
 FAULT_ACTION = f"{WSA}/fault"
+_NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
+_TO_US = (None, "", f"{ENV}/role/next", f"{ENV}/role/ultimateReceiver")
 _PREFIXES = {"env": ENV, "wsa": WSA, "frp": FRP}
+_SOAP_CODES = ("Sender", "Receiver", "VersionMismatch", "MustUnderstand", "DataEncodingUnknown")
+_ADDRESSING = ("To", "From", "ReplyTo", "FaultTo", "Action", "MessageID", "RelatesTo")
 _SESSION_TAGS = frozenset(f"{{{FRP}}}{name}" for name in SESSION)
 
 
@@ -67,6 +79,11 @@ _BY_TAG = {f"{{{namespace}}}{kind.__name__}": Place(namespace, kind) for namespa
 _NAMESPACE_OF = {kind: namespace for namespace, kinds in NAMESPACES.items() for kind in kinds}
 
 
+def namespace_of(kind: type[Struct]) -> str:
+    """The namespace of a body that is no Fault."""
+    return _NAMESPACE_OF[kind]
+
+
 def action(kind: type[Struct]) -> str:
     """The WS-Addressing action of a type of message."""
     return FAULT_ACTION if kind is frp.Fault else f"{_NAMESPACE_OF[kind]}:{kind.__name__}"
@@ -77,22 +94,23 @@ def action(kind: type[Struct]) -> str:
 
 def encode(message: Message) -> bytes:
     """The message as a SOAP envelope. Raises WireError for what cannot be carried."""
-    header = message.header
-    if isinstance(message.body, frp.Fault):
-        envelope, soap_header, soap_body = _envelope()
-        _address(soap_header, header, FAULT_ACTION)
-        _write_fault(soap_body, message.body, header)
-        return _bytes(envelope)
-    kind = type(message.body)
-    namespace = _NAMESPACE_OF[kind]
+    header, kind = message.header, type(message.body)
+    namespace = _NAMESPACE_OF.get(kind)
     envelope, soap_header, soap_body = _envelope(namespace)
     _address(soap_header, header, action(kind))
-    body = etree.SubElement(soap_body, f"{{{namespace}}}{kind.__name__}")
+    if isinstance(message.body, frp.Fault):
+        element = _write_fault(soap_body, message.body)
+        if header.transaction is not None:
+            _write_session(etree.SubElement(element, f"{{{ENV}}}Detail"), header)
+        return _bytes(envelope)
+    assert namespace is not None, "every body but a Fault has one"
+    parent = soap_body
+    if kind in REFUSALS:
+        parent = etree.SubElement(_write_fault(soap_body, frp.Fault(code=SENDER, text=_reason(message.body))), f"{{{ENV}}}Detail")
+    body = etree.SubElement(parent, f"{{{namespace}}}{kind.__name__}")
     if namespace == FRP:
-        for name, value in zip(SESSION, (header.transaction, header.participant, header.version), strict=True):
-            if value is not None:
-                _text(body, f"{{{FRP}}}{name}", value)
-    write_fields(body, message.body, namespace)
+        _write_session(body, header)
+    writer(kind, namespace)(body, message.body)
     return _bytes(envelope)
 
 
@@ -128,7 +146,24 @@ def _address(parent: Element, header: Header, action: str) -> None:
         _text(parent, f"{{{WSA}}}RelatesTo", header.relates_to)
 
 
-def _write_fault(parent: Element, fault: frp.Fault, header: Header | None) -> None:
+def _write_session(parent: Element, header: Header) -> None:
+    for name, value in zip(SESSION, (header.transaction, header.participant, header.version), strict=True):
+        if value is not None:
+            _text(parent, f"{{{FRP}}}{name}", value)
+
+
+def _reason(body: Struct) -> str:
+    """What a refusal says, for stacks that show no more than the Reason."""
+    match body:
+        case knowledge.Rejected(problems=problems):
+            return "\n".join(problems)
+        case clients.TaskRejected(problem=problem):
+            return problem
+        case _:
+            return type(body).__name__
+
+
+def _write_fault(parent: Element, fault: frp.Fault) -> Element:
     """SOAP 1.2 part 1, 5.4. A code of another namespace is a subcode of env:Sender."""
     prefix, name = _code(fault.code)
     element = etree.SubElement(parent, f"{{{ENV}}}Fault", nsmap={"frp": FRP})
@@ -138,21 +173,17 @@ def _write_fault(parent: Element, fault: frp.Fault, header: Header | None) -> No
         _text(etree.SubElement(code, f"{{{ENV}}}Subcode"), f"{{{ENV}}}Value", f"{prefix}:{name}")
     reason = etree.SubElement(element, f"{{{ENV}}}Reason")
     # A reason may quote the bytes that were wrong; what XML cannot carry of them is replaced.
-    said = "".join(
-        c if c in "\t\n" or (c >= " " and not 0xD800 <= ord(c) <= 0xDFFF and ord(c) not in (0xFFFE, 0xFFFF)) else "?" for c in fault.text
-    )
-    _text(reason, f"{{{ENV}}}Text", said[:4000])
+    _text(reason, f"{{{ENV}}}Text", _NOT_XML.sub("?", fault.text)[:MOST_REASON])
     reason[0].set(XML_LANG, "en")
-    if header is not None and header.transaction is not None:
-        detail = etree.SubElement(element, f"{{{ENV}}}Detail")
-        for name, value in zip(SESSION, (header.transaction, header.participant, header.version), strict=True):
-            if value is not None:
-                _text(detail, f"{{{FRP}}}{name}", value)
+    return element
 
 
 def _code(code: str) -> tuple[str, str]:
+    """The prefix and the name of a fault code. A name alone is one of SOAP's, or else one of WS-Addressing's."""
     prefix, separator, name = code.rpartition(":")
-    if separator and prefix in _PREFIXES and name.isidentifier():
+    if not separator:
+        prefix = "env" if name in _SOAP_CODES else "wsa"
+    if prefix in _PREFIXES and name.isidentifier() and (prefix != "env" or name in _SOAP_CODES):
         return prefix, name
     return "env", "Sender"
 
@@ -166,41 +197,44 @@ def fault(error: WireError, relates_to: str | None = None) -> bytes:
     if error.code == "env:VersionMismatch":
         upgrade = etree.SubElement(etree.SubElement(soap_header, f"{{{ENV}}}Upgrade"), f"{{{ENV}}}SupportedEnvelope")
         upgrade.set("qname", "env:Envelope")
-    _write_fault(soap_body, frp.Fault(code=error.code, text=error.text), None)
+    _write_fault(soap_body, frp.Fault(code=error.code, text=error.text))
     return _bytes(envelope)
 
 
 # Reading
 
 
-@lru_cache(maxsize=1)
-def _parser_options() -> dict[str, Any]:
-    return {
-        "resolve_entities": False,
-        "load_dtd": False,
-        "no_network": True,
-        "dtd_validation": False,
-        "attribute_defaults": False,
-        "huge_tree": False,
-        "remove_comments": True,
-        "remove_pis": True,
-        "collect_ids": False,
-    }
-
-
 def parse(document: bytes) -> Element:
-    """The root element of a document that obeys the limits. Raises WireError."""
+    """The root element of a document that obeys the limits. Raises WireError.
+
+    The parser opens what a document type declaration names, whatever its options, so it never sees one. To look for it, the
+    encoding must be known: it is UTF-8, or UTF-16 with a byte order mark, and the one that is declared does not count.
+    """
     if len(document) > MOST_BYTES:
         raise WireError(SENDER, f"the document has {len(document)} bytes, and {MOST_BYTES} are the most")
     try:
-        root = etree.fromstring(document, etree.XMLParser(**_parser_options()))
+        if document[:2] in (codecs.BOM_UTF16_BE, codecs.BOM_UTF16_LE):
+            document = document.decode("utf-16").encode()
+        if b"<!DOCTYPE" in document:
+            raise WireError(SENDER, "a document type declaration is not taken; send the document without one")
+        root = etree.fromstring(document, _parser())
     except (etree.XMLSyntaxError, ValueError, LookupError) as error:
-        raise WireError(SENDER, f"this is no XML: {str(error)[:200]}") from None
-    tree = root.getroottree()
-    if tree.docinfo.internalDTD is not None or tree.docinfo.doctype:
-        raise WireError(SENDER, "a document type declaration is not taken; send the document without one")
+        raise WireError(SENDER, f"this is no XML in UTF-8: {str(error)[:200]}") from None
     _check_depth(root)
     return root
+
+
+def _parser() -> etree.XMLParser:
+    return etree.XMLParser(
+        encoding="utf-8",
+        resolve_entities=False,
+        load_dtd=False,
+        no_network=True,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+        collect_ids=False,
+    )
 
 
 def _check_depth(root: Element) -> None:
@@ -223,6 +257,18 @@ def decode(document: bytes) -> Message:
     element = content[0]
     if element.tag == f"{{{ENV}}}Fault":
         return _read_fault(element, found)
+    place = _place(element, found)
+    session = _session(element) if place.namespace == FRP else {}
+    if session.get("Version", VERSION) != VERSION:
+        raise WireError("frp:UnknownVersion", f"version {session['Version'][:20]} of the protocol is unknown; {VERSION} is spoken here")
+    if place.namespace == FRP and not (session.get("Transaction") and session.get("Participant")):
+        raise WireError(SENDER, f"{place.kind.__name__}: Transaction and Participant must be in it, and not empty")
+    value = struct_reader(place.kind, place.namespace, _SESSION_TAGS if place.namespace == FRP else frozenset())(element)
+    return Message(header=_header(found, session), body=value)
+
+
+def _place(element: Element, found: dict[str, str]) -> Place:
+    """Which message it is, when its headers fit it."""
     place = _BY_TAG.get(str(element.tag))
     if place is None:
         raise WireError(ACTION_NOT_SUPPORTED, f"{_short(element.tag)} is no message that is known here")
@@ -234,11 +280,7 @@ def decode(document: bytes) -> Message:
         )
     if "MessageID" not in found:
         raise WireError(HEADER_REQUIRED, "the header wsa:MessageID is missing")
-    session = _session(element) if place.namespace == FRP else {}
-    if session.get("Version", VERSION) != VERSION:
-        raise WireError("frp:UnknownVersion", f"version {session['Version'][:20]} of the protocol is unknown; {VERSION} is spoken here")
-    value = read_fields(element, place.kind, place.namespace, _SESSION_TAGS if place.namespace == FRP else frozenset())
-    return Message(header=_header(found, session), body=value)
+    return place
 
 
 def _short(text: object) -> str:
@@ -264,17 +306,15 @@ def _headers(header: Element | None) -> dict[str, str]:
     found: dict[str, str] = {}
     for block in header if header is not None else ():
         name = etree.QName(block)
-        if name.namespace != WSA:
-            if block.get(f"{{{ENV}}}mustUnderstand", "false").strip() in ("true", "1"):
+        if name.namespace != WSA or name.localname not in _ADDRESSING:
+            if block.get(f"{{{ENV}}}mustUnderstand", "false").strip() in ("true", "1") and block.get(f"{{{ENV}}}role") in _TO_US:
                 raise WireError("env:MustUnderstand", f"the header {_short(block.tag)} is not understood here")
             continue
         if name.localname in ("To", "Action", "MessageID"):
             value = (block.text or "").strip()
         elif name.localname in ("From", "ReplyTo", "FaultTo"):
             value = (block.findtext(f"{{{WSA}}}Address") or "").strip()
-        elif name.localname == "RelatesTo":
-            if block.get("RelationshipType", f"{WSA}/reply") != f"{WSA}/reply":
-                continue
+        elif block.get("RelationshipType", f"{WSA}/reply") == f"{WSA}/reply":
             value = (block.text or "").strip()
         else:
             continue
@@ -310,11 +350,24 @@ def _header(found: dict[str, str], session: dict[str, str]) -> Header:
 
 
 def _read_fault(element: Element, found: dict[str, str]) -> Message:
-    value = element.findtext(f"{{{ENV}}}Code/{{{ENV}}}Value") or SENDER
-    sub = element.findtext(f"{{{ENV}}}Code/{{{ENV}}}Subcode/{{{ENV}}}Value")
-    text = element.findtext(f"{{{ENV}}}Reason/{{{ENV}}}Text") or "no reason was given"
+    value = element.find(f"{{{ENV}}}Code/{{{ENV}}}Value")
+    sub = element.find(f"{{{ENV}}}Code/{{{ENV}}}Subcode/{{{ENV}}}Value")
+    text = element.findtext(f"{{{ENV}}}Reason/{{{ENV}}}Text")
     detail = element.find(f"{{{ENV}}}Detail")
+    for child in detail if detail is not None else ():
+        place = _BY_TAG.get(str(child.tag))
+        if place is not None and place.kind in REFUSALS:
+            return Message(header=_header(found, {}), body=struct_reader(place.kind, place.namespace)(child))
     session = _session(detail) if detail is not None else {}
-    prefix, name = (sub or value).strip().rpartition(":")[::2]
-    known = prefix if sub else "env"
-    return Message(header=_header(found, session), body=frp.Fault(code=f"{known}:{name}", text=text))
+    code = _known_code(sub) or _known_code(value) or SENDER
+    return Message(header=_header(found, session), body=frp.Fault(code=code, text=text if text is not None else "no reason was given"))
+
+
+def _known_code(element: Element | None) -> str | None:
+    """A fault code with our prefix for its namespace, if that is one we know."""
+    if element is None:
+        return None
+    prefix, _, name = (element.text or "").strip().rpartition(":")
+    namespace = element.nsmap.get(prefix or None)
+    ours = next((known for known, uri in _PREFIXES.items() if uri == namespace), None)
+    return f"{ours}:{name}" if ours is not None else None

@@ -7,11 +7,12 @@ holds `Entry` elements with a `name`, a union holds one element named by the Str
 from __future__ import annotations
 
 import math
+import operator
 import types
 import typing
 from collections.abc import Callable
 from enum import Enum
-from functools import cache
+from functools import cache, reduce
 from typing import Any, NamedTuple, Union
 
 from lxml import etree
@@ -25,13 +26,18 @@ Write = Callable[[Element, Any], None]
 Read = Callable[[Element], Any]
 SENDER = "env:Sender"
 
+MOST_WHOLE = 10**18 - 1
+"""The largest whole number: so many digits every stack can read."""
+
 
 class Field(NamedTuple):
-    """One field of a Struct: its name in Python and in XML, its type without None, and how it is to be left out."""
+    """One field of a Struct: its names in Python and in XML, the type of one element of it, and how it is left out."""
 
     name: str
     tag: str
     type: Any
+    many: bool
+    """Whether it is a tuple, which is the element repeated."""
     default: Any
     required: bool
 
@@ -48,10 +54,12 @@ def fields(kind: type[Struct]) -> tuple[Field, ...]:
     found = []
     for info in structs.fields(kind):
         given = info.default_factory() if info.default_factory is not NODEFAULT else info.default
+        hint = without_none(hints[info.name])
+        many = typing.get_origin(hint) is tuple
         # None is written by leaving the element out, so a field that may be None is not required, whatever Python says.
         default = None if given is NODEFAULT and type(None) in union_of(hints[info.name]) else given
-        required = default is NODEFAULT
-        found.append(Field(info.name, camel(info.name), without_none(hints[info.name]), default, required))
+        element = without_none(typing.get_args(hint)[0]) if many else hint
+        found.append(Field(info.name, camel(info.name), element, many, default, default is NODEFAULT and not many))
     return tuple(found)
 
 
@@ -61,8 +69,8 @@ def union_of(hint: Any) -> tuple[Any, ...]:
 
 
 def without_none(hint: Any) -> Any:
-    left = tuple(member for member in union_of(hint) if member is not type(None))
-    return left[0] if len(left) == 1 else Union[left]
+    left = [member for member in union_of(hint) if member is not type(None)]
+    return reduce(operator.or_, left)
 
 
 def is_value(hint: Any) -> bool:
@@ -81,7 +89,10 @@ def text_of(value: float | str | bool) -> str:
     return value
 
 
-def _set_text(element: Element, text: str) -> None:
+# Writing. What fills an element with a value of a type is made once for each type and namespace.
+
+
+def _write_text(element: Element, text: str) -> None:
     try:
         element.text = text
     except ValueError:
@@ -90,64 +101,80 @@ def _set_text(element: Element, text: str) -> None:
         ) from None
 
 
+def _write_simple(element: Element, value: float | bool) -> None:
+    element.text = text_of(value)
+
+
+def _write_whole(element: Element, value: int) -> None:
+    if abs(value) > MOST_WHOLE:
+        raise WireError(SENDER, f"{etree.QName(element).localname}: whole numbers have up to 18 digits, and this is {value!r:.40}")
+    element.text = repr(int(value))
+
+
+def _write_value(element: Element, value: float | str | bool) -> None:
+    element.set("kind", "truth" if isinstance(value, bool) else "text" if isinstance(value, str) else "number")
+    _write_text(element, text_of(value))
+
+
+_WRITE_SIMPLE: dict[Any, Write] = {str: _write_text, float: _write_simple, int: _write_whole, bool: _write_simple}
+
+
 @cache
 def writer(hint: Any, namespace: str) -> Write:
-    """What fills an element with a value of the type."""
+    """What fills an element with a value of the type. Raises WireError for what XML cannot carry."""
     if is_value(hint):
         return _write_value
     members = union_of(hint)
     if len(members) > 1:
-        return lambda element, value: writer(type(value), namespace)(_child(element, namespace, type(value).__name__), value)
-    origin = typing.get_origin(hint)
-    if origin is dict:
-        inner = writer(without_none(typing.get_args(hint)[1]), namespace)
-
-        def write_entries(element: Element, value: dict[str, Any]) -> None:
-            for name, one in value.items():
-                entry = _child(element, namespace, "Entry")
-                _set_attribute(entry, "name", name)
-                inner(entry, one)
-
-        return write_entries
+        return _union_writer({member: (f"{{{namespace}}}{member.__name__}", writer(member, namespace)) for member in members})
+    if typing.get_origin(hint) is dict:
+        return _entries_writer(writer(without_none(typing.get_args(hint)[1]), namespace), f"{{{namespace}}}Entry")
     if isinstance(hint, type) and issubclass(hint, Struct):
-        return lambda element, value: write_fields(element, value, namespace)
+        return _struct_writer(hint, namespace)
     if isinstance(hint, type) and issubclass(hint, Enum):
-        return lambda element, value: _set_text(element, str(value.value))
-    return lambda element, value: _set_text(element, text_of(value))
+        return lambda element, value: _write_text(element, str(value.value))
+    return _WRITE_SIMPLE[hint]
 
 
-def _write_value(element: Element, value: Any) -> None:
-    kind = "truth" if isinstance(value, bool) else "number" if isinstance(value, float | int) else "text"
-    element.set("kind", kind)
-    _set_text(element, text_of(value))
+def _union_writer(members: dict[type[Struct], tuple[str, Write]]) -> Write:
+    def write(element: Element, value: Struct) -> None:
+        tag, inner = members[type(value)]
+        inner(etree.SubElement(element, tag), value)
+
+    return write
 
 
-def _set_attribute(element: Element, name: str, text: str) -> None:
-    try:
-        element.set(name, text)
-    except ValueError:
-        raise WireError(SENDER, f"a name has a character that XML cannot carry: {text[:60]!r}") from None
+def _entries_writer(inner: Write, tag: str) -> Write:
+    def write(element: Element, value: dict[str, Any]) -> None:
+        for name, one in value.items():
+            entry = etree.SubElement(element, tag)
+            try:
+                entry.set("name", name)
+            except ValueError:
+                raise WireError(SENDER, f"a name has a character that XML cannot carry: {name[:60]!r}") from None
+            inner(entry, one)
+
+    return write
 
 
-def _child(element: Element, namespace: str, tag: str) -> Element:
-    return etree.SubElement(element, f"{{{namespace}}}{tag}")
+def _struct_writer(kind: type[Struct], namespace: str) -> Write:
+    plan = [(field, f"{{{namespace}}}{field.tag}", writer(field.type, namespace)) for field in fields(kind)]
+
+    def write(element: Element, value: Struct) -> None:
+        for (name, _, _, many, default, required), tag, inner in plan:
+            one = getattr(value, name)
+            if one is None or (not required and one == default and type(one) is type(default)):
+                continue
+            if many:
+                for item in one:
+                    inner(etree.SubElement(element, tag), item)
+            else:
+                inner(etree.SubElement(element, tag), one)
+
+    return write
 
 
-def write_fields(element: Element, value: Struct, namespace: str) -> None:
-    """Append an element for each field that is not left out."""
-    for field in fields(type(value)):
-        one = getattr(value, field.name)
-        if one is None or (not field.required and one == field.default and type(one) is type(field.default)):
-            continue
-        if typing.get_origin(field.type) is tuple:
-            write = writer(without_none(typing.get_args(field.type)[0]), namespace)
-            for item in one:
-                write(_child(element, namespace, field.tag), item)
-        else:
-            writer(field.type, namespace)(_child(element, namespace, field.tag), one)
-
-
-# Reading
+# Reading, likewise
 
 
 def _wrong(element: Element, what: str) -> WireError:
@@ -163,7 +190,7 @@ def _text(element: Element) -> str:
 def _number(element: Element) -> float:
     text = _text(element).strip()
     try:
-        if "_" in text:
+        if "_" in text or not text.isascii():
             raise ValueError
         return float(text)
     except ValueError:
@@ -172,8 +199,8 @@ def _number(element: Element) -> float:
 
 def _whole(element: Element) -> int:
     text = _text(element).strip()
-    digits = text[1:] if text[:1] in "+-" else text
-    if not (digits.isascii() and digits.isdigit() and len(digits) < 19):
+    digits = text[1:] if text[:1] in ("+", "-") else text
+    if not (digits.isascii() and digits.isdigit() and len(digits) <= 18):
         raise _wrong(element, f"{text[:40]!r} is no whole number")
     return int(text)
 
@@ -197,7 +224,7 @@ def _value(element: Element) -> float | str | bool:
             raise _wrong(element, f"kind is number, text or truth, and not {kind[:40]!r}")
 
 
-_SIMPLE: dict[Any, Read] = {str: _text, float: _number, int: _whole, bool: _truth}
+_READ_SIMPLE: dict[Any, Read] = {str: _text, float: _number, int: _whole, bool: _truth}
 
 
 @cache
@@ -207,14 +234,14 @@ def reader(hint: Any, namespace: str) -> Read:
         return _value
     members = union_of(hint)
     if len(members) > 1:
-        return _union_reader({f"{{{namespace}}}{member.__name__}": member for member in members}, namespace)
+        return _union_reader({f"{{{namespace}}}{member.__name__}": reader(member, namespace) for member in members})
     if typing.get_origin(hint) is dict:
         return _entries_reader(reader(without_none(typing.get_args(hint)[1]), namespace), f"{{{namespace}}}Entry")
     if isinstance(hint, type) and issubclass(hint, Struct):
-        return lambda element: read_fields(element, hint, namespace)
+        return struct_reader(hint, namespace)
     if isinstance(hint, type) and issubclass(hint, Enum):
         return _enum_reader(hint)
-    return _SIMPLE[hint]
+    return _READ_SIMPLE[hint]
 
 
 def _enum_reader(kind: type[Enum]) -> Read:
@@ -228,12 +255,14 @@ def _enum_reader(kind: type[Enum]) -> Read:
     return read
 
 
-def _union_reader(members: dict[str, type[Struct]], namespace: str) -> Read:
+def _union_reader(members: dict[str, Read]) -> Read:
+    names = ", ".join(etree.QName(tag).localname for tag in members)
+
     def read(element: Element) -> Any:
         inner = _elements(element)
         if len(inner) != 1 or inner[0].tag not in members:
-            raise _wrong(element, f"one of {', '.join(member.__name__ for member in members.values())} was expected in it")
-        return read_fields(inner[0], members[inner[0].tag], namespace)
+            raise _wrong(element, f"one of {names} was expected in it")
+        return members[inner[0].tag](inner[0])
 
     return read
 
@@ -259,27 +288,33 @@ def _elements(element: Element) -> list[Element]:
     return list(element)
 
 
-def read_fields(element: Element, kind: type[Struct], namespace: str, skip: frozenset[str] = frozenset()) -> Any:
-    """A Struct from the elements of its fields, in any order; those in `skip` are somebody else's."""
-    known = {f"{{{namespace}}}{field.tag}": field for field in fields(kind)}
-    found: dict[str, Any] = {}
-    for child in _elements(element):
-        if child.tag in skip:
-            continue
-        field = known.get(child.tag)
-        if field is None:
-            raise _wrong(element, f"{etree.QName(child).localname} in {etree.QName(child).namespace} is unknown in it")
-        if typing.get_origin(field.type) is tuple:
-            found.setdefault(field.name, []).append(reader(without_none(typing.get_args(field.type)[0]), namespace)(child))
-        elif field.name in found:
-            raise _wrong(element, f"{field.tag} is there twice")
-        else:
-            found[field.name] = reader(field.type, namespace)(child)
-    for field in fields(kind):
-        if typing.get_origin(field.type) is tuple:
-            found[field.name] = tuple(found.get(field.name, ()))
-        elif field.required and field.name not in found:
-            raise _wrong(element, f"{field.tag} is missing in it")
-        elif field.name not in found:
-            found[field.name] = field.default
-    return kind(**found)
+@cache
+def struct_reader(kind: type[Struct], namespace: str, skip: frozenset[str] = frozenset()) -> Read:
+    """What makes a Struct from the elements of its fields, in any order; those in `skip` are somebody else's."""
+    known = {f"{{{namespace}}}{field.tag}": (field, reader(field.type, namespace)) for field in fields(kind)}
+    all_fields = fields(kind)
+
+    def read(element: Element) -> Any:
+        found: dict[str, Any] = {}
+        for child in _elements(element):
+            if (slot := known.get(child.tag)) is None:
+                if child.tag in skip:
+                    continue
+                raise _wrong(element, f"{etree.QName(child).localname} in {etree.QName(child).namespace} is unknown in it")
+            field, inner = slot
+            if field.many:
+                found.setdefault(field.name, []).append(inner(child))
+            elif field.name in found:
+                raise _wrong(element, f"{field.tag} is there twice")
+            else:
+                found[field.name] = inner(child)
+        for name, tag, _, many, default, required in all_fields:
+            if many:
+                found[name] = tuple(found.get(name, ()))
+            elif name not in found:
+                if required:
+                    raise _wrong(element, f"{tag} is missing in it")
+                found[name] = default
+        return kind(**found)
+
+    return read
