@@ -28,6 +28,8 @@ from somrs.app.trace import Follower, Line
 from somrs.devices.simulator.commands import Fault, RobotState
 from somrs.devices.simulator.link import OperatorLink
 from somrs.devices.simulator.navigation import Navigator
+from somrs.entish import Attribute, Comparison, Name
+from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import SimulationError, UsageError
 from somrs.ontology.files import load
@@ -200,13 +202,21 @@ def unlike_the_paper(scenario: str, lines: list[Line]) -> list[str]:
     if said:
         wrong.append(f"and then {said}")
     if scenario == "1b":
-        reported = next((str(line.body.get("situation", "")) for line in lines if line.type == "Failed"), "")
-        again = [str(line.body.get("precondition", "")) for line in lines if line.type == "Arrange"][-1]
-        for axis in ("PositionX", "PositionY", "PositionZ"):
-            told = next((part for part in reported.split(" AND ") if part.startswith(f"{JAR}.{axis} =")), None)
-            if told is None or told not in again:
-                wrong.append(f"{JAR}.{axis} is not in Failed and in the second Arrange: {reported!r}, {again!r}")
+        reported = next((_position(line.body.get("situation")) for line in lines if line.type == "Failed"), {})
+        again = [_position(line.body.get("precondition")) for line in lines if line.type == "Arrange"][-1]
+        if len(reported) != 3 or again != reported:
+            wrong.append(f"the position of the jar in Failed is {reported}, and in the second Arrange {again}")
     return wrong
+
+
+def _position(situation: object) -> dict[str, str]:
+    """What a situation says of the jar's position."""
+    parts = conjuncts(parse(str(situation))) if situation else ()
+    return {
+        part.left.path: str(part.right)
+        for part in parts
+        if isinstance(part, Comparison) and isinstance(part.left, Attribute) and part.left.of == Name(JAR) and "Position" in part.left.path
+    }
 
 
 def _print(trace: Follower, lines: list[Line], console: Console) -> None:
@@ -266,4 +276,6 @@ def _close(played: Play, scenario: str, out: Path, console: Console) -> None:
     if played.pictures:
         letters = [picture.stem for picture in played.pictures]
         console.print(show.table("Pictures", ("file", "what it shows"), ((f"{letter}.png", STEPS[letter]) for letter in letters)))
+    if wrong := unlike_the_paper(scenario, played.lines):
+        console.print("\n".join(f"[yellow]unlike the paper: {text}[/]" for text in wrong))
     console.print(f"{played.simulated:.0f} s of simulated time took {played.took:.1f} s. Everything is in {out}/")
