@@ -209,7 +209,7 @@ def make_way(robot: Robot, other: Robot) -> Generator[None, None, bool]:
             break
         yield from wait(0.25)
         mine = (route(robot, goal, ()) if goal is not None else None) or [robot.pose()[:2]]
-        if path_distance(_beginning(mine), _beginning(other.plan)) > robot.size.radius + other.size.radius + 0.1:
+        if other.plan and path_distance(_beginning(mine), _beginning(other.plan)) > robot.size.radius + other.size.radius + 0.1:
             break
     robot.plan = []
     return True
@@ -241,14 +241,21 @@ def _refuge(robot: Robot, other: Robot) -> list[Point] | None:
             here = Capsule(point, point, robot.size.radius + 0.05)
             if aside and all(here.gap(Capsule((d.x, d.y), (d.x, d.y), d.radius)) > 0 for d in discs):
                 candidates.append(point)
+    fallback: list[Point] | None = None
     tried = 0
     for point in candidates:
-        if not robot.navigator.free(point, robot.size.radius + MARGIN):
-            continue
-        path = route(robot, point, robot.others())
-        tried += 1
-        if path is not None:
-            return path
         if tried > 80:
             break
-    return None
+        if not robot.navigator.free(point, robot.size.radius + MARGIN):
+            continue
+        tried += 1
+        path = route(robot, point, robot.others())
+        if path is None:
+            continue
+        # Where the other one will be when this one has got there.
+        ahead = _beginning(other.plan, 0.5 + other.solid.speed * length(path) / robot.solid.speed)
+        if path_distance(path, ahead) > robot.size.radius + other.size.radius + 0.1:
+            return path
+        if fallback is None and math.dist(point, other.plan[0]) > math.dist((x, y), other.plan[0]):
+            fallback = path
+    return fallback

@@ -117,8 +117,11 @@ def pick(robot: Robot, thing: str) -> Routine:
     """Take a thing that is within reach."""
     scene, solid = robot.scene, robot.scene.world.solids[thing]
     robot.need_gripper()
+    yield from claim_arm(robot, scene.pose(thing)[:2])
     x, y, z, _ = scene.pose(thing)
-    yield from claim_arm(robot, (x, y))
+    if scene.holder(thing) is not None or math.dist((x, y), robot.arm_claim.end if robot.arm_claim else (x, y)) > 0.05:
+        robot.arm_claim = None
+        raise GivenUp("slipped", f"{thing} was taken away before {robot.name} could grip it")
     angle, half = _grasp_angle(robot, thing)
     opening = min(OPENING, half + 0.018)
     tip = z - robot.solid.z + max(0.012, solid.height - FINGER + 0.025)
@@ -190,12 +193,26 @@ def close(robot: Robot, thing: str) -> Routine:
     raise GivenUp("slipped", f"the fingers of {robot.name} close without {thing} between them")
 
 
+def place(robot: Robot, on: Solid, at: Point | None) -> Routine:
+    """Put what is held on an object, wherever there is room on it or just at a point."""
+    thing = robot.holding
+    assert thing is not None
+    radius, top = robot.scene.world.solids[thing].extent, top_of(on)
+    while True:
+        spot = yield from get_within_reach(robot, on.name, spots_on(robot, on, at), top)
+        yield from claim_arm(robot, spot)
+        # Another robot may have put something there while this one came or waited.
+        if others_near(robot, np.array([spot]), top - 0.05, top + 0.4, [thing])[0] - radius > 0.005:
+            break
+        robot.arm_claim = None
+    yield from put(robot, spot, top)
+
+
 def put(robot: Robot, spot: Point, top: float) -> Routine:
-    """Put what is held on a spot within reach, let go, and leave it standing free."""
+    """Put what is held on a spot that the arm has claimed, let go, and leave it standing free."""
     thing = robot.holding
     assert thing is not None
     robot.need_gripper()
-    yield from claim_arm(robot, spot)
     yield from robot.arm(lift=_lift_over(robot, spot, top))
     turret, reach = robot.aim(spot)
     yield from robot.arm(turret=turret)
@@ -246,6 +263,7 @@ def set_down(robot: Robot) -> Routine:
     else:
         raise GivenUp("no-space", f"there is no free spot around {robot.name} to put {thing} on")
     yield from _draw_in(robot)
+    yield from claim_arm(robot, ranked[0][0])
     yield from put(robot, *ranked[0])
 
 

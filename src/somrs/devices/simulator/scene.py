@@ -67,6 +67,7 @@ class Scene:
         """Let physics run."""
         for _ in range(steps):
             mujoco.mj_step(self.model, self.data)
+        mujoco.mj_kinematics(self.model, self.data)  # else bodies are where they were before the last step
         self.time += steps * self.model.opt.timestep
         self._check()
 

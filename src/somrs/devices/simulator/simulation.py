@@ -6,7 +6,7 @@ Nothing here reads a clock: whoever calls `step` decides how fast simulated time
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -29,7 +29,7 @@ from somrs.devices.simulator.commands import (
     Stop,
 )
 from somrs.devices.simulator.driving import drive_to, make_way
-from somrs.devices.simulator.handling import get_within_reach, pick, put, set_down, spots_on, top_of, withdraw
+from somrs.devices.simulator.handling import get_within_reach, pick, place, set_down, spots_on, top_of, withdraw
 from somrs.devices.simulator.navigation import Navigator
 from somrs.devices.simulator.robot import PERIOD, GivenUp, Robot, Routine
 from somrs.devices.simulator.scene import Scene
@@ -47,7 +47,7 @@ OnEnd = Callable[[Done | Gave], None]
 class _Work:
     """What a robot is doing: the routine, and the command it carries out (None: of its own accord)."""
 
-    routine: Routine
+    routine: Generator[None, None, object]
     command: Command | None
     on_end: OnEnd | None
     touched: tuple[str, ...] = ()
@@ -237,8 +237,7 @@ class Simulation:
             raise GivenUp("not-possible", f"nothing can be put on {command.on}, which is a {solid.type}")
         robot.need_gripper()
         at = (command.x, command.y) if command.x is not None and command.y is not None else None
-        spot = yield from get_within_reach(robot, command.on, spots_on(robot, solid, at), top_of(solid))
-        yield from put(robot, spot, top_of(solid))
+        yield from place(robot, solid, at)
 
     def _put_down(self, robot: Robot) -> Routine:
         self._able(robot)
@@ -369,7 +368,7 @@ def _drive(robot: Robot, x: float, y: float, yaw: float | None) -> Routine:
     yield from drive_to(robot, (x, y), yaw)
 
 
-def _after(first: Routine, second: Routine) -> Routine:
+def _after(first: Generator[None, None, object], second: Routine) -> Routine:
     """One routine after the other, whether or not the first can be carried out."""
     with suppress(GivenUp):
         yield from first

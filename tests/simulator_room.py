@@ -1,0 +1,87 @@
+"""A room of 8 by 6 m for the simulator's tests: a cupboard with a jar, a table, a platform, and two robots; and ways to run it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+
+from somrs.devices.simulator.commands import Command, Done, Gave
+from somrs.devices.simulator.simulation import Simulation
+from somrs.ontology.files import upper
+from somrs.ontology.objects import Map, Object
+from somrs.ontology.types import Ontology, Value
+
+ONTOLOGY: Ontology = upper()
+Start = tuple[float, float, float]
+
+
+def box(name: str, type: str, at: tuple[float, float, float], size: tuple[float, float, float], **values: Value) -> Object:
+    """A box of the given width, depth and height."""
+    place: dict[str, Value] = {"PositionX": at[0], "PositionY": at[1], "PositionZ": at[2], "Shape.Form": "Box"}
+    extent: dict[str, Value] = {"Shape.Width": size[0], "Shape.Depth": size[1], "Shape.Height": size[2]}
+    return Object(name=name, type=type, values={**place, **extent, **values})
+
+
+def thing(name: str, type: str, x: float, y: float, z: float, **values: Value) -> Object:
+    return Object(name=name, type=type, values={"PositionX": x, "PositionY": y, "PositionZ": z, **values})
+
+
+def robot(name: str, start: Start, speed: float = 0.8, type: str = "PioneerP3DX") -> Object:
+    return Object(name=name, type=type, values={"PositionX": start[0], "PositionY": start[1], "RotationZ": start[2], "Speed": speed})
+
+
+def shell() -> list[Object]:
+    """The empty room."""
+    return [
+        box("Floor1", "Floor", (4, 3, -0.1), (8.2, 6.2, 0.1)),
+        box("WallS", "Wall", (4, -0.05, 0), (8.2, 0.1, 2.5)),
+        box("WallN", "Wall", (4, 6.05, 0), (8.2, 0.1, 2.5)),
+        box("WallW", "Wall", (-0.05, 3, 0), (0.1, 6, 2.5)),
+        box("WallE", "Wall", (8.05, 3, 0), (0.1, 6, 2.5)),
+    ]
+
+
+def room(one: Start = (1.5, 1.5, 0.0), two: Start = (6.5, 4.5, math.pi), more: Iterable[Object] = ()) -> Map:
+    furniture = [
+        box("Cupboard001", "Cupboard", (0.3, 4, 0), (0.5, 1.2, 0.8)),
+        box("Table001", "Table", (4, 5.2, 0), (1.4, 0.8, 0.74)),
+        box("Platform001", "Platform", (6.5, 1.5, 0), (0.8, 0.8, 0.3)),
+        thing("Jar002", "Jar", 0.43, 3.9, 0.8),
+    ]
+    return Map([*shell(), *furniture, robot("Robot1", one, 0.6), robot("Robot2", two, 0.9), *more])
+
+
+class Run:
+    """A simulation, and what happened in it that must not."""
+
+    def __init__(self, map: Map) -> None:
+        self.simulation = Simulation(map, ONTOLOGY)
+        self.collisions: set[tuple[str, str]] = set()
+
+    def step(self) -> None:
+        self.simulation.step()
+        things = set(self.simulation.scene.things())
+        self.collisions |= {pair for pair in self.simulation.scene.robot_contacts() if not things & set(pair)}
+
+    def start(self, robot: str, command: Command) -> list[Done | Gave]:
+        """Give a command; the list holds its end when that has come."""
+        ends: list[Done | Gave] = []
+        self.simulation.command(robot, command, ends.append)
+        return ends
+
+    def until(self, condition: Callable[[], object], limit: float = 120.0) -> None:
+        began = self.simulation.time
+        while not condition():
+            assert self.simulation.time - began < limit, f"nothing came of it in {limit} s of simulated time"
+            self.step()
+
+    def do(self, robot: str, command: Command) -> Done | Gave:
+        ends = self.start(robot, command)
+        self.until(lambda: ends)
+        return ends[0]
+
+    def all(self, robot: str, *commands: Command) -> None:
+        """The commands one after the other, all of which must be done."""
+        for command in commands:
+            end = self.do(robot, command)
+            assert isinstance(end, Done), f"{robot} {command}: {end}"
