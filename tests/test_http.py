@@ -1,0 +1,275 @@
+"""The server and the wire over real sockets: what is not a message gets the right answer quickly, and the server goes on serving."""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+
+import aiohttp
+import pytest
+
+from somrs.app.http import Server, Wire
+from somrs.errors import RemoteError, UsageError
+from somrs.protocol import frp, knowledge, soap
+from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id, reply
+
+TYPE = {"Content-Type": "application/soap+xml; charset=utf-8"}
+QUERY = knowledge.QueryMap(formula="Jar1 isOn ?Place")
+
+Scenario = Callable[[Server, aiohttp.ClientSession], Awaitable[None]]
+
+
+def query(to: str) -> Message:
+    return Message(header=Header(sender=ANONYMOUS, recipient=to, message_id=message_id("q")), body=QUERY)
+
+
+async def answer(message: Message) -> Message | None:
+    """A component as the server sees it: one that answers, refuses, is broken, cannot be reached, or just takes messages."""
+    match message.body:
+        case knowledge.QueryMap():
+            return reply(message, knowledge.Rows(rows=(), version=7), "http://here")
+        case knowledge.UpdateMap():
+            return reply(message, knowledge.Rejected(problems=("no",)), "http://here")
+        case knowledge.ReadHistory(object=code):
+            return reply(message, frp.Fault(code=code, text="no"), "http://here")
+        case knowledge.ReadMap():
+            raise ZeroDivisionError
+        case knowledge.ReadOntology():
+            raise RemoteError("too busy")
+        case _:
+            return None
+
+
+def serving(scenario: Scenario) -> None:
+    """Run the scenario against a server, which still answers a query afterwards."""
+
+    async def run() -> None:
+        server, wire = Server("127.0.0.1", 0, {"/repository": answer}, body_time=0.3), Wire()
+        await server.start()
+        try:
+            async with aiohttp.ClientSession() as session:
+                started = time.monotonic()
+                await scenario(server, session)
+                assert time.monotonic() - started < 3
+            still = await wire.post(query(f"{server.url}/repository"))
+            assert still is not None
+            assert still.body == knowledge.Rows(rows=(), version=7)
+        finally:
+            await wire.close()
+            await server.stop()
+
+    asyncio.run(run())
+
+
+def document(server: Server) -> str:
+    return soap.encode(query(f"{server.url}/repository")).decode()
+
+
+FAULTS: dict[str, tuple[Callable[[str], bytes], int, str]] = {
+    "document type": (lambda text: text.replace("<env:Env", "<!DOCTYPE a []><env:Env", 1).encode(), 400, "env:Sender"),
+    "billion laughs": (lambda text: b'<!DOCTYPE a [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><a>&b;</a>', 400, "env:Sender"),
+    "external entity": (lambda text: b'<!DOCTYPE a [<!ENTITY a SYSTEM "file:///etc/hostname">]><a>&a;</a>', 400, "env:Sender"),
+    "nesting": (lambda text: b"<a>" * 60_000, 400, "env:Sender"),
+    "no XML": (lambda text: b"\x00\xff", 400, "env:Sender"),
+    "nothing": (lambda text: b"", 400, "env:Sender"),
+    "repeated": (lambda text: text.replace("</env:Header>", "<wsa:To>x</wsa:To></env:Header>").encode(), 400, "wsa:InvalidCardinality"),
+    "must understand": (
+        lambda text: text.replace("</env:Header>", '<x xmlns="urn:x" env:mustUnderstand="1"/></env:Header>').encode(),
+        500,
+        "env:MustUnderstand",
+    ),
+    "SOAP 1.1": (lambda text: text.replace(soap.ENV, "http://schemas.xmlsoap.org/soap/envelope/").encode(), 500, "env:VersionMismatch"),
+    "unknown body": (lambda text: text.replace("m:QueryMap", "m:QuietMap").encode(), 400, "wsa:ActionNotSupported"),
+    "no message id": (lambda text: text.replace("wsa:MessageID", "wsa:X").encode(), 400, "wsa:MessageAddressingHeaderRequired"),
+    "no action": (lambda text: text.replace("wsa:Action", "wsa:X").encode(), 400, "wsa:MessageAddressingHeaderRequired"),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_what_is_no_message_gets_a_fault(case: str) -> None:
+    make, status, code = FAULTS[case]
+
+    async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
+        async with session.post(f"{server.url}/repository", data=make(document(server)), headers=TYPE) as response:
+            assert response.status == status
+            assert response.content_type == soap.MEDIA_TYPE
+            body = soap.decode(await response.read()).body
+            assert isinstance(body, frp.Fault)
+            assert body.code == code
+            assert body.text
+
+    serving(scenario)
+
+
+@pytest.mark.parametrize(
+    ("headers", "path", "status"),
+    [
+        ({"Content-Type": "text/xml"}, "/repository", 415),
+        ({"Content-Type": "application/json"}, "/repository", 415),
+        ({"Content-Type": "application/soap+xml; charset=latin-1"}, "/repository", 415),
+        ({**TYPE, "Content-Encoding": "deflate"}, "/repository", 415),
+        (TYPE, "/", 404),
+        (TYPE, "/registry", 404),
+        (TYPE, "/repository/../../etc", 404),
+        ({"Content-Type": 'application/soap+xml;charset="UTF-8";action="urn:x"'}, "/repository", 200),
+        ({"Content-Type": "APPLICATION/SOAP+XML", "Content-Encoding": "identity"}, "/repository", 200),
+    ],
+)
+def test_paths_and_headers(headers: dict[str, str], path: str, status: int) -> None:
+    async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
+        async with session.post(f"{server.url}{path}", data=document(server).encode(), headers=headers) as response:
+            assert response.status == status
+
+    serving(scenario)
+
+
+def test_compression_and_other_methods() -> None:
+    async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
+        url, bomb = f"{server.url}/repository", gzip.compress(b"<a>" + b" " * 10_000_000)
+        async with session.post(url, data=bomb, headers={**TYPE, "Content-Encoding": "gzip"}) as response:
+            assert response.status == 415
+        async with session.post(url, data=bomb, headers=TYPE) as response:
+            assert response.status == 400
+        async with session.put(url, data=b"x", headers=TYPE) as response:
+            assert response.status == 405
+
+    serving(scenario)
+
+
+def test_a_body_that_is_too_large_or_never_ends() -> None:
+    async def endless() -> AsyncIterator[bytes]:
+        while True:
+            yield b" " * 16_384
+
+    async def stalled() -> AsyncIterator[bytes]:
+        yield b"<a>"
+        await asyncio.sleep(10)
+
+    async def drops(server: Server) -> None:
+        _, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(b"POST /repository HTTP/1.1\r\nHost: x\r\nContent-Type: application/soap+xml\r\nContent-Length: 9\r\n\r\n<")
+        await writer.drain()
+        writer.close()
+
+    async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
+        url = f"{server.url}/repository"
+        async with session.post(url, data=b" " * (soap.MOST_BYTES + 1), headers=TYPE) as response:
+            assert response.status == 413
+        for body, status in ((endless, 413), (stalled, 408)):
+            try:
+                async with session.post(url, data=body(), headers=TYPE) as response:
+                    assert response.status == status
+            except aiohttp.ClientOSError:
+                assert body is endless, "who still writes may find the connection closed before it reads the answer"
+        await drops(server)
+
+    serving(scenario)
+
+
+def test_many_at_once_beside_one_that_stalls() -> None:
+    async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(b"POST /repository HTTP/1.1\r\nHost: x\r\nContent-Type: application/soap+xml\r\nTransfer-Encoding: chunked\r\n\r\n")
+        wire = Wire()
+        answers = await asyncio.gather(*(wire.post(query(f"{server.url}/repository")) for _ in range(50)))
+        assert all(answers)
+        await wire.close()
+        assert b" 408 " in await reader.readline()
+        writer.close()
+
+    serving(scenario)
+
+
+def test_the_wire_brings_answers_refusals_and_faults() -> None:
+    async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
+        wire, header = Wire(), query(f"{server.url}/repository").header
+
+        async def body(asked: object) -> object:
+            got = await wire.post(Message(header=header, body=asked))  # type: ignore[arg-type]
+            assert got is None or got.header.relates_to == header.message_id
+            return got and got.body
+
+        assert await body(QUERY) == knowledge.Rows(rows=(), version=7)
+        assert await body(knowledge.UpdateMap()) == knowledge.Rejected(problems=("no",))
+        assert await body(knowledge.SubscribeMap(lease=1)) is None
+        assert await body(knowledge.ReadHistory(object="Sender")) == frp.Fault(code="env:Sender", text="no")
+        assert await body(knowledge.ReadOntology()) == frp.Fault(code="env:Receiver", text="too busy")
+        assert await body(knowledge.ReadMap()) == frp.Fault(code="env:Receiver", text="this message met a defect here; see the log")
+        await wire.close()
+
+    serving(scenario)
+
+
+@pytest.mark.parametrize(
+    ("asked", "status"),
+    [
+        (QUERY, 200),
+        (knowledge.UpdateMap(), 400),
+        (knowledge.SubscribeMap(lease=1), 202),
+        (knowledge.ReadHistory(object="env:Sender"), 400),
+        (knowledge.ReadHistory(object="frp:NotAllowed"), 400),
+        (knowledge.ReadHistory(object="env:Receiver"), 500),
+    ],
+)
+def test_the_status_of_answers(asked: knowledge.UpdateMap, status: int) -> None:
+    async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
+        url = f"{server.url}/repository"
+        message = Message(header=query(url).header, body=asked)
+        async with session.post(url, data=soap.encode(message), headers=TYPE) as response:
+            assert response.status == status
+
+    serving(scenario)
+
+
+def test_what_cannot_be_reached_or_is_no_component() -> None:
+    async def babble(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(b"HTTP/1.1 307 Go\r\nLocation: /elsewhere\r\nContent-Length: 0\r\n\r\n")
+        await writer.drain()
+
+    async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
+        wire = Wire()
+        strange = await asyncio.start_server(babble, "127.0.0.1", 0)
+        port = strange.sockets[0].getsockname()[1]
+        for address, says in {
+            f"{server.url}/nothing": "HTTP 404: nothing is at /nothing",
+            "http://127.0.0.1:9/x": "cannot be reached",
+            "http://[": "cannot be reached",
+            "ftp://x": "cannot be reached",
+            ANONYMOUS[:4]: "cannot be reached",
+            f"http://127.0.0.1:{port}/": "HTTP 307",
+        }.items():
+            with pytest.raises(RemoteError, match=says):
+                await wire.post(query(address))
+        with pytest.raises(RemoteError, match="QueryMap cannot be sent"):
+            await wire.post(Message(header=query(server.url).header, body=knowledge.QueryMap(formula="\x00")))
+        strange.close()
+        await wire.close()
+
+    serving(scenario)
+
+
+def test_a_port_that_is_taken() -> None:
+    async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
+        with pytest.raises(UsageError, match=f"cannot listen at 127.0.0.1:{server.port}"):
+            await Server("127.0.0.1", server.port, {}).start()
+
+    serving(scenario)
+
+
+def test_pages_and_descriptions() -> None:
+    async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
+        async def page(path: str) -> tuple[int, str]:
+            async with session.get(f"{server.url}{path}") as response:
+                return response.status, await response.text()
+
+        assert await page("/repository") == (200, "a SOAP 1.2 endpoint of SO-MRS; its description is at /repository?wsdl\n")
+        status, wsdl = await page("/repository?wsdl")
+        assert (status, f'location="{server.url}/repository"' in wsdl) == (200, True)
+        assert (await page("/repository?xsd=knowledge"))[0] == 200
+        assert (await page("/repository?xsd=../x"))[0] == 404
+        assert (await page("/nothing?wsdl")) == (404, "nothing is at /nothing; here are /repository\n")
+
+    serving(scenario)
