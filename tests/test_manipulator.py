@@ -131,7 +131,7 @@ def test_a_quote_counts_with_where_the_thing_is_going_to_be() -> None:
 
             now = await quoted("Jar1 isOn Table1")
             there = await quoted("Jar1.PositionX = 3 AND Jar1.PositionY = 2 AND Jar1.PositionZ = 0")
-            assert there < now - 3
+            assert there < now - 2
             assert await quoted("Jar1 isOn Platform1") == pytest.approx(now, abs=6)
 
     run(test())

@@ -195,7 +195,8 @@ class Navigator:
         room = np.minimum(self.grid.sample(field, path), radius + COMFORT)
 
         def sees(i: int, j: int) -> bool:
-            return j == i + 1 or self._clear_line(field, path[i], path[j], float(room[i : j + 1].min()) - self.grid.size / 2)
+            least = float(room[i : j + 1].min())
+            return j == i + 1 or self._clear_line(field, path[i], path[j], max(min(least, radius), least - self.grid.size / 2))
 
         kept, i, last = [path[0]], 0, len(path) - 1
         while i < last:
