@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import shutil
 import signal
 import socket
@@ -107,7 +108,8 @@ class System:
         core = {"repository", "registry", "task-manager", "simulator"}
         for group in ([p for p in running if p.name not in core], [p for p in running if p.name in core]):
             for program in group:
-                program.process.send_signal(signal.SIGTERM)
+                with contextlib.suppress(ProcessLookupError):  # it has ended, and nobody noticed yet
+                    program.process.send_signal(signal.SIGTERM)
             await asyncio.gather(*(_end(program) for program in group))
         (self.data / SYSTEM_FILE).unlink(missing_ok=True)
 

@@ -28,6 +28,8 @@ class Follower:
             self.simulation = Simulation(self.replica.map, self.replica.ontology)
             self.read.set()
         elif self.simulation is not None:
+            if news.definitions:
+                self.simulation.learn(self.replica.ontology)
             for change in news.changes:
                 match change:
                     case ObjectAdded(object):

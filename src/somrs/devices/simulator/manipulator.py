@@ -160,10 +160,10 @@ class Manipulator(Device):
             await self._driving(task, self._link.approach(to.on), 0.45, 0.85, f"carries {object} to {to.on}")
             done = await self._noting(self._link.place(to.on, *(to.at or ())))
         except RobotGaveUp as gave:
-            raise ServiceFailed(f"{self.name}: {gave.description}", self._situation(gave.state, object, gave.seen)) from gave
+            raise ServiceFailed(f"{self.name}: {gave.description}", await self._left_free(gave, object)) from gave
         finally:
             self.carrying = None
-        situation = self._situation(done.state, object, done.seen)
+        situation = self._situation(done.state, object, done.seen, on_first=True)
         seen = self._last_seen.get(object)
         if seen is None or seen.on is None:
             raise ServiceFailed(f"{self.name} put {object} on {to.on}, and does not see it there", situation)
@@ -172,6 +172,17 @@ class Manipulator(Device):
         if await task.map.holds(f"{self.name}.Working = FALSE"):
             return f"{situation} AND {self.name}.Working = TRUE"
         return situation
+
+    async def _left_free(self, gave: RobotGaveUp, object: str) -> str:
+        """What holds after a command was given up. What the robot still holds is put down first, for others to take."""
+        state, seen = gave.state, gave.seen
+        if state is not None and state.holding == object and Fault.GRIPPER not in state.faults and self._link.connected:
+            try:
+                done = await self._noting(self._link.put_down())
+                state, seen = done.state, done.seen
+            except RobotGaveUp as again:
+                state, seen = again.state or state, again.seen
+        return self._situation(state, object, seen)
 
     async def _driving(self, task: Task, drive: Coroutine[object, object, Done], begin: float, end: float, note: str) -> Done:
         """Drive, and report from time to time how far it is: by the time that such ways take."""
@@ -193,8 +204,8 @@ class Manipulator(Device):
         self._last_seen.update({seen.object: seen for seen in done.seen})
         return done
 
-    def _situation(self, state: RobotState | None, object: str, seen: Iterable[Seen]) -> str:
-        """What is known to hold: of the thing, and of the robot."""
+    def _situation(self, state: RobotState | None, object: str, seen: Iterable[Seen], *, on_first: bool = False) -> str:
+        """What is known to hold: of the thing, and of the robot. `on_first`: on what the thing is matters more than where."""
         self._last_seen.update({one.object: one for one in seen})
         parts: list[str] = []
         thing = self._last_seen.get(object)
@@ -203,7 +214,7 @@ class Manipulator(Device):
         elif thing is not None:
             parts += [f"{object}.Position{axis} = {_plain(value)}" for axis, value in zip("XYZ", (thing.x, thing.y, thing.z), strict=True)]
             if thing.on is not None:
-                parts.append(f"{object} isOn {thing.on}")
+                parts.insert(0 if on_first else 3, f"{object} isOn {thing.on}")
         if state is not None:
             parts += [f"{self.name}.PositionX = {_plain(state.x)}", f"{self.name}.PositionY = {_plain(state.y)}"]
             parts.append(f"{self.name}.RotationZ = {_plain(state.yaw)}")

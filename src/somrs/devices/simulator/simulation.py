@@ -307,6 +307,10 @@ class Simulation:
 
     # What comes and goes
 
+    def learn(self, ontology: Ontology) -> None:
+        """New types are known: objects of them can appear from now on."""
+        self._ontology = self.scene.world.ontology = ontology
+
     def add(self, object: Object) -> None:
         """An object appears."""
         solid = self.scene.add(object)

@@ -47,6 +47,7 @@ ROLES = (
     ("Wall", Role.WALL),
     ("Window", Role.WALL),
     ("Support", Role.SUPPORT),
+    ("StationaryDevice", Role.SUPPORT),  # what a device works on is put on top of it
     ("Graspable", Role.THING),
     ("MobileRobot", Role.ROBOT),
     ("PhysicalObject", Role.STATIC),
