@@ -7,10 +7,10 @@ from html import escape
 
 from somrs.app.trace import TASK_MANAGER, Line
 
-LEFT, TOP, COLUMN, ROW = 90, 90, 300, 34
+LEFT, TOP, COLUMN, ROW = 90, 90, 330, 40
 """Pixels: where the first lifeline is, how far apart lifelines are, how far apart messages."""
 
-MOST_TEXT = 58
+MOST_TEXT = 50
 """Characters of a note that fit beside an arrow."""
 
 STYLE = """

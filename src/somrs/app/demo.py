@@ -22,6 +22,7 @@ from rich.text import Text
 from somrs.app import show
 from somrs.app.chart import SETBACKS, chart, said
 from somrs.app.client import Client
+from somrs.app.sheet import sheet
 from somrs.app.sitefile import dump_site
 from somrs.app.system import System
 from somrs.app.trace import Follower, Line
@@ -160,6 +161,8 @@ async def perform(scenario: str, system: System, out: Path, distance: float, con
         with contextlib.suppress(asyncio.CancelledError):
             await camera
         pictures = sorted(out.glob("[A-F].png"))
+        if pictures:
+            sheet(pictures, STEPS, out / "pictures.png")
         (out / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
         shutil.copy(system.data / "messages.jsonl", out / "messages.jsonl")
         (out / "messages.svg").write_text(chart(lines, f"Scenario {scenario}: {WISH.effect}"), encoding="utf-8")
