@@ -13,7 +13,7 @@ from somrs.devices.simulator.robot import BRAKING, GivenUp, Robot, Routine, wait
 from somrs.devices.simulator.solids import Point
 from somrs.devices.simulator.traffic import GAP, Capsule, length, path_distance, point_distance
 
-PATIENCE = 25.0
+PATIENCE = 45.0
 """How long a robot waits and tries without getting nearer, s."""
 MARGIN = 0.03
 """What a planned path keeps from obstacles beyond the robot's radius, m."""
@@ -156,8 +156,16 @@ def _corner_speed(robot: Robot, before: Point, corner: Point, after: Point) -> f
 
 
 def _yields_to(robot: Robot, other: Robot) -> bool:
-    """Who makes way for whom: the one that has nowhere to go, else the one with the greater name."""
-    return bool(other.plan) and (not robot.plan or robot.name > other.name)
+    """Who makes way for whom: the one that has nowhere to go, else the one whose goal the other stands on, else the one with
+    the greater name."""
+    if not robot.plan or not other.plan:
+        return bool(other.plan)
+    mine, theirs = _stands_on_goal(other, robot), _stands_on_goal(robot, other)
+    return mine if mine != theirs else robot.name > other.name
+
+
+def _stands_on_goal(robot: Robot, other: Robot) -> bool:
+    return math.dist(robot.pose()[:2], other.plan[-1]) < robot.size.radius + other.size.radius + GAP
 
 
 def _wait_for(robot: Robot, other: Robot) -> Generator[None, None, float]:

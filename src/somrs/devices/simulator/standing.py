@@ -101,6 +101,8 @@ def free_spots(robot: Robot, on: Solid, radius: float, at: Point | None = None) 
     for other in robot.fleet.values():
         for claim in [other.base_claim()] if other is robot else other.claims():
             bases = np.minimum(bases, _from_capsule(spots, claim) - radius)
+    if on.role is Role.FLOOR and at is None:  # named places are kept free
+        edge = np.minimum(edge, off_marks(robot, spots) - radius)
     inset = EDGE if at is None else 0.0
     keep = (
         (edge >= inset - 1e-9)
@@ -110,6 +112,12 @@ def free_spots(robot: Robot, on: Solid, radius: float, at: Point | None = None) 
     )
     penalty = 1.5 * np.maximum(0.0, 0.15 - room) + np.maximum(0.0, 0.06 - edge) + 1.5 * np.maximum(0.0, 0.15 - walls)
     return spots[keep], penalty[keep]
+
+
+def off_marks(robot: Robot, spots: Array) -> Array:
+    """From each spot to the nearest named place on the robot's floor; negative within."""
+    marks = [mark for mark in robot.scene.world.of(Role.MARK) if abs(mark.z - robot.solid.z) < 0.1]
+    return np.min([mark.distances(spots) for mark in marks], axis=0) if marks else np.full(len(spots), 9.0)
 
 
 def _from_capsule(points: Array, capsule: Capsule) -> Array:
@@ -159,7 +167,8 @@ def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
         if min(edge, walls - FINGERS, room - FINGERS, robots - 0.12) < 0 or not boom_clear(robot, base[None, :], one, under.top)[0]:
             continue
         narrow = 0.4 * max(0.0, 0.5 - min(walls, room, robots))
-        found.append((float(cost) + narrow + (0 if on_floor else 2), (float(spot[0]), float(spot[1])), under.top))
+        marked = 1 if on_floor and off_marks(robot, one)[0] < radius else 0
+        found.append((float(cost) + narrow + (marked if on_floor else 2), (float(spot[0]), float(spot[1])), under.top))
     found.sort()
     ranked = [(spot, top) for _, spot, top in found]
     reachable = next((i for i, (spot, _) in enumerate(ranked[:12]) if _others_can_reach(robot, spot, radius)), 0)
