@@ -34,17 +34,16 @@ facts:
 """
 
 
-def site(more: str = "") -> tuple[Loaded, Map]:
-    """The room, and more objects as lines of YAML."""
-    loaded = load_text(SITE.replace("facts:", f"  {more}\nfacts:"), base=upper())
+def site() -> tuple[Loaded, Map]:
+    loaded = load_text(SITE, base=upper())
     assert loaded.map is not None
     return loaded, loaded.map
 
 
 @asynccontextmanager
-async def simulator(speed: float | None = None, more: str = "") -> AsyncIterator[Server]:
+async def simulator(speed: float | None = None) -> AsyncIterator[Server]:
     """The room, served at a free port."""
-    loaded, map = site(more)
+    loaded, map = site()
     server = Server(Simulation(map, loaded.ontology), speed=speed)
     await server.start()
     try:

@@ -68,11 +68,9 @@ def order(object: str = "Jar1", destination: str = "Platform1", precondition: st
 
 
 @asynccontextmanager
-async def desk(
-    name: str = "Robot1", speed: float | None = None, kind: type[Manipulator] = Manipulator, more: str = ""
-) -> AsyncIterator[Desk]:
-    loaded, map = site(more)
-    async with simulator(speed, more) as server, OperatorLink(server.host, server.port) as operator:
+async def desk(name: str = "Robot1", speed: float | None = None, kind: type[Manipulator] = Manipulator) -> AsyncIterator[Desk]:
+    loaded, map = site()
+    async with simulator(speed) as server, OperatorLink(server.host, server.port) as operator:
         device = kind(name, f"{server.host}:{server.port}")
         await device.open()
         try:
@@ -96,15 +94,6 @@ def test_a_jar_is_carried_and_it_says_where_it_is_to_the_millimetre() -> None:
             assert situations == ["Jar1 isHeldBy Robot1"]
             fractions = [advance.fraction for advance in at.told]
             assert fractions == sorted(fractions)
-
-    run(test())
-
-
-def test_what_is_to_be_on_the_floor_may_come_to_stand_at_a_named_place() -> None:
-    async def test() -> None:
-        async with desk(more="Hall: {type: Place, at: [4, 3], Shape: {Form: Cylinder, Radius: 6, Height: 0}}") as at:
-            assert (await at.perform(order(destination="Floor1"))).holds("isOn", ("Jar1", "Floor1"))
-            assert (await at.operator.seen("Jar1")).on == "Hall"
 
     run(test())
 

@@ -279,10 +279,8 @@ class RobotLink(_Link):
         """Have the robot carry out a command."""
         match await self._say(lambda id: Order(id=id, command=command)):
             case OrderDone(state=state, seen=seen):
-                self._note(state)
                 return Done(state=state, seen=seen)
             case OrderGivenUp(reason=reason, description=description, state=state, seen=seen):
-                self._note(state)
                 raise RobotGaveUp(reason, description, state, seen)
             case Refused(description=description):
                 raise RobotGaveUp("refused", description, self.state)
@@ -295,15 +293,11 @@ class RobotLink(_Link):
 
     def _hear(self, line: ServerLine) -> None:
         self.silent = False
-        if isinstance(line, State):
-            self._note(line.state)
-        else:
-            super()._hear(line)
-
-    def _note(self, state: RobotState) -> None:
-        self.state = state
-        if self._on_state is not None:
-            self._on_state(state)
+        if isinstance(line, State | OrderDone | OrderGivenUp):
+            self.state = line.state
+            if self._on_state is not None:
+                self._on_state(line.state)
+        super()._hear(line)
 
     def _fell_silent(self) -> None:
         self.silent = True

@@ -11,8 +11,6 @@ import math
 from collections.abc import Coroutine, Iterable
 from dataclasses import dataclass
 
-from msgspec import structs
-
 from somrs.devices.simulator.commands import Done, Fault, RobotState, Seen
 from somrs.devices.simulator.link import RobotGaveUp, RobotLink
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Number, Relation, conjuncts
@@ -31,9 +29,6 @@ DRIVING = 1.25
 DISABLING = {Fault.DRIVE: "its drive is dead", Fault.GRIPPER: "its gripper is stuck"}
 REPORTING = 2.0
 """Seconds between two reports while it drives."""
-
-PLACE_ON_FLOOR = "distance(?Floor: Floor, {floor}) <= 0 AND distance(?Place: Place, {place}) <= 0"
-"""Whether these are a floor and a named place: what stands on a place stands on the floor, too, and is seen on the place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,8 +164,6 @@ class Manipulator(Device):
         finally:
             self.carrying = None
         seen = self._last_seen.get(object)
-        if seen is not None and seen.on not in (None, to.on) and await task.map.holds(PLACE_ON_FLOOR.format(floor=to.on, place=seen.on)):
-            self._last_seen[object] = seen = structs.replace(seen, on=to.on)
         situation = self._situation(done.state, object, (), on_first=True)
         if seen is None or seen.on is None:
             raise ServiceFailed(f"{self.name} put {object} on {to.on}, and does not see it there", situation)
