@@ -32,13 +32,13 @@ _RESOLVERS: list[tuple[str, str, str]] = [
 
 
 class _Loader(yaml.CSafeLoader):
-    yaml_implicit_resolvers: dict[Any, Any] = {}  # noqa: RUF012  # PyYAML's way: a class attribute
+    yaml_implicit_resolvers: dict[Any, Any] = {}  # PyYAML's way: a class attribute
 
 
 class Dumper(yaml.CSafeDumper):
     """Writes what `read` reads: quotes exactly the texts that would be read as something else."""
 
-    yaml_implicit_resolvers: dict[Any, Any] = {}  # noqa: RUF012
+    yaml_implicit_resolvers: dict[Any, Any] = {}
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
