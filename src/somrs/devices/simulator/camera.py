@@ -25,8 +25,8 @@ from somrs.devices.simulator.solids import Role, Solid
 from somrs.errors import SimulationError
 
 BACKENDS = ("egl", "osmesa")
-FIELD_OF_VIEW = 40.0
-"""Vertical, degrees."""
+FIELD_OF_VIEW = 45.0
+"""Vertical, degrees; that of MuJoCo's free camera."""
 TRIAL = """
 import mujoco, {module} as platform
 context = platform.GLContext(64, 64)
@@ -79,17 +79,24 @@ def following(scene: Scene, name: str) -> View:
     return View(x, y, z + 0.45 * tall, 2.4 * max(tall, solid.extent) + 1.0, _open_side(scene, x, y), -30)
 
 
-def _framing(solids: list[Solid]) -> View:
-    low = [min(s.x - s.extent for s in solids), min(s.y - s.extent for s in solids)]
-    high = [max(s.x + s.extent for s in solids), max(s.y + s.extent for s in solids)]
-    corners = [s.world(u, v) for s in solids for u, v in _corners(s)]
-    if corners:
-        low, high = np.min(corners, axis=0).tolist(), np.max(corners, axis=0).tolist()
-    wide, deep = high[0] - low[0], high[1] - low[1]
-    # A picture is 4:3, and depth is foreshortened by the steep look down; then some air around.
-    need = max(wide / (4 / 3), deep * 0.85 + 1.2) / 2
-    distance = need / math.tan(math.radians(FIELD_OF_VIEW / 2)) + deep * 0.12
-    return View((low[0] + high[0]) / 2, (low[1] + high[1]) / 2 + 0.02 * deep, solids[0].top + 0.2, 1.13 * distance, 90.0, -58.0)
+def _framing(solids: list[Solid], azimuth: float = 90.0, elevation: float = -58.0) -> View:
+    """As near as all of the solids, with walls as high as a storey's, fit into a picture of 4:3."""
+    outline = [(*s.world(u, v), s.top + z) for s in solids for u, v in _corners(s) for z in (0.0, 2.5)]
+    points = np.array(outline)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    turn, tilt = math.radians(azimuth), math.radians(elevation)
+    forward = np.array([math.cos(tilt) * math.cos(turn), math.cos(tilt) * math.sin(turn), math.sin(tilt)])
+    right = np.array([math.sin(turn), -math.cos(turn), 0.0])
+    up = np.cross(right, forward)
+    high = math.tan(math.radians(FIELD_OF_VIEW / 2)) * 0.92
+    distance = 1.0
+    for _ in range(8):  # where to look depends on how far away it is, as what is near looks large
+        away = points - middle
+        depth, across, above = away @ forward, away @ right, away @ up
+        distance = max(1.0, float(np.max(np.maximum(np.abs(across) / (high * 4 / 3), np.abs(above) / high) - depth)))
+        seen = above / (distance + depth)
+        middle = middle + up * (seen.max() + seen.min()) / 2 * distance * 0.8
+    return View(float(middle[0]), float(middle[1]), float(middle[2]), distance, azimuth, elevation)
 
 
 def _corners(solid: Solid) -> list[tuple[float, float]]:
