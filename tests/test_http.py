@@ -34,6 +34,8 @@ async def answer(message: Message) -> Message | None:
             return reply(message, knowledge.Rejected(problems=("no",)), "http://here")
         case knowledge.ReadHistory(object=code):
             return reply(message, frp.Fault(code=code, text="no"), "http://here")
+        case knowledge.Define():
+            return reply(message, knowledge.History(object="\x00", events=()), "http://here")
         case knowledge.ReadMap():
             raise ZeroDivisionError
         case knowledge.ReadOntology():
@@ -196,6 +198,9 @@ def test_the_wire_brings_answers_refusals_and_faults() -> None:
         assert await body(knowledge.SubscribeMap(lease=1)) is None
         assert await body(knowledge.ReadHistory(object="Sender")) == frp.Fault(code="env:Sender", text="no")
         assert await body(knowledge.ReadOntology()) == frp.Fault(code="env:Receiver", text="too busy")
+        unsendable = await body(knowledge.Define(definitions=knowledge.Definitions()))
+        assert isinstance(unsendable, frp.Fault)
+        assert unsendable.code == "env:Receiver", "it is not the sender's fault"
         assert await body(knowledge.ReadMap()) == frp.Fault(code="env:Receiver", text="this message met a defect here; see the log")
         await wire.close()
 

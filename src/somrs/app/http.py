@@ -112,9 +112,7 @@ class Server:
         try:
             message = soap.decode(document)
             answer = await handler(message)
-            if answer is None:
-                return Response(status_code=202)
-            return Response(soap.encode(answer), _status(answer), media_type=CONTENT_TYPE)
+            return _response(answer) if answer is not None else Response(status_code=202)
         except WireError as error:
             return _fault(error, message)
         except RemoteError as error:
@@ -165,6 +163,13 @@ async def _body(request: Request) -> bytes | None:
             return None
         parts.append(part)
     return b"".join(parts)
+
+
+def _response(answer: Message) -> Response:
+    try:
+        return Response(soap.encode(answer), _status(answer), media_type=CONTENT_TYPE)
+    except WireError as error:
+        raise RemoteError(f"the answer, {type(answer.body).__name__}, cannot be sent: {error.text}") from None
 
 
 def _status(answer: Message) -> int:
