@@ -122,28 +122,8 @@ def distances(grid: Grid, solid: Solid, margin: float) -> tuple[tuple[slice, sli
     on_map = [solid.world(u, v) for u, v in corners(solid)]
     xs, ys = [c[0] for c in on_map], [c[1] for c in on_map]
     slices, x, y = grid.window(min(xs) - margin, min(ys) - margin, max(xs) + margin, max(ys) + margin)
-    c, s = math.cos(solid.yaw), math.sin(solid.yaw)
-    u, v = c * (x - solid.x) + s * (y - solid.y), c * (y - solid.y) - s * (x - solid.x)
-    match solid.form:
-        case "Box":
-            a, b = np.abs(u) - solid.width / 2, np.abs(v) - solid.depth / 2
-            found = np.hypot(np.maximum(a, 0), np.maximum(b, 0)) + np.minimum(np.maximum(a, b), 0)
-        case "Polygon":
-            found = _to_polygon(solid.outline, u, v)
-        case _:
-            found = np.hypot(u, v) - solid.radius
-    return slices, found.astype(np.float32)
-
-
-def _to_polygon(outline: Sequence[Point], u: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
-    nearest, inside = np.full(u.shape, np.inf), np.zeros(u.shape, dtype=bool)
-    for (ax, ay), (bx, by) in zip(outline, (*outline[1:], outline[0]), strict=True):
-        dx, dy = bx - ax, by - ay
-        share = np.clip(((u - ax) * dx + (v - ay) * dy) / (dx * dx + dy * dy or 1.0), 0, 1)
-        nearest = np.minimum(nearest, np.hypot(u - ax - share * dx, v - ay - share * dy))
-        if ay != by:
-            inside ^= ((ay > v) != (by > v)) & (u < ax + (v - ay) / (by - ay) * dx)
-    return np.where(inside, -nearest, nearest)
+    points = np.stack(np.broadcast_arrays(x, y), axis=-1).reshape(-1, 2)
+    return slices, solid.distances(points).reshape(y.size, x.size).astype(np.float32)
 
 
 def corners(solid: Solid) -> Sequence[Point]:

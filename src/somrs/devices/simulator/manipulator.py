@@ -27,6 +27,8 @@ HANDLING = 20.0
 DRIVING = 1.25
 """How much longer a way takes than at full speed, for turning, starting and stopping."""
 DISABLING = {Fault.DRIVE: "its drive is dead", Fault.GRIPPER: "its gripper is stuck"}
+ANSWERING = 2.0
+"""Seconds that the robot has to say how it is, when it is to give a quote."""
 REPORTING = 2.0
 """Seconds between two reports while it drives."""
 
@@ -93,9 +95,11 @@ class Manipulator(Device):
         if self._link.silent or not self._link.connected:
             raise Refusal(f"{self.name} does not answer")
         try:
-            async with asyncio.timeout(3):
+            async with asyncio.timeout(ANSWERING):
                 state = (await self._link.status()).state
-        except (RemoteError, TimeoutError) as error:
+        except TimeoutError:
+            raise Refusal(f"{self.name} does not answer within {ANSWERING:g} s") from None
+        except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
         if state.faults:
             broken = " and ".join(DISABLING.get(fault, fault) for fault in state.faults)
