@@ -2,7 +2,7 @@
 
 OpenGL is had from EGL, which needs no screen, else from OSMesa. Where there is neither, `SimulationError` says so and the simulation
 goes on without pictures. Each kind is tried in a process of its own before, because a broken driver ends the whole process; and the
-contexts are taken from MuJoCo directly: its own choice, by MUJOCO_GL, falls when it is imported first, wherever that was.
+contexts are taken from MuJoCo directly.
 """
 
 from __future__ import annotations
@@ -20,11 +20,14 @@ import mujoco
 import numpy as np
 from PIL import Image
 
+from somrs.devices.simulator import GRAPHICS
 from somrs.devices.simulator.scene import Scene
 from somrs.devices.simulator.solids import Role, Solid
 from somrs.errors import SimulationError
 
 BACKENDS = ("egl", "osmesa")
+NO_GRAPHICS = ("disable", "disabled", "off", "false", "0")
+"""Values of MUJOCO_GL that MuJoCo takes for none."""
 FIELD_OF_VIEW = 45.0
 """Vertical, degrees; that of MuJoCo's free camera."""
 TRIAL = """
@@ -50,8 +53,9 @@ class View:
 
 def opengl() -> str:
     """The kind of OpenGL that works here."""
-    chosen = os.environ.get("MUJOCO_GL", "")
-    for kind in (chosen,) if chosen in BACKENDS else BACKENDS:
+    if GRAPHICS in NO_GRAPHICS:
+        raise SimulationError(f"pictures are switched off by MUJOCO_GL={GRAPHICS}")
+    for kind in (GRAPHICS,) if GRAPHICS in BACKENDS else BACKENDS:
         environment = {**os.environ, "MUJOCO_GL": "disable", "PYOPENGL_PLATFORM": kind}
         trial = [sys.executable, "-c", TRIAL.format(module=f"mujoco.{kind}")]
         if subprocess.run(trial, env=environment, capture_output=True, timeout=60, check=False).returncode == 0:
