@@ -488,12 +488,12 @@ def test_one_who_does_not_listen_keeps_nobody_waiting() -> None:
     run(test())
 
 
-PROGRAM = [sys.executable, "-m", "somrs.devices.simulator.program"]
+PROGRAM = [sys.executable, "-m", "somrs.app.cli", "run", "simulator"]
 
 
 def test_the_program_serves_a_map_until_it_is_told_to_end(tmp_path: Path) -> None:
     (tmp_path / "lab.yaml").write_text(SITE)
-    with subprocess.Popen([*PROGRAM, "--map", str(tmp_path / "lab.yaml"), "--speed", "max"], stdout=subprocess.PIPE) as program:
+    with subprocess.Popen([*PROGRAM, "--site", str(tmp_path / "lab.yaml"), "--speed", "max"], stdout=subprocess.PIPE) as program:
         assert program.stdout is not None
         host, _, port = json.loads(program.stdout.readline())["at"].partition(":")
 
@@ -510,7 +510,7 @@ def test_the_program_serves_a_map_until_it_is_told_to_end(tmp_path: Path) -> Non
     ("text", "arguments", "told"),
     [
         ("ontology: mine\n", [], "there is no map in it"),
-        (SITE, ["--speed", "fast"], "is not a speed"),
+        (SITE, ["--speed", "fast"], "a speed is"),
         (SITE, ["--port", "{taken}"], "cannot listen"),
     ],
 )
@@ -518,7 +518,7 @@ def test_the_program_says_what_is_wrong(tmp_path: Path, text: str, arguments: li
     (tmp_path / "lab.yaml").write_text(text)
     with socket.create_server(("127.0.0.1", 0)) as other:
         given = [argument.format(taken=other.getsockname()[1]) for argument in arguments]
-        line = [*PROGRAM, "--map", str(tmp_path / "lab.yaml"), *given]
+        line = [*PROGRAM, "--site", str(tmp_path / "lab.yaml"), *given]
         ended = subprocess.run(line, capture_output=True, text=True, timeout=30, check=False)
     assert ended.returncode == 2
     assert told in ended.stderr

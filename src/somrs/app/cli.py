@@ -261,6 +261,7 @@ def task_manager(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOptio
 
 @run_app.command()
 def simulator(
+    site: Annotated[list[Path], typer.Option(help="Make the world from these files' map, with no Repository.")] = [],  # noqa: B006  # as above
     data: Data = HERE,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
@@ -268,9 +269,12 @@ def simulator(
 ) -> None:
     """The simulator; its world is made of the Repository's map."""
     from somrs.app.client import Addresses
-    from somrs.app.programs import run_program, run_simulator, speed_of
+    from somrs.app.programs import run_program, run_simulator, run_simulator_of_files, speed_of
 
-    _guarded(lambda: run_program(run_simulator(Addresses.read(data), host, port, speed_of(speed))))
+    if site:
+        _guarded(lambda: run_program(run_simulator_of_files(site, host, port, speed_of(speed))))
+    else:
+        _guarded(lambda: run_program(run_simulator(Addresses.read(data), host, port, speed_of(speed))))
 
 
 @run_app.command()

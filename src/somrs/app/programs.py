@@ -12,14 +12,21 @@ import os
 import signal
 from collections.abc import Coroutine, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from somrs.app.client import Addresses
 from somrs.app.node import Host, Report
 from somrs.app.trace import Trace
-from somrs.errors import UsageError
+from somrs.errors import RemoteError, UsageError
+
+if TYPE_CHECKING:
+    from somrs.devices.simulator.simulation import Simulation
+    from somrs.ontology.files import Loaded
+
+MAP_TIME = 60.0
+"""Seconds that the simulator waits for the map at its start."""
 
 PARENT_CHECK = 1.0
 """Seconds between two looks whether the parent process is still there."""
@@ -48,10 +55,19 @@ def say_ready(name: str, at: str) -> None:
     print(msgspec.json.encode(Ready(ready=name, at=at)).decode(), flush=True)
 
 
+def load_site(site: Sequence[Path]) -> Loaded:
+    """What is in the files of a site. Raises ModelError or UsageError; there is a map in what is returned."""
+    from somrs.ontology.files import load
+
+    loaded = load(site)
+    if loaded.map is None:
+        raise UsageError(f"{', '.join(map(str, site)) or 'no file was given'}: there is no map in it; `objects:` are missing")
+    return loaded
+
+
 async def run_repository(data: Path, site: Sequence[Path], host: str, port: int) -> None:
     """The Repository. A store that is there is gone on with; otherwise the site's files are the beginning."""
     from somrs.app.store import RepositoryStore
-    from somrs.ontology.files import load
     from somrs.repository.component import Repository
     from somrs.repository.entries import Handled, Subscription
 
@@ -60,9 +76,8 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
     try:
         kept = store.load()
         if kept is None:
-            loaded = load(site)
-            if loaded.map is None:
-                raise UsageError(f"{', '.join(map(str, site)) or 'nothing'}: there is no map in it; `objects:` are missing")
+            loaded = load_site(site)
+            assert loaded.map is not None, "load_site sees to that"
             store.initialise(loaded.ontology, loaded.map)
             kept = store.load()
         assert kept is not None, "what was initialised can be loaded"
@@ -139,20 +154,42 @@ def speed_of(text: str) -> float | None:
 async def run_simulator(addresses: Addresses, host: str, port: int, speed: float | None) -> None:
     """The simulator. Its world is made of the map that the Repository has, and follows what is added to it."""
     from somrs.devices.simulator.follower import Follower
-    from somrs.devices.simulator.server import Server
 
     rim = Host(host)
     await rim.start()
     world = Follower(f"{rim.url}/simulator", addresses.repository)
     rim.add("/simulator", lambda address: world)
-    await asyncio.wait_for(world.read.wait(), 60)
-    assert world.simulation is not None, "it is there once the map was read"
-    server = Server(world.simulation, host=host, port=port, speed=speed)
+    try:
+        await asyncio.wait_for(world.read.wait(), MAP_TIME)
+        assert world.simulation is not None, "it is there once the map was read"
+        await _serve_robots(world.simulation, host, port, speed)
+    except TimeoutError:
+        raise RemoteError(f"no map came from {addresses.repository} within {MAP_TIME:.0f} s; is the Repository running?") from None
+    finally:
+        await rim.stop()
+
+
+async def run_simulator_of_files(site: Sequence[Path], host: str, port: int, speed: float | None) -> None:
+    """The simulator alone, for whoever writes drivers: its world is made of the files' map."""
+    from somrs.devices.simulator.simulation import Simulation
+
+    loaded = load_site(site)
+    assert loaded.map is not None, "load_site sees to that"
+    await _serve_robots(Simulation(loaded.map, loaded.ontology), host, port, speed)
+
+
+async def _serve_robots(simulation: Simulation, host: str, port: int, speed: float | None) -> None:
+    """Serve the world's robots until this process is to end, or the physics makes no sense any more."""
+    from somrs.devices.simulator.server import Server
+
+    server = Server(simulation, host=host, port=port, speed=speed)
     await server.start()
     say_ready("simulator", f"{server.host}:{server.port}")
-    await until_stopped()
+    running = [asyncio.create_task(until_stopped()), asyncio.create_task(server.ended())]
+    await asyncio.wait(running, return_when=asyncio.FIRST_COMPLETED)
+    for task in running:
+        task.cancel()
     await server.stop()
-    await rim.stop()
 
 
 def run_program(main: Coroutine[Any, Any, None]) -> None:
