@@ -21,8 +21,10 @@ from somrs.ontology.check import check
 from somrs.ontology.effects import changes
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import holds
+from somrs.ontology.values import value_of
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
+from somrs.service_manager.device import MapReader
 from somrs.service_manager.orders import Advance, Done, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
 from somrs.service_manager.work import carry_out
 from virtual_devices import asking
@@ -71,12 +73,25 @@ def order(object: str = "Jar1", destination: str = "Platform1", precondition: st
 async def desk(name: str = "Robot1", speed: float | None = None, kind: type[Manipulator] = Manipulator) -> AsyncIterator[Desk]:
     loaded, map = site()
     async with simulator(speed) as server, OperatorLink(server.host, server.port) as operator:
+        repository = Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map))
         device = kind(name, f"{server.host}:{server.port}")
+        device.map = MapReader(asking(repository, lambda: 0.0))
         await device.open()
         try:
-            yield Desk(device, operator, Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map)))
+            yield Desk(device, operator, repository)
         finally:
             await device.close()
+
+
+def test_its_services_are_offered_with_what_the_map_says_of_it() -> None:
+    async def test() -> None:
+        async with desk() as at:
+            (capability,) = at.device.profile().capabilities
+            loaded, map = site()
+            for feature in ("Payload", "Speed", "OperationRange"):
+                assert capability.attributes[feature] == value_of("Robot1", feature, map, loaded.ontology), feature
+
+    run(test())
 
 
 def test_a_jar_is_carried_and_it_says_where_it_is_to_the_millimetre() -> None:
@@ -187,6 +202,7 @@ def test_a_drive_that_dies_in_mid_transport_is_told_exactly_and_another_robot_go
             assert math.dist((float(robot["PositionX"]), float(robot["PositionY"])), (truth.x, truth.y)) < 0.8
 
             second = Manipulator("Robot2", at.device.simulator)
+            second.map = at.device.map
             await second.open()
             other = Desk(second, at.operator, at.repository)
             at_floor = " AND ".join(first[:3])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Sequence
-from typing import ClassVar
 
 import msgspec
 import pytest
@@ -57,7 +56,7 @@ def price(washer: Washer, task: Task) -> str:
 
 class Washer(Device):
     type = ObjectType(name="Washer", parent="StationaryDevice")
-    values: ClassVar = {"PositionX": 5.0, "PositionY": 5.0, "PositionZ": 0.0}
+    values = {"PositionX": 5.0, "PositionY": 5.0, "PositionZ": 0.0}
     trouble: Exception | None = None
 
     def __init__(self, name: str, simulator: str | None = None) -> None:

@@ -20,14 +20,14 @@ from urllib.parse import urlsplit
 import msgspec
 
 from somrs.app.client import Addresses
-from somrs.app.node import Host, Report
+from somrs.app.node import Host, Node, Report
 from somrs.app.programs import run_program, say_ready, until_stopped
 from somrs.errors import DeviceError, InputError, RemoteError, UsageError
 from somrs.protocol.bodies import Body
 from somrs.protocol.component import Rang
-from somrs.protocol.envelope import Header, Message
+from somrs.protocol.envelope import ANONYMOUS, Header, Message
 from somrs.service_manager import orders
-from somrs.service_manager.device import Device
+from somrs.service_manager.device import Device, MapReader
 from somrs.service_manager.orders import Halt, Kept, Perform, Quote, Undo
 from somrs.service_manager.participant import LEAVE, REMEMBERED, ServiceManager
 from somrs.service_manager.work import carry_out
@@ -86,16 +86,20 @@ class DeviceRunner:
         self._journal = DeviceJournal(data / "devices" / f"{device.name}.sqlite")
         self._kept = self._journal.load()
         self._host = host
+        self._rim: Host | None = None
+        self._node: Node | None = None
         self._joined: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     async def start(self) -> str:
         """Connect to the hardware, and join. Returns the address. Raises DeviceError when the device cannot join."""
-        profile = self.device.profile()
+        self.device.profile()  # a class that cannot be run is told of before anything is connected
+        self._rim = rim = await self._listen()
+        self.device.map = MapReader(self._ask)
         await self.device.open()
-        self._rim = await self._listen()
+        profile = self.device.profile()
         self.manager = ServiceManager(profile, repository=self._addresses.repository, registry=self._addresses.registry, kept=self._kept)
         path = f"/devices/{self.device.name}"
-        self._node = self._rim.add(path, lambda address: self.manager, carry_out=self._carry_out, keep=self._journal.keep)
+        self._node = rim.add(path, lambda address: self.manager, carry_out=self._carry_out, keep=self._journal.keep)
         try:
             await asyncio.wait_for(asyncio.shield(self._joined), JOIN_TIME)
         except TimeoutError:
@@ -107,12 +111,13 @@ class DeviceRunner:
 
     async def stop(self) -> None:
         """Take leave: withdraw the offers, bring what runs to a stop, and say so to whom it concerns."""
-        if hasattr(self, "_node"):
+        if self._node is not None:
             self._node.feed(Rang(LEAVE))
             end = asyncio.get_running_loop().time() + LEAVE_TIME
             while not self.manager.idle and asyncio.get_running_loop().time() < end:
                 await asyncio.sleep(0.02)
             await self._node.flush(2.0)
+        if self._rim is not None:
             await self._rim.stop()
         await self.device.close()
         self._journal.close()
@@ -149,7 +154,8 @@ class DeviceRunner:
                 raise RemoteError(f"a device cannot do {type(task).__name__}")
 
     async def _ask(self, body: Body) -> Body:
-        header = Header(sender=self._node.address, recipient=self._addresses.repository, message_id=uuid.uuid4().urn)
+        header = Header(sender=ANONYMOUS, recipient=self._addresses.repository, message_id=uuid.uuid4().urn)
+        assert self._rim is not None, "devices ask once they listen"
         return (await self._rim.request(Message(header=header, body=body))).body
 
 

@@ -139,8 +139,8 @@ class Service:
         self.undoes = undoes
         return undoes
 
-    def capability(self) -> Capability:
-        attributes: dict[str, Value] = {}
+    def capability(self, features: Mapping[str, Value]) -> Capability:
+        attributes = dict(features)
         if not callable(self.price):
             attributes["Price"] = money(self.price)[0]
         if not callable(self.duration):
@@ -171,8 +171,12 @@ class Device:
 
     type: ClassVar[str | ObjectType]
     types: ClassVar[tuple[Definition, ...]] = ()
-    values: ClassVar[Mapping[str, Value]] = {}
+    values: Mapping[str, Value] = {}
     situation: str | None = None
+    attributes: Mapping[str, Value] = {}
+    """Static features of its services, such as OperationRange, that clients can discover them by."""
+    map: MapReader
+    """Reads the Repository's map; there from `open` on."""
     capacity: int = 1
     """How many services it can perform at the same time."""
     heartbeat: float = 5.0
@@ -216,7 +220,7 @@ class Device:
         return Profile(
             name=self.name,
             type=kind if isinstance(kind, str) else kind.name,
-            capabilities=tuple(one.capability() for one in services.values()),
+            capabilities=tuple(one.capability(self.attributes) for one in services.values()),
             definitions=tuple({repr(definition): definition for definition in brought}.values()),
             values=dict(self.values),
             situation=self.situation,

@@ -15,9 +15,13 @@ from somrs.devices.simulator.commands import Done, Fault, RobotState, Seen
 from somrs.devices.simulator.link import RobotGaveUp, RobotLink
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Number, Relation, conjuncts
 from somrs.errors import DeviceError, RemoteError, UsageError
+from somrs.ontology.types import Value
 from somrs.service_manager.device import Device, Situation, Task, service
 from somrs.service_manager.orders import Refusal, ServiceFailed
 from somrs.service_manager.values import term
+
+FEATURES = ("OperationRange", "Payload", "Speed", "Price")
+"""What the map says of the robot that its services are offered with."""
 
 DEFAULT_PRICE = "5 EUR"
 DEFAULT_SPEED = 0.5
@@ -86,9 +90,15 @@ class Manipulator(Device):
         """What it is about to fetch or brings somewhere."""
         await self._link.connect()
         await self._link.status()
+        self.attributes = {name: value for name in FEATURES for value in await self._feature(name)}
 
     async def close(self) -> None:
         await self._link.close()
+
+    async def _feature(self, name: str) -> list[Value]:
+        rows = await self.map.query(f"{self.name}.{name} = ?Feature", limit=1)
+        said = [term(str(row["Feature"])) for row in rows]
+        return [found.value for found in said if isinstance(found, Number)]  # in the attribute's own unit
 
     async def in_order(self) -> RobotState:
         """Its state now. Raises Refusal when it cannot work."""
