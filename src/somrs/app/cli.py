@@ -120,13 +120,14 @@ def cancel(
 def services(
     type: Annotated[str | None, typer.Option(help="Of this service type, or a sub-type.")] = None,
     effect: Annotated[str | None, typer.Option(help="That can bring this formula about.")] = None,
+    attribute: Annotated[list[str], typer.Option(help="With this value of an attribute, such as Payload=2.")] = [],  # noqa: B006  # as below
     data: Data = HERE,
     json: Json = False,
 ) -> None:
     """The services on offer now."""
     from somrs.app.commands import services as run
 
-    _run(run(type, effect, data, json=json))
+    _run(run(type, effect, attribute, data, json=json))
 
 
 @app.command()

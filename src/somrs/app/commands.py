@@ -12,10 +12,12 @@ from rich.live import Live
 from somrs.app import show
 from somrs.app.client import Addresses, Client
 from somrs.errors import ModelError, RemoteError, UsageError
+from somrs.ontology.types import Value
 from somrs.protocol.clients import Submit, TaskNews
 from somrs.protocol.directory import Discover
 from somrs.protocol.frp import Outcome
 from somrs.protocol.knowledge import UpdateMap
+from somrs.service_manager.values import python_value
 
 if TYPE_CHECKING:
     from somrs.sites import Site
@@ -162,9 +164,15 @@ async def cancel(task: str, reason: str, data: Path) -> None:
         print(f"stopping {found[0]}")
 
 
-async def services(type: str | None, effect: str | None, data: Path, *, json: bool) -> None:
+async def services(type: str | None, effect: str | None, attributes: Sequence[str], data: Path, *, json: bool) -> None:
+    wanted: dict[str, Value] = {}
+    for attribute in attributes:
+        name, equals, text = attribute.partition("=")
+        if not equals:
+            raise UsageError(f"--attribute takes NAME=VALUE, such as Payload=2, and not {attribute!r}")
+        wanted[name.strip()] = python_value(text.strip())
     async with Client(Addresses.read(data)) as client:
-        found = await client.services(Discover(service_type=type, effect=effect))
+        found = await client.services(Discover(service_type=type, effect=effect, attributes=wanted))
     if json:
         show.print_json(found)
     else:
