@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction, conjuncts, names, substitute
 from somrs.entish.parse import parse
+from somrs.errors import FormulaError
 from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
-from somrs.ontology.truth import bindings
+from somrs.ontology.truth import bindings, holds
 from somrs.ontology.types import Ontology
 from somrs.planner.plan import Step
 from somrs.protocol.clients import Policy, Submit
@@ -92,16 +93,20 @@ def precondition_now(step: Step, service_type: ServiceType, map: Map, ontology: 
     if service_type.precondition is None:
         return None
     wanted = substitute(parse(service_type.precondition), step.bindings)
-    found = next(iter(bindings(wanted, map, ontology)), None)
+    try:
+        found = next(iter(bindings(wanted, map, ontology)), None)
+    except FormulaError as error:
+        raise LookupError(str(error)) from error
     if found is None:
         raise LookupError(f"{wanted} does not hold")
     return substitute(wanted, found)
 
 
-def about(step: Step, situation: Formula | None) -> Formula | None:
-    """What a situation says of the step's inputs: a failed service tells more than the next one needs to know."""
+def about(step: Step, situation: Formula | None, map: Map, ontology: Ontology) -> Formula | None:
+    """What a situation says of the step's inputs, as far as it is still so: a failed service tells more than the next one
+    needs to know, and others work on the same map."""
     if situation is None:
         return None
     inputs = {name for term in step.inputs.values() for name in names(term)}
-    told = [part for part in conjuncts(situation) if names(part) and names(part)[0] in inputs]
+    told = [part for part in conjuncts(situation) if names(part) and names(part)[0] in inputs and holds(part, map, ontology)]
     return conjunction(*told) if told else None

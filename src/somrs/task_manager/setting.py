@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from somrs.errors import FormulaError
@@ -11,8 +12,8 @@ from somrs.planner.problem import Available, Problem
 from somrs.protocol.clients import Submit
 from somrs.protocol.component import Effect
 from somrs.protocol.directory import Offer
-from somrs.protocol.envelope import Message
 from somrs.protocol.replica import Replica
+from somrs.task_manager.questions import Questions
 
 
 @dataclass(slots=True, kw_only=True)
@@ -20,19 +21,21 @@ class Setting:
     """What a transaction needs to know of the world around it; shared by all transactions of a Task Manager."""
 
     address: str
-    repository: str
-    registry: str
+    effects: list[Effect]
+    """What is to be done about the input that is being handled."""
     replica: Replica
-    request: Callable[[str, object, Callable[[Message, float], None]], Effect]
-    """Makes the effect that asks another component, and sees to it that the answer comes to the function."""
+    questions: Questions
     when_known: Callable[[int, Callable[[float], None], float], None]
     """Calls the function as soon as the replica has this version of the map."""
     busy: Callable[[str], list[tuple[float, float]]]
     """From when until when a provider is committed to this Task Manager, in any transaction."""
 
 
-def problem(task: Submit, replica: Replica, offers: list[Offer]) -> Problem:
-    """The planning problem of a task on the map as it is now, with these services on offer."""
+def problem(task: Submit, replica: Replica, offers: Iterable[Offer]) -> Problem:
+    """The planning problem of a task on the map as it is now, with these services on offer.
+
+    Raises FormulaError when the task does not fit the map, which may have lost what the task speaks of.
+    """
     providers: dict[str, list[str]] = {}
     for offer in offers:
         providers.setdefault(offer.service_type.name, []).append(offer.provider)
@@ -48,6 +51,10 @@ def problem(task: Submit, replica: Replica, offers: list[Offer]) -> Problem:
 
 def wrong_with(task: Submit, replica: Replica) -> str | None:
     """What is wrong with a task as its client stated it, if anything."""
+    if task.deadline is not None and not (0 < task.deadline < math.inf):
+        return f"a deadline is a number of seconds from now, and {task.deadline:g} is none; leave it out if there is none"
+    if not math.isfinite(task.time_value):
+        return f"time_value is what a second is worth in the currency of the terms, and {task.time_value:g} is no amount"
     try:
         problem(task, replica, [])
     except FormulaError as error:

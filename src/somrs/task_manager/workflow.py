@@ -8,10 +8,7 @@ from enum import StrEnum
 
 from somrs.entish import Formula
 from somrs.planner.plan import Plan, Step
-from somrs.protocol.directory import Offer
-from somrs.protocol.frp import State
-from somrs.protocol.session import CoordinatorSession
-from somrs.task_manager.arrange import Bid
+from somrs.task_manager.participants import Member
 
 
 class Progress(StrEnum):
@@ -29,37 +26,27 @@ class Progress(StrEnum):
     DONE = "done"
 
 
-@dataclass(slots=True, kw_only=True)
-class Member:
-    """One participant of the transaction, as the coordinator sees it."""
-
-    id: str
-    session: CoordinatorSession
-    offer: Offer
-    step: str
-    bid: Bid | None = None
-    committed: bool = False
-    fraction: float = 0.0
-    heard_at: float = 0.0
-    queried: bool = False
-    last_word: str = ""
-
-
-@dataclass(slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True, eq=False)
 class StepRun:
     """A step of the plan and its life so far. `reported` is what a failed service said is so now."""
 
     step: Step
     progress: Progress = Progress.OPEN
-    attempt: int = 0
     precondition: Formula | None = None
     reported: Formula | None = None
-    member: str | None = None
-    invited: list[str] = field(default_factory=list)
+    member: Member | None = None
     excluded: dict[str, str] = field(default_factory=dict)
     """Services not to be asked again for this step, and why."""
+    lapsed: set[str] = field(default_factory=set)
+    """Services whose terms ran out once before the step could begin."""
+    failure: str | None = None
+    """It was begun, and is nobody's now; something has to be done about that before it is arranged again."""
     start: float = 0.0
     finish: float = 0.0
+
+    def lose(self, failure: str | None = None) -> None:
+        """The service that had it is out."""
+        self.progress, self.member, self.failure = Progress.OPEN, None, failure
 
     def same_work(self, other: StepRun) -> bool:
         """Whether both ask the same of a service, whatever the steps are called."""
@@ -77,17 +64,21 @@ class Workflow:
     def __iter__(self) -> Iterator[StepRun]:
         return iter(self.runs.values())
 
-    def adopt(self, old: Workflow) -> Iterator[tuple[StepRun | None, StepRun]]:
-        """Take over what still stands of the plan before: each step that had a service then, with the step here that it is
-        now (None: there is no such step any more)."""
+    def adopt(self, old: Workflow) -> Iterator[Member]:
+        """Take over what still stands of the plan before. The services whose steps are no more are left over."""
         for run in old:
-            if run.progress is not Progress.ARRANGED:
+            if run.progress is not Progress.ARRANGED or run.member is None:
                 continue
             same = next((new for new in self if new.progress is Progress.OPEN and new.same_work(run)), None)
             if same is not None:
-                same.progress, same.member, same.attempt = run.progress, run.member, run.attempt
+                same.progress, same.member = run.progress, run.member
                 same.start, same.finish, same.precondition = run.start, run.finish, run.precondition
-            yield same, run
+            else:
+                yield run.member
+
+    def held_by(self, member: Member) -> StepRun | None:
+        """The step that the participant is committed to, or does."""
+        return next((run for run in self if run.member is member), None)
 
     def before(self, step: str) -> list[StepRun]:
         """The steps that must be done before this one."""
@@ -98,6 +89,10 @@ class Workflow:
         if any(run.progress is Progress.ARRANGING for run in self):
             return None
         return next((run for run in self if run.progress is Progress.OPEN), None)
+
+    def failed(self) -> StepRun | None:
+        """A step that was begun, and has to be recovered."""
+        return next((run for run in self if run.failure is not None), None)
 
     def ready(self) -> Iterable[StepRun]:
         """Arranged steps whose predecessors are all done."""
@@ -122,14 +117,3 @@ class Workflow:
     def earliest_start(self, run: StepRun, now: float) -> float:
         """When everything before the step is promised to be finished."""
         return max([now, *(before.finish for before in self.before(run.step.id) if before.progress is not Progress.DONE)])
-
-
-STEP_STATE = {
-    Progress.OPEN: State.NEW,
-    Progress.ARRANGING: State.ARRANGING,
-    Progress.ARRANGED: State.COMMITTED,
-    Progress.EXECUTING: State.EXECUTING,
-    Progress.REPORTING: State.EXECUTING,
-    Progress.DONE: State.COMPLETED,
-}
-"""How a step looks to clients who know the protocol's states only."""

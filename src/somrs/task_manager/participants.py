@@ -1,0 +1,194 @@
+"""The participants of one transaction as the coordinator sees them: what is said to them, and how long one may be silent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from somrs.protocol import frp
+from somrs.protocol.component import Effect, Send, Wake
+from somrs.protocol.directory import Offer
+from somrs.protocol.envelope import ANONYMOUS, Message
+from somrs.protocol.frp import Outcome, State
+from somrs.protocol.session import CoordinatorBody, CoordinatorSession, Heard, participant_id
+from somrs.protocol.states import COORDINATOR_SENDS
+from somrs.task_manager.arrange import Bid
+from somrs.task_manager.setting import Setting
+
+SILENCE = 20.0
+"""Seconds without a word from an executing service after which it is queried; and again as many to answer."""
+
+GOODBYE_TIME = 86_400.0
+"""Seconds for which End and Cancel are sent again: a device that is down may come back, and has to hear that it is free."""
+
+WORKING = (State.EXECUTING, State.STOPPING)
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Member:
+    """One participant of the transaction, as the coordinator sees it."""
+
+    id: str
+    session: CoordinatorSession
+    offer: Offer
+    bid: Bid | None = None
+    fraction: float = 0.0
+    note: str = ""
+    heard_at: float = 0.0
+    queried: bool = False
+    last_word: str = ""
+    lost_at: int | None = None
+    """The version of the map when it was given up."""
+    reported: bool = False
+    """It said how its work ended."""
+
+    @property
+    def state(self) -> State:
+        return self.session.state
+
+
+class Participants:
+    """They join with `invite`, and leave with Cancel or End. `tell` notes what the client may want to know."""
+
+    def __init__(self, transaction: str, setting: Setting, tell: Callable[[float, str], None]) -> None:
+        self._transaction, self._setting, self._tell = transaction, setting, tell
+        self._members: dict[str, Member] = {}
+
+    def __iter__(self) -> Iterator[Member]:
+        return iter(self._members.values())
+
+    @property
+    def working(self) -> list[Member]:
+        """Those whose devices may be moving."""
+        return [member for member in self if member.state in WORKING]
+
+    # Speaking
+
+    def invite(self, offer: Offer, step: str, arrange: frp.Arrange, now: float, seconds: float) -> Member:
+        """Ask a service, as a participant of its own however often it was asked before."""
+        id = participant_id(offer.service, step, len(self._members) + 1)
+        session = CoordinatorSession(transaction=self._transaction, participant=id, me=self._setting.address, peer=offer.address)
+        member = self._members[id] = Member(id=id, session=session, offer=offer)
+        self._send(member, arrange, now + seconds)
+        return member
+
+    def accept(self, member: Member, terms: str, now: float) -> None:
+        self._send(member, frp.Accept(terms=terms), now + SILENCE)
+
+    def execute(self, member: Member, execute: frp.Execute, now: float) -> None:
+        self._send(member, execute, now + SILENCE)
+        self._watch(member, now)
+
+    def dismiss(self, member: Member, reason: str, now: float) -> None:
+        """It is not needed, and has not begun."""
+        if frp.Cancel in COORDINATOR_SENDS.get(member.state, {}):
+            self._send(member, frp.Cancel(reason=reason), now + GOODBYE_TIME)
+
+    def stop(self, reason: str, now: float) -> None:
+        """Whoever works shall stop, and the others go home, but for those that hear about the end with it."""
+        for member in self:
+            if member.state is State.EXECUTING:
+                self._send(member, frp.Stop(reason=reason), now + SILENCE)
+            else:
+                self.dismiss(member, reason, now)
+
+    def end(self, outcome: Outcome, now: float) -> None:
+        """End goes to everyone that was ever committed (FRP, property 6)."""
+        for member in self:
+            if member.state in WORKING:
+                self.give_up(member)
+            if frp.End in COORDINATOR_SENDS.get(member.state, {}):
+                self._send(member, frp.End(outcome=outcome), now + GOODBYE_TIME)
+            else:
+                self.dismiss(member, "the task is over", now)
+
+    def _send(self, member: Member, body: CoordinatorBody, until: float) -> None:
+        self._setting.effects.append(Send(member.session.send(body), until))
+
+    # Hearing
+
+    def receive(self, message: Message, now: float) -> tuple[Member, Heard] | None:
+        """Who said it, and what it meant; None when it is from nobody that was invited."""
+        member = self._members.get(message.header.participant or "")
+        if member is None:
+            self._setting.effects += sent_home(message, self._setting.address)
+            return None
+        heard = member.session.receive(message)
+        self._setting.effects += [Send(answer) for answer in heard.answers]
+        member.heard_at, member.queried = now, False
+        if heard.before in WORKING and heard.state not in WORKING:
+            self._unwatch(member)
+        elif heard.before not in WORKING and heard.state in WORKING:
+            self._watch(member, now)
+        return member, heard
+
+    def undelivered(self, message: Message, reason: str, now: float) -> Member | None:
+        """A message never arrived. The participant, if it is out because of that."""
+        member = self._members.get(message.header.participant or "")
+        if member is None:
+            return None
+        trouble = f"could not be reached: {reason}"
+        match message.body:
+            case frp.Arrange() if member.state is State.ARRANGING:
+                self.dismiss(member, trouble, now)
+            case frp.Accept() if member.state is State.COMMITTED:
+                self.give_up(member)
+            case frp.Execute() if member.state is State.EXECUTING:
+                self._repeat(message, now)
+                return None
+            case frp.Stop() if member.state is State.STOPPING:
+                self._repeat(message, now)
+                return None
+            case _:
+                return None
+        member.last_word = trouble
+        return member
+
+    def _repeat(self, message: Message, now: float) -> None:
+        """It may be back before its silence is too long; a Query alone would find it alive and idle."""
+        self._setting.effects.append(Send(message, now + SILENCE))
+
+    # Silence
+
+    def silent(self, participant: str, now: float) -> Member | None:
+        """The heartbeat of one that works may have stopped: ask it, and after as long again give it up, and return it."""
+        member = self._members.get(participant)
+        if member is None or member.state not in WORKING:
+            return None
+        if now - member.heard_at < SILENCE - 0.001:
+            self._setting.effects.append(Wake(self._timer(member), member.heard_at + SILENCE))
+        elif not member.queried:
+            member.queried = True
+            self._send(member, frp.Query(), now + SILENCE)
+            self._setting.effects.append(Wake(self._timer(member), now + SILENCE))
+            self._tell(now, f"{member.offer.service} is silent; asking for its state")
+        else:
+            self.give_up(member)
+            return member
+        return None
+
+    def give_up(self, member: Member) -> None:
+        """It may do anything from now on, but nobody waits for it."""
+        if member.session.give_up():
+            member.lost_at = self._setting.replica.version
+            self._unwatch(member)
+
+    def _watch(self, member: Member, now: float) -> None:
+        member.heard_at, member.queried = now, False
+        self._setting.effects.append(Wake(self._timer(member), now + SILENCE))
+
+    def _unwatch(self, member: Member) -> None:
+        self._setting.effects.append(Wake(self._timer(member), None))
+
+    def _timer(self, member: Member) -> str:
+        return f"{self._transaction}/silence/{member.id}"
+
+
+def sent_home(message: Message, address: str) -> list[Effect]:
+    """The answers to one that takes part in nothing that is known here, such as a transaction from before a restart."""
+    header = message.header
+    if header.transaction is None or header.participant is None:
+        return []
+    peer = header.sender if header.reply_to == ANONYMOUS else header.reply_to
+    session = CoordinatorSession(transaction=header.transaction, participant=header.participant, me=address, peer=peer)
+    return [Send(answer) for answer in session.receive(message).answers]

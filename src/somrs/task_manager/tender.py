@@ -1,0 +1,96 @@
+"""A call for terms for one step: who was invited, and which terms are taken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from somrs.protocol import frp
+from somrs.protocol.clients import Submit
+from somrs.protocol.directory import Offer
+from somrs.protocol.frp import State
+from somrs.task_manager.arrange import bid, choose, fitted
+from somrs.task_manager.participants import Member, Participants
+from somrs.task_manager.workflow import Progress, StepRun
+
+REPLY_TIME = 10.0
+"""Seconds that services have to answer Arrange."""
+
+Busy = Callable[[str], Iterable[tuple[float, float]]]
+"""From when until when a provider is committed."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Tender:
+    """The step is to be had from `earliest` on. Answers are awaited until `until`."""
+
+    run: StepRun
+    invited: list[Member]
+    earliest: float
+    until: float
+
+    def __contains__(self, member: Member) -> bool:
+        return member in self.invited
+
+    @property
+    def answered(self) -> bool:
+        """Whether nobody is awaited any more."""
+        return all(member.state is not State.ARRANGING for member in self.invited)
+
+    def offered(self, member: Member, terms: frp.Terms, terms_id: str) -> None:
+        member.bid = bid(member.id, terms, terms_id, self.earliest)
+
+    def left(self, member: Member, reason: str) -> None:
+        """It is out. Whose terms ran out before they could be taken may be asked once more."""
+        service = member.offer.service
+        if member.bid is None or service in self.run.lapsed:
+            self.run.excluded[service] = reason
+        else:
+            self.run.lapsed.add(service)
+        member.bid = None
+
+    def award(self, participants: Participants, task: Submit, busy: Busy, now: float) -> Member | None:
+        """Accept the terms that the policy prefers; everybody else is dismissed."""
+        for member in self.invited:
+            if member.state is State.ARRANGING:
+                member.last_word = self.run.excluded[member.offer.service] = "did not answer"
+                participants.dismiss(member, "no answer in time", now)
+        bidders = {m.id: (m, m.bid) for m in self.invited if m.bid is not None and m.state is State.OFFERED}
+        bids = [fitted(bid, busy(member.offer.provider)) for member, bid in bidders.values()]
+        if not bids:
+            self.run.progress = Progress.OPEN
+            return None
+        best = choose(bids, task, now)
+        for member, _ in bidders.values():
+            if member.id == best.participant:
+                participants.accept(member, best.terms_id, now)
+            else:
+                participants.dismiss(member, f"another service was chosen by {task.policy}", now)
+        chosen = bidders[best.participant][0]
+        self.run.progress, self.run.member, self.run.start, self.run.finish = Progress.ARRANGED, chosen, best.start, best.finish
+        return chosen
+
+    def withdraw(self, participants: Participants, reason: str, now: float) -> None:
+        """The step is not wanted any more."""
+        self.run.progress = Progress.OPEN
+        for member in self.invited:
+            participants.dismiss(member, reason, now)
+
+
+def call(run: StepRun, offers: Sequence[Offer], participants: Participants, earliest: float, now: float) -> Tender:
+    """Send Arrange to all of them."""
+    precondition = run.precondition or run.step.precondition
+    run.progress = Progress.ARRANGING
+
+    def arrange(offer: Offer) -> frp.Arrange:
+        return frp.Arrange(
+            service_type=offer.service_type.name,
+            inputs={name: str(term) for name, term in run.step.inputs.items()},
+            effect=str(run.step.effect),
+            precondition=str(precondition) if precondition is not None else None,
+            earliest_start=earliest,
+            reply_by=now + REPLY_TIME,
+        )
+
+    invited = [participants.invite(offer, run.step.id, arrange(offer), now, REPLY_TIME) for offer in offers]
+    return Tender(run=run, invited=invited, earliest=earliest, until=now + REPLY_TIME)
