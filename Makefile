@@ -32,8 +32,8 @@ benchmarks: setup
 
 # What is generated: the state diagrams and the JSON Schema.
 docs: setup
-	@$(BIN)/python -m somrs.protocol.diagram
-	@$(BIN)/python -m somrs.ontology.schema
+	@$(BIN)/python -m somrs.protocol.diagram docs/frp-states.md
+	@$(BIN)/somrs schema --out src/somrs/ontology/data/somrs.schema.json
 
 clean:
 	@rm -rf .venv out .somrs build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -163,6 +163,14 @@ def import_(
 
 
 @app.command()
+def schema(out: Annotated[Path | None, typer.Option("--out", "-o", help="The file to write; otherwise it is printed.")] = None) -> None:
+    """The JSON Schema of ontology and map files, for editors that complete and check them."""
+    from somrs.app.commands import schema as run
+
+    _guarded(lambda: run(out))
+
+
+@app.command()
 def fault(
     robot: Annotated[str, typer.Argument(help="The simulated robot.")],
     what: Annotated[FaultOption, typer.Argument(help="What breaks.")],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -43,6 +44,18 @@ def check(files: Sequence[Path], *, json: bool) -> int:
         objects = f"a map of {len(loaded.map.objects)} objects" if loaded.map is not None else "no map"
         print(f"all is well: {len(loaded.ontology.types)} types, {len(loaded.ontology.services)} service types, {objects}")
     return 0
+
+
+def schema(out: Path | None) -> None:
+    """Write the JSON Schema of site files, and how to tell an editor of it."""
+    from somrs.ontology.schema import json_schema
+
+    text = json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
+    if out is None:
+        print(text, end="")
+    else:
+        out.write_text(text, encoding="utf-8")
+        print(f"{out}: begin a file with `# yaml-language-server: $schema={out}`, and editors that know YAML schemas complete it")
 
 
 def import_site(source: Path, out: Path | None) -> None:
