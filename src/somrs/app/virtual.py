@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 from somrs.errors import RemoteError
 from somrs.protocol.component import (
@@ -39,6 +41,26 @@ Work = Iterator[tuple[float, object]]
 CarryOut = Callable[[object], Work]
 
 
+Medium = Callable[[Message], Sequence[float]]
+"""The seconds that a message takes: more than one for a message that comes again, as it may."""
+
+Watch = Callable[[str, Input], None]
+"""Sees each input, and whose it was, when its effects have been carried out."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Parked:
+    """A message whose recipient cannot be reached."""
+
+    message: Message
+    until: float
+
+
+def promptly(message: Message) -> Sequence[float]:
+    """Nothing is late, and nothing comes twice."""
+    return (LATENCY,)
+
+
 def at_once(answer: Callable[[object], object]) -> CarryOut:
     """Work that takes no time; what it raises is its answer."""
 
@@ -58,17 +80,20 @@ def _cannot(task: object) -> object:
 class World:
     """Components at their addresses, the messages between them, and the time."""
 
-    def __init__(self, start: float = 1_000_000.0) -> None:
+    def __init__(self, start: float = 1_000_000.0, *, medium: Medium = promptly, watch: Watch = lambda address, event: None) -> None:
         self.now = start
         self.messages: list[Message] = []
         """Every message that was sent, in order; a delivery that is tried again counts once."""
         self.components: dict[str, Component] = {}
         self.records: dict[str, list[object]] = {}
+        self._medium, self._watch = medium, watch
         self._carry_out: dict[str, CarryOut] = {}
         self._events: list[tuple[float, int, Callable[[], None]]] = []
         self._count = itertools.count()
         self._timers: dict[tuple[str, str], int] = {}
         self._work: dict[tuple[str, str], int] = {}
+        self._parked: list[_Parked] = []
+        self._cut_off: set[str] = set()
 
     def add(self, address: str, component: Component, carry_out: CarryOut | None = None) -> None:
         """Put a component at an address and start it."""
@@ -76,14 +101,30 @@ class World:
         self.records[address] = []
         self._carry_out[address] = carry_out or at_once(_cannot)
         self._feed(address, Started(address))
+        self._deliver_parked()
 
     def remove(self, address: str) -> None:
-        """It is gone, without a word."""
+        """It is gone, without a word, and whatever it had under way with it."""
         self.components.pop(address, None)
+        for kept in (self._timers, self._work):
+            for key in [key for key in kept if key[0] == address]:
+                del kept[key]
+
+    def cut_off(self, address: str) -> None:
+        """It goes on, but nothing reaches it, and nothing that it sends arrives."""
+        self._cut_off.add(address)
+
+    def reconnect(self, address: str) -> None:
+        self._cut_off.discard(address)
+        self._deliver_parked()
+
+    def timers(self, address: str) -> set[str]:
+        """The timers of a component that have yet to ring."""
+        return {timer for owner, timer in self._timers if owner == address}
 
     def send(self, message: Message) -> None:
         """Send a message from outside."""
-        self._post(message, self.now + DELIVERY_TIME, first=True)
+        self._post(message, self.now + DELIVERY_TIME)
 
     def run(self, seconds: float = 3600.0, until: Callable[[], bool] = lambda: False) -> bool:
         """Let time pass until the condition holds (True), or for so long, or until nothing is left to happen."""
@@ -103,14 +144,16 @@ class World:
         if (component := self.components.get(address)) is not None:
             for effect in component.handle(event, self.now):
                 self._do(address, effect)
+            self._watch(address, event)
 
     def _do(self, address: str, effect: Effect) -> None:
         match effect:
             case Send(message, until):
-                self._post(message, until if until is not None else self.now + DELIVERY_TIME, first=True)
+                self._post(message, until if until is not None else self.now + DELIVERY_TIME)
             case Wake(timer, at):
-                serial = self._timers[address, timer] = next(self._count)
+                self._timers.pop((address, timer), None)
                 if at is not None:
+                    serial = self._timers[address, timer] = next(self._count)
                     self._at(at, lambda: self._ring(address, timer, serial))
             case Ask(question, task):
                 serial = self._work[address, question] = next(self._count)
@@ -139,13 +182,34 @@ class World:
 
         self._at(self.now + seconds, come)
 
-    def _post(self, message: Message, until: float, *, first: bool = False) -> None:
-        if first:
-            self.messages.append(message)
-        recipient, sender = message.header.recipient, message.header.sender
-        if recipient in self.components:
-            self._at(self.now + LATENCY, lambda: self._feed(recipient, Received(message)))
-        elif self.now < until:
-            self._at(min(until, self.now + 1.0), lambda: self._post(message, until))
-        else:
-            self._feed(sender, Undelivered(message, "nobody is there"))
+    def _post(self, message: Message, until: float) -> None:
+        self.messages.append(message)
+        first, *again = self._medium(message)
+        self._at(self.now + first, partial(self._arrive, _Parked(message, until)))
+        for late in again:
+            self._at(self.now + late, partial(self._arrive, _Parked(message, until), again=True))
+
+    def _arrive(self, sent: _Parked, *, again: bool = False) -> None:
+        """At its recipient; or it waits for it until its time is over. A second copy does not wait."""
+        if self._reaches(sent.message):
+            self._feed(sent.message.header.recipient, Received(sent.message))
+        elif not again:
+            self._parked.append(sent)
+            self._at(sent.until, lambda: self._give_up(sent))
+
+    def _reaches(self, message: Message) -> bool:
+        sender, recipient = message.header.sender, message.header.recipient
+        return recipient in self.components and not self._cut_off & {sender, recipient}
+
+    def _deliver_parked(self) -> None:
+        parked, self._parked = self._parked, []
+        for sent in parked:
+            if self._reaches(sent.message):
+                self._at(self.now + LATENCY, partial(self._arrive, sent))
+            else:
+                self._parked.append(sent)
+
+    def _give_up(self, sent: _Parked) -> None:
+        if sent in self._parked:
+            self._parked.remove(sent)
+            self._feed(sent.message.header.sender, Undelivered(sent.message, "nobody is there"))
