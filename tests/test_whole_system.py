@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import re
 import signal
 import subprocess
@@ -175,6 +176,38 @@ def test_the_repository_survives_a_kill(tmp_path: Path) -> None:
             assert (await operator.seen("Jar002")).on == "Platform001", "the world is built from the map that was kept"
 
     asyncio.run(run())
+
+
+def test_whatever_is_killed_is_started_again(tmp_path: Path) -> None:
+    """One process after the other; then a task, as if nothing had been."""
+
+    async def run() -> None:
+        async with running(tmp_path / "run", SCENARIO) as (system, client, _):
+            told: list[str] = []
+            keeping = asyncio.create_task(system.keep_running(told.append))
+            for name, program in system.programs.items():
+                program.process.kill()
+                async with asyncio.timeout(60):
+                    while f"{name} is back" not in told:
+                        await asyncio.sleep(0.05)
+            keeping.cancel()
+            assert f"Robot1 ended (signal SIGKILL; see {tmp_path / 'run' / 'logs' / 'Robot1.log'}); starting it again" in told
+            async with asyncio.timeout(60):
+                while len(await client.services()) < 2:  # the robots' leases are with the Registry that was killed
+                    await asyncio.sleep(0.1)
+            assert (await wish(client, "Jar002 isOn Platform001")).outcome is Outcome.ACCOMPLISHED
+
+    asyncio.run(run())
+
+
+def test_without_opengl_everything_is_there_but_the_pictures(tmp_path: Path) -> None:
+    environment = {**os.environ, "MUJOCO_GL": "disable", "SOMRS_GRAPHICS": "disable"}
+    command = [sys.executable, "-m", "somrs.app.cli", "demo", "1", "--out", str(tmp_path / "out")]
+    said = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120)
+    assert said.returncode == 0, said.stdout + said.stderr
+    assert "no pictures" in said.stdout
+    assert not list((tmp_path / "out").glob("*.png"))
+    assert {"messages.jsonl", "messages.svg", "map-before.yaml", "map-after.yaml"} <= {file.name for file in (tmp_path / "out").iterdir()}
 
 
 def test_a_system_that_cannot_start_says_why_and_leaves_nothing_running(tmp_path: Path) -> None:

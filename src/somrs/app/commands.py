@@ -121,7 +121,10 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
         console.print(
             f"Running. In another terminal: somrs task FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it."
         )
+        keeping = asyncio.create_task(system.keep_running(lambda text: console.print(text)))
         await until_stopped()
+        keeping.cancel()
+        await asyncio.wait([keeping])
     finally:
         with console.status("ending ..."):
             await system.stop()

@@ -11,6 +11,7 @@ import contextlib
 import logging
 import socket
 from collections.abc import Awaitable, Callable, Iterator
+from typing import TypeVar
 
 import aiohttp
 import uvicorn
@@ -19,12 +20,14 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
-from somrs.errors import RemoteError, UsageError, WireError
+from somrs.errors import InputError, RemoteError, UsageError, WireError
 from somrs.protocol import frp, soap
-from somrs.protocol.envelope import Message
+from somrs.protocol.envelope import ANONYMOUS, Message
 from somrs.protocol.wsdl import description, schema
 
 log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 Handler = Callable[[Message], Awaitable[Message | None]]
 """Takes a message; the answer, when it goes back on the same connection."""
@@ -41,6 +44,9 @@ KEPT_TIME = 60
 CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
 HANG_UP = {"Connection": "close"}
 
+NONE = "http://www.w3.org/2005/08/addressing/none"
+"""WS-Addressing 1.0 Core, 2.1: what is sent there is thrown away."""
+
 
 class Server:
     """Serves `parts`, handlers by path, at one port. Runs in the event loop that is there already."""
@@ -50,6 +56,8 @@ class Server:
         self.parts: dict[str, Handler] = parts if parts is not None else {}
         self._serving: asyncio.Task[None] | None = None
         self._server: uvicorn.Server | None = None
+        self._open: set[asyncio.Task[object]] = set()
+        self._stopping = False
 
     @property
     def url(self) -> str:
@@ -85,8 +93,12 @@ class Server:
                 await asyncio.sleep(0.005)
 
     async def stop(self) -> None:
+        """Stop listening. Whoever still waits for an answer gets a Fault; whoever still writes is told to come again."""
         if self._server is not None and self._serving is not None:
             self._server.should_exit = True
+            self._stopping = True
+            for task in self._open:
+                task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await self._serving
 
@@ -98,11 +110,14 @@ class Server:
             return PlainTextResponse(f"send {CONTENT_TYPE}, not compressed\n", 415, headers=HANG_UP)
         try:
             async with asyncio.timeout(self.body_time):
-                document = await _body(request)
+                document = await self._unless_stopped(_body(request))
         except ClientDisconnect:
             return Response(status_code=400)
         except TimeoutError:
-            return PlainTextResponse(f"the message was not here within {self.body_time:.0f} s\n", 408, headers=HANG_UP)
+            return PlainTextResponse(f"the message was not here within {self.body_time:g} s\n", 408, headers=HANG_UP)
+        except RemoteError as error:
+            # No Fault: nobody has taken the message, and its sender sends it again.
+            return PlainTextResponse(f"{error}\n", 503, headers=HANG_UP)
         if document is None:
             return PlainTextResponse(f"the message has more than {soap.MOST_BYTES} bytes, which are the most\n", 413, headers=HANG_UP)
         return await self._answer(handler, document)
@@ -111,15 +126,36 @@ class Server:
         message: Message | None = None
         try:
             message = soap.decode(document)
-            answer = await handler(message)
+            answer = await self._unless_stopped(handler(message))
             return _response(answer) if answer is not None else Response(status_code=202)
         except WireError as error:
             return _fault(error, message)
+        except InputError as error:
+            return _fault(WireError(soap.SENDER, str(error)), message)
         except RemoteError as error:
             return _fault(WireError(soap.RECEIVER, str(error)), message)
         except Exception:
             log.exception("a %s could not be handled", type(message.body).__name__ if message else "message")
             return _fault(WireError(soap.RECEIVER, "this message met a defect here; see the log"), message)
+        try:
+            return Response(soap.encode(answer), _status(answer), media_type=CONTENT_TYPE)
+        except WireError as error:
+            return _fault(WireError(soap.RECEIVER, f"the {type(answer.body).__name__} cannot be sent: {error.text}"), message)
+
+    async def _unless_stopped(self, work: Awaitable[T]) -> T:
+        """What the work comes to. Raises RemoteError when the server stops before."""
+        task = asyncio.current_task()
+        assert task is not None, "requests are served in tasks"
+        self._open.add(task)
+        try:
+            return await work
+        except asyncio.CancelledError:
+            if not self._stopping:
+                raise
+            task.uncancel()
+            raise RemoteError("this component is stopping") from None
+        finally:
+            self._open.discard(task)
 
     async def _show(self, request: Request) -> Response:
         path = request.url.path
@@ -154,7 +190,10 @@ def _is_soap(request: Request) -> bool:
 
 
 async def _body(request: Request) -> bytes | None:
-    """The request's body; None for one that is too large, which is not even read to its end."""
+    """The request's body; None for one that is too large, which is not even read to its end, or not at all if it says so."""
+    declared = request.headers.get("content-length", "0")
+    if not declared.isdecimal() or int(declared[:20]) > soap.MOST_BYTES:
+        return None
     parts: list[bytes] = []
     length = 0
     async for part in request.stream():
@@ -199,6 +238,10 @@ class Wire:
 
         A Fault that answers a request is an answer; a Fault because the message could not be processed is an error.
         """
+        if message.header.recipient == NONE:
+            return None
+        if message.header.recipient == ANONYMOUS:
+            raise RemoteError(f"nobody waits for this {type(message.body).__name__}: its recipient is anonymous")
         if self._session is None:
             connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT_TIME)
             self._session = aiohttp.ClientSession(connector=connector, cookie_jar=aiohttp.DummyCookieJar(), auto_decompress=False)
@@ -217,7 +260,7 @@ class Wire:
             ) as response:
                 return await self._answer(response, message)
         except TimeoutError:
-            raise RemoteError(f"{message.header.recipient} did not answer within {timeout:.0f} s") from None
+            raise RemoteError(f"{message.header.recipient} did not answer within {timeout:g} s") from None
         except (aiohttp.ClientError, ValueError) as error:
             raise RemoteError(f"{message.header.recipient} cannot be reached: {error}") from None
 

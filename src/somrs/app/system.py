@@ -8,7 +8,7 @@ import shutil
 import signal
 import socket
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,12 +16,15 @@ import msgspec
 
 from somrs.app.client import SYSTEM_FILE, Addresses, Client
 from somrs.app.programs import Ready
-from somrs.errors import RemoteError, UsageError
+from somrs.errors import RemoteError, SomrsError, UsageError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 
 START_TIME = 90.0
 """Seconds that a program has to be ready; a cold first start on a slow machine takes long."""
+
+MOST_PAUSE = 10.0
+"""Seconds before a program that ends again and again is started once more."""
 
 STOP_TIME = 5.0
 """Seconds that a program has to end by itself."""
@@ -32,9 +35,11 @@ class Program:
     """One process of the system."""
 
     name: str
+    line: list[str]
     process: asyncio.subprocess.Process
     log: Path
     at: str = ""
+    restarts: int = 0
 
 
 class System:
@@ -86,21 +91,31 @@ class System:
         log = self.data / "logs" / f"{name}.log"
         log.parent.mkdir(exist_ok=True)
         line = [sys.executable, "-m", "somrs.app.cli", "run", command, *arguments, "--data", str(self.data), "--host", self.host]
-        with log.open("wb") as errors:
-            process = await asyncio.create_subprocess_exec(
-                *line, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=errors, start_new_session=True
-            )
-        program = self.programs[name] = Program(name, process, log)
-        assert process.stdout is not None
-        try:
-            said = await asyncio.wait_for(process.stdout.readline(), START_TIME)
-        except TimeoutError:
-            raise RemoteError(f"{name} was not ready after {START_TIME:.0f} s; see {log}") from None
-        if not said:
-            await process.wait()
-            raise UsageError(log.read_text(errors="replace").strip() or f"{name} ended at once; see {log}")
-        program.at = msgspec.json.decode(said, type=Ready).at
+        log.unlink(missing_ok=True)
+        program = self.programs[name] = Program(name, line, await _process(line, log), log)
+        await _ready(program)
         return program
+
+    async def keep_running(self, tell: Callable[[str], None]) -> None:
+        """Start again whatever ends without having been told to, until cancelled. What it had kept on disk, it still has."""
+        while True:
+            ends = {asyncio.create_task(program.process.wait()): program for program in self.programs.values()}
+            try:
+                done, _ = await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                for waiting in ends:
+                    waiting.cancel()
+            for program in (ends[one] for one in done):
+                tell(f"{program.name} ended ({_how(program.process.returncode)}; see {program.log}); starting it again")
+                await asyncio.sleep(min(0.2 * 2**program.restarts, MOST_PAUSE))
+                program.restarts += 1
+                program.process = await _process(program.line, program.log)
+                try:
+                    await _ready(program)
+                except SomrsError as error:
+                    tell(str(error))
+                else:
+                    tell(f"{program.name} is back")
 
     async def stop(self) -> None:
         """End all programs, devices first, so that they can take their leave."""
@@ -112,6 +127,35 @@ class System:
                     program.process.send_signal(signal.SIGTERM)
             await asyncio.gather(*(_end(program) for program in group))
         (self.data / SYSTEM_FILE).unlink(missing_ok=True)
+
+
+async def _process(line: list[str], log: Path) -> asyncio.subprocess.Process:
+    with log.open("ab") as errors:
+        return await asyncio.create_subprocess_exec(
+            *line, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=errors, start_new_session=True
+        )
+
+
+async def _ready(program: Program) -> None:
+    """Wait until a program says that it is ready."""
+    assert program.process.stdout is not None
+    before = program.log.stat().st_size
+    try:
+        said = await asyncio.wait_for(program.process.stdout.readline(), START_TIME)
+    except TimeoutError:
+        raise RemoteError(f"{program.name} was not ready after {START_TIME:.0f} s; see {program.log}") from None
+    if not said:
+        await program.process.wait()
+        with program.log.open("rb") as log:
+            log.seek(before)
+            told = log.read().decode(errors="replace").strip()
+        raise UsageError(told or f"{program.name} ended at once; see {program.log}")
+    program.at = msgspec.json.decode(said, type=Ready).at
+
+
+def _how(code: int | None) -> str:
+    """How a process ended."""
+    return f"signal {signal.Signals(-code).name}" if code is not None and code < 0 else f"exit code {code}"
 
 
 async def _end(program: Program) -> None:

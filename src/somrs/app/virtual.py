@@ -110,6 +110,10 @@ class World:
             for key in [key for key in kept if key[0] == address]:
                 del kept[key]
 
+    def ring(self, address: str, timer: str) -> None:
+        """Ring a timer that is rung from outside."""
+        self._feed(address, Rang(timer))
+
     def cut_off(self, address: str) -> None:
         """It goes on, but nothing reaches it, and nothing that it sends arrives."""
         self._cut_off.add(address)
