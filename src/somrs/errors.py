@@ -81,10 +81,13 @@ class UsageError(InputError):
 
 
 class WireError(SomrsError):
-    """A message that cannot be processed. `code` is a SOAP 1.2 / WS-Addressing fault code or subcode."""
+    """A message that cannot be processed. `code` is a SOAP 1.2 / WS-Addressing fault code or subcode.
 
-    def __init__(self, code: str, text: str) -> None:
-        self.code, self.text = code, text
+    `headers` are the header blocks, as `{namespace}name`, that had to be understood and were not.
+    """
+
+    def __init__(self, code: str, text: str, headers: tuple[str, ...] = ()) -> None:
+        self.code, self.text, self.headers = code, text, headers
         super().__init__(code, text)
 
     def __str__(self) -> str:

@@ -26,7 +26,7 @@ FRP = "urn:so-mrs:frp:1.0"
 DIRECTORY = "urn:so-mrs:directory:1.0"
 KNOWLEDGE = "urn:so-mrs:knowledge:1.0"
 CLIENTS = "urn:so-mrs:clients:1.0"
-XML_LANG = "{http://www.w3.org/XML/1998/namespace}lang"
+XML = "http://www.w3.org/XML/1998/namespace"
 
 MOST_BYTES = 256 * 1024
 """The largest document that is read or written."""
@@ -37,10 +37,14 @@ MOST_DEPTH = 32
 MOST_REASON = 4000
 """The most characters of a Fault's reason."""
 
+MOST_MISSED, MOST_NAME = 20, 500
+"""The most header blocks that a Fault names as not understood, and the most characters of such a name."""
+
 MEDIA_TYPE = "application/soap+xml"
 SENDER, RECEIVER = "env:Sender", "env:Receiver"
 INVALID_HEADER = "wsa:InvalidAddressingHeader"
 CARDINALITY = "wsa:InvalidCardinality"
+NO_ADDRESS = "wsa:MissingAddressInEPR"
 HEADER_REQUIRED = "wsa:MessageAddressingHeaderRequired"
 ACTION_NOT_SUPPORTED = "wsa:ActionNotSupported"
 ACTION_MISMATCH = "wsa:ActionMismatch"
@@ -64,6 +68,8 @@ _NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U001
 _TO_US = (None, "", f"{ENV}/role/next", f"{ENV}/role/ultimateReceiver")
 _PREFIXES = {"env": ENV, "wsa": WSA, "frp": FRP}
 _SOAP_CODES = ("Sender", "Receiver", "VersionMismatch", "MustUnderstand", "DataEncodingUnknown")
+# WS-Addressing 1.0 SOAP Binding, 6.4.1: these say more precisely what is invalid in a header.
+_BENEATH_INVALID_HEADER = (CARDINALITY, ACTION_MISMATCH, NO_ADDRESS, "wsa:InvalidAddress", "wsa:InvalidEPR", "wsa:DuplicateMessageID")
 _ADDRESSING = ("To", "From", "ReplyTo", "FaultTo", "Action", "MessageID", "RelatesTo")
 _SESSION_TAGS = frozenset(f"{{{FRP}}}{name}" for name in SESSION)
 
@@ -164,17 +170,19 @@ def _reason(body: Struct) -> str:
 
 
 def _write_fault(parent: Element, fault: frp.Fault) -> Element:
-    """SOAP 1.2 part 1, 5.4. A code of another namespace is a subcode of env:Sender."""
+    """SOAP 1.2 part 1, 5.4. A code of another namespace is a subcode of env:Sender, or of what WS-Addressing has it beneath."""
     prefix, name = _code(fault.code)
     element = etree.SubElement(parent, f"{{{ENV}}}Fault", nsmap={"frp": FRP})
     code = etree.SubElement(element, f"{{{ENV}}}Code")
     _text(code, f"{{{ENV}}}Value", f"env:{name}" if prefix == "env" else SENDER)
-    if prefix != "env":
-        _text(etree.SubElement(code, f"{{{ENV}}}Subcode"), f"{{{ENV}}}Value", f"{prefix}:{name}")
+    subcodes = () if prefix == "env" else (f"{prefix}:{name}",)
+    for subcode in (INVALID_HEADER, *subcodes) if f"{prefix}:{name}" in _BENEATH_INVALID_HEADER else subcodes:
+        code = etree.SubElement(code, f"{{{ENV}}}Subcode")
+        _text(code, f"{{{ENV}}}Value", subcode)
     reason = etree.SubElement(element, f"{{{ENV}}}Reason")
     # A reason may quote the bytes that were wrong; what XML cannot carry of them is replaced.
     _text(reason, f"{{{ENV}}}Text", _NOT_XML.sub("?", fault.text)[:MOST_REASON])
-    reason[0].set(XML_LANG, "en")
+    reason[0].set(f"{{{XML}}}lang", "en")
     return element
 
 
@@ -189,7 +197,7 @@ def _code(code: str) -> tuple[str, str]:
 
 
 def fault(error: WireError, relates_to: str | None = None) -> bytes:
-    """The SOAP Fault that tells a sender what was wrong with its message."""
+    """The SOAP Fault that tells a sender what was wrong with its message. For its headers see SOAP 1.2 part 1, 5.4.7 and 5.4.8."""
     envelope, soap_header, soap_body = _envelope()
     _text(soap_header, f"{{{WSA}}}Action", FAULT_ACTION)
     if relates_to is not None:
@@ -197,6 +205,12 @@ def fault(error: WireError, relates_to: str | None = None) -> bytes:
     if error.code == "env:VersionMismatch":
         upgrade = etree.SubElement(etree.SubElement(soap_header, f"{{{ENV}}}Upgrade"), f"{{{ENV}}}SupportedEnvelope")
         upgrade.set("qname", "env:Envelope")
+    for tag in error.headers:
+        block = etree.QName(tag)
+        prefix = "xml" if block.namespace == XML else "h"  # XML's own namespace has no other prefix
+        names = {"h": block.namespace} if block.namespace and prefix == "h" else None
+        missed = etree.SubElement(soap_header, f"{{{ENV}}}NotUnderstood", nsmap=names)
+        missed.set("qname", f"{prefix}:{block.localname}" if block.namespace else block.localname)
     _write_fault(soap_body, frp.Fault(code=error.code, text=error.text))
     return _bytes(envelope)
 
@@ -270,6 +284,9 @@ def decode(document: bytes) -> Message:
 def _place(element: Element, found: dict[str, str]) -> Place:
     """Which message it is, when its headers fit it."""
     place = _BY_TAG.get(str(element.tag))
+    namespace = etree.QName(element).namespace or ""
+    if namespace.startswith("urn:so-mrs:frp:") and namespace != FRP:
+        raise WireError("frp:UnknownVersion", f"{_short(namespace)} is an unknown version of the protocol; {FRP} is spoken here")
     if place is None:
         raise WireError(ACTION_NOT_SUPPORTED, f"{_short(element.tag)} is no message that is known here")
     if "Action" not in found:
@@ -304,18 +321,21 @@ def _parts(root: Element) -> tuple[Element | None, Element]:
 def _headers(header: Element | None) -> dict[str, str]:
     """The WS-Addressing headers by name; addresses of endpoint references as such."""
     found: dict[str, str] = {}
+    missed: list[str] = []
     for block in header if header is not None else ():
         name = etree.QName(block)
+        if block.get(f"{{{ENV}}}role") not in _TO_US:
+            continue
         if name.namespace != WSA or name.localname not in _ADDRESSING:
-            if block.get(f"{{{ENV}}}mustUnderstand", "false").strip() in ("true", "1") and block.get(f"{{{ENV}}}role") in _TO_US:
-                raise WireError("env:MustUnderstand", f"the header {_short(block.tag)} is not understood here")
+            if block.get(f"{{{ENV}}}mustUnderstand", "false").strip() in ("true", "1"):
+                missed.append(str(block.tag))
             continue
         if name.localname in ("To", "Action", "MessageID"):
-            value = (block.text or "").strip()
+            value = _uri(block)
         elif name.localname in ("From", "ReplyTo", "FaultTo"):
-            value = (block.findtext(f"{{{WSA}}}Address") or "").strip()
+            value = _address_of(block)
         elif block.get("RelationshipType", f"{WSA}/reply") == f"{WSA}/reply":
-            value = (block.text or "").strip()
+            value = _uri(block)
         else:
             continue
         if name.localname in found:
@@ -323,7 +343,25 @@ def _headers(header: Element | None) -> dict[str, str]:
         if not value:
             raise WireError(INVALID_HEADER, f"the header wsa:{name.localname} is empty")
         found[name.localname] = value
+    if missed:
+        named = tuple(tag for tag in missed if len(tag) <= MOST_NAME)[:MOST_MISSED]
+        raise WireError("env:MustUnderstand", f"the header {_short(missed[0])} is not understood here", named)
     return found
+
+
+def _address_of(reference: Element) -> str:
+    """The address in an endpoint reference: there is exactly one."""
+    addresses = [child for child in reference if child.tag == f"{{{WSA}}}Address"]
+    if len(addresses) > 1 or (not addresses and len(reference)):
+        code = CARDINALITY if addresses else NO_ADDRESS
+        raise WireError(code, f"the header wsa:{etree.QName(reference).localname} has {len(addresses)} addresses, and one was expected")
+    return _uri(addresses[0]) if addresses else ""
+
+
+def _uri(element: Element) -> str:
+    if len(element):
+        raise WireError(INVALID_HEADER, f"elements are in wsa:{etree.QName(element).localname}, where a URI was expected")
+    return (element.text or "").strip()
 
 
 def _session(body: Element) -> dict[str, str]:
@@ -351,7 +389,7 @@ def _header(found: dict[str, str], session: dict[str, str]) -> Header:
 
 def _read_fault(element: Element, found: dict[str, str]) -> Message:
     value = element.find(f"{{{ENV}}}Code/{{{ENV}}}Value")
-    sub = element.find(f"{{{ENV}}}Code/{{{ENV}}}Subcode/{{{ENV}}}Value")
+    subcodes = [_known_code(code) for code in element.iterfind(f"{{{ENV}}}Code//{{{ENV}}}Subcode/{{{ENV}}}Value")]
     text = element.findtext(f"{{{ENV}}}Reason/{{{ENV}}}Text")
     detail = element.find(f"{{{ENV}}}Detail")
     for child in detail if detail is not None else ():
@@ -359,7 +397,8 @@ def _read_fault(element: Element, found: dict[str, str]) -> Message:
         if place is not None and place.kind in REFUSALS:
             return Message(header=_header(found, {}), body=struct_reader(place.kind, place.namespace)(child))
     session = _session(detail) if detail is not None else {}
-    code = _known_code(sub) or _known_code(value) or SENDER
+    # The innermost says most; what is beneath a code that is known may be another protocol's.
+    code = next((known for known in reversed(subcodes) if known), None) or _known_code(value) or SENDER
     return Message(header=_header(found, session), body=frp.Fault(code=code, text=text if text is not None else "no reason was given"))
 
 
