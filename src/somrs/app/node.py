@@ -17,8 +17,9 @@ from dataclasses import dataclass, field
 from msgspec import structs
 
 from somrs.app.http import Server, Wire
-from somrs.errors import RemoteError
-from somrs.protocol.bodies import REQUESTS
+from somrs.errors import InputError, RemoteError
+from somrs.protocol import frp
+from somrs.protocol.bodies import REPORTS, REQUESTS
 from somrs.protocol.component import (
     Answered,
     Ask,
@@ -96,7 +97,7 @@ class Node:
         self._timers: dict[str, asyncio.TimerHandle] = {}
         self._asked: dict[str, asyncio.Task[None]] = {}
         self._outboxes: dict[str, _Outbox] = {}
-        self._anonymous: dict[str, asyncio.Future[Message]] = {}
+        self._waiting: dict[asyncio.Future[Message], Message] = {}
 
     def feed(self, event: Input) -> None:
         """Have the component handle an input, after those that wait already.
@@ -119,19 +120,20 @@ class Node:
     async def receive(self, message: Message) -> Message | None:
         """A message from the wire; the answer, when the sender waits for it on the same connection."""
         self._seen(message)
-        wanted: asyncio.Future[Message] | None = None
-        if message.header.reply_to == ANONYMOUS and type(message.body) in REQUESTS:
-            wanted = asyncio.get_running_loop().create_future()
-            self._anonymous[message.header.message_id] = wanted
-        self.feed(Received(message))
-        if wanted is None:
+        if message.header.reply_to != ANONYMOUS:
+            self.feed(Received(message))
             return None
+        wanted: asyncio.Future[Message] = asyncio.get_running_loop().create_future()
+        self._waiting[wanted] = message
         try:
+            self.feed(Received(message))
+            if not wanted.done() and not _is_waited_for(message):
+                return None
             return await asyncio.wait_for(wanted, ANSWER_TIME)
         except TimeoutError:
             raise RemoteError(f"no answer to {type(message.body).__name__} within {ANSWER_TIME:.0f} s") from None
         finally:
-            self._anonymous.pop(message.header.message_id, None)
+            del self._waiting[wanted]
 
     async def close(self) -> None:
         """Stop everything under way. Nothing more is fed to the component."""
@@ -170,9 +172,11 @@ class Node:
             case Record(entry):
                 try:
                     self._keep(entry)
-                except BaseException:
+                except BaseException as error:
                     log.critical("%s: a record could not be kept; nothing more is taken", self.address, exc_info=True)
                     self._broken = True
+                    if isinstance(error, InputError):  # it is this node that was given a bad disk, not the sender that is wrong
+                        raise RemoteError(f"{self.address} could not keep what it had to: {error}") from error
                     raise
 
     def _ring(self, timer: str) -> None:
@@ -195,10 +199,10 @@ class Node:
         self._seen(message)
         recipient = message.header.recipient
         if recipient == ANONYMOUS:
-            waiting = self._anonymous.get(message.header.relates_to or "")
-            if waiting is not None and not waiting.done():
-                waiting.set_result(message)
-            else:
+            waiting = [one for one, asked in self._waiting.items() if not one.done() and _answers(message, asked)]
+            for one in waiting:
+                one.set_result(message)
+            if not waiting:
                 log.debug("%s: nobody waits for this %s any more", self.address, type(message.body).__name__)
             return
         until = effect.until if effect.until is not None else self._host.clock.now() + DELIVERY_TIME
@@ -229,6 +233,22 @@ class Node:
         box.waiting = deque((effect, until) for effect, until in box.waiting if until > now)
         for message in late:
             self.feed(Undelivered(message, reason))
+
+
+def _is_waited_for(message: Message) -> bool:
+    """Whether the connection of a message without ReplyTo is kept open: for the answer to a request, or a participant's report
+    to a coordinator that has no address."""
+    kind = type(message.body)
+    return kind in REQUESTS or (kind in REPORTS and message.header.sender == ANONYMOUS)
+
+
+def _answers(answer: Message, asked: Message) -> bool:
+    """Whether it is what the one who asked waits for. Signs of life are not; a report that is sent again relates to what was
+    told first, and answers those who told it since."""
+    if answer.header.relates_to == asked.header.message_id:
+        return not isinstance(answer.body, frp.Progress)
+    session, other = ((header.transaction, header.participant) for header in (answer.header, asked.header))
+    return session == other and type(answer.body) in REPORTS.get(type(asked.body), ())
 
 
 def _in_session(answer: Message, message: Message) -> Message:

@@ -47,3 +47,11 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     frp.Query: (frp.Status,),
 }
 """What is always answered, and by what; a Fault besides. All else is one-way."""
+
+REPORTS: dict[type[Body], tuple[type[Body], ...]] = {
+    frp.Arrange: (frp.Terms, frp.Refuse),
+    frp.Execute: (frp.Completed, frp.Failed, frp.Stopped, frp.Refuse),
+    frp.Stop: (frp.Stopped, frp.Completed, frp.Failed),
+    frp.Compensate: (frp.Compensated, frp.Stranded),
+}
+"""What a coordinator tells a participant to do, and how the participant may say what came of it."""
