@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import time
 from importlib import resources
 from pathlib import Path
 
@@ -228,20 +227,6 @@ def test_definitions_build_on_the_base_ontology() -> None:
     base = load_text("types: {Vase: {parent: Jar}}").ontology
     assert load_text("types: {Vase: {parent: Jar}, Urn: {parent: Vase}}", base=base).ontology.is_a("Urn", "Jar")
     assert load_text("types: {Vase: {parent: Jar}}").map is None
-
-
-def test_five_thousand_objects_load_in_a_few_seconds() -> None:
-    shape: dict[str, Value] = {"Shape.Form": "Box", "Shape.Width": 1.2, "Shape.Depth": 0.7, "Shape.Height": 0.75, "RotationZ": 1.0}
-    house = the_map(load_text(HOUSE))
-    more: list[Object] = []
-    for index in range(2500):
-        at: dict[str, Value] = {"PositionX": float(index), "PositionY": 0.5, "PositionZ": 0.0}
-        more += [Object(name=f"T{index}", type="Table", values={**at, **shape}), Object(name=f"J{index}", type="Jar", values=at)]
-    map = Map([*house.objects.values(), *more], [*house.facts(), *(Fact("isOn", (f"J{i}", f"T{i}")) for i in range(2500))])
-    text = dump_map(map, upper())
-    started = time.perf_counter()
-    assert load_text(text).map == map
-    assert time.perf_counter() - started < 8.0, "1.7 s on one quiet core"
 
 
 def test_published_schema_is_the_models() -> None:

@@ -109,4 +109,4 @@ def test_the_engine_ends_at_its_limit() -> None:
     started = time.monotonic()
     with pytest.raises(RemoteError, match="no plan was found in 1 s"):
         fast_downward(written(task), 1)
-    assert time.monotonic() - started < 8
+    assert time.monotonic() - started < 60, "without the limit it searches for hours; a busy machine may be slow to start and stop it"
