@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from somrs.app.virtual import Work, World, at_once
+from somrs.app.virtual import Medium, Watch, Work, World, at_once, promptly
 from somrs.errors import RemoteError
 from somrs.ontology.files import load_text
 from somrs.ontology.objects import Map
@@ -17,7 +17,7 @@ from somrs.protocol.envelope import Header, Message, message_id
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
-from somrs.service_manager.orders import Capability, Done, Halt, Order, Perform, Profile, Quote, Quoted, Refusal, Undo
+from somrs.service_manager.orders import Capability, Done, Halt, Kept, Order, Perform, Profile, Quote, Quoted, Refusal, Undo
 from somrs.service_manager.participant import ServiceManager
 from somrs.task_manager.manager import TaskManager, view
 
@@ -39,6 +39,8 @@ objects:
   LostJar: {type: Jar, at: [0, 0, 0]}
   Robot1: {type: PioneerP3DX, at: [3, 3]}
   Robot2: {type: PioneerP3DX, at: [5, 3]}
+  Robot3: {type: PioneerP3DX, at: [7, 3]}
+  Robot4: {type: PioneerP3DX, at: [9, 3]}
 facts:
   - Jar001 isOn Cupboard002
   - Jar002 isOn Cupboard001
@@ -50,18 +52,26 @@ Script = Callable[[Order], Work]
 
 @dataclass(slots=True)
 class Robot:
-    """A scripted device: its price, how long it says it takes, and what really happens (None: the effect, in that time)."""
+    """A scripted device: its price, how long it says it takes, and what really happens (None: the effect, in that time).
+
+    `mute`: it never says what it costs. `halts`: how long it takes to stop. `valid_for`: how long its terms hold.
+    """
 
     name: str
     price: float
     duration: float
     works: Script | None = None
     refuses: str = ""
+    mute: bool = False
+    halts: float = 1.0
+    valid_for: float = 60.0
     orders: list[Order] = field(default_factory=list)
 
     def carry_out(self, task: object) -> Work:
         match task:
             case Quote():
+                if self.mute:
+                    return
                 if self.refuses:
                     yield 0.1, Refusal(self.refuses)
                 else:
@@ -73,7 +83,7 @@ class Robot:
                 else:
                     yield self.duration, Done(situation=done(order))
             case Halt() | Undo():
-                yield 1.0, Done()
+                yield self.halts, Done()
             case _:
                 yield 0.0, None
 
@@ -98,10 +108,13 @@ class Client:
 class VirtualSystem:
     """Everything at its address. `tasks` are given with `submit`, and looked at with `view`."""
 
-    def __init__(self, *robots: Robot, site: str = SITE) -> None:
+    def __init__(
+        self, *robots: Robot, site: str = SITE, medium: Medium = promptly, watch: Watch = lambda address, event: None, settle: float = 5.0
+    ) -> None:
         loaded = load_text(site, "site.yaml")
         assert loaded.map is not None
-        self.world = World()
+        self.world = World(medium=medium, watch=watch)
+        self.devices: dict[str, ServiceManager] = {}
         self.repository = Repository("repository", Contents(ontology=loaded.ontology, map=loaded.map))
         self.registry = Registry("registry", loaded.ontology, "repository")
         self.manager = TaskManager("tm", repository="repository", registry="registry")
@@ -111,15 +124,27 @@ class VirtualSystem:
         self.world.add("client", self.client)
         for robot in robots:
             self.join(robot)
-        self.world.add("tm", self.manager, at_once(_plan))
-        self.world.run(5)
+        self.problems: list[Problem] = []
+        """What the planner was asked."""
+        self.world.add("tm", self.manager, at_once(self._plan))
+        self.world.run(settle)
         self._asked = 0
 
     def join(self, robot: Robot, type: str = "PioneerP3DX", service: str = "TransferObject") -> None:
-        profile = Profile(
-            name=robot.name, type=type, capabilities=(Capability(type=service, method="work", stoppable=True),), valid_for=60, lease=3600
-        )
-        manager = ServiceManager(profile, repository="repository", registry="registry")
+        capability = Capability(type=service, method="work", stoppable=True)
+        self._join(robot, Profile(name=robot.name, type=type, capabilities=(capability,), valid_for=robot.valid_for, lease=3600))
+
+    def restart(self, robot: Robot) -> None:
+        """The robot's Service Manager comes up again, with nothing but its journal."""
+        address = f"devices/{robot.name}"
+        kept = [entry for entry in self.world.records[address] if isinstance(entry, Kept)]
+        profile = self.devices[robot.name].profile
+        self.world.remove(address)
+        self._join(robot, profile, kept)
+        self.world.records[address][:0] = kept
+
+    def _join(self, robot: Robot, profile: Profile, kept: list[Kept] | None = None) -> None:
+        manager = self.devices[robot.name] = ServiceManager(profile, repository="repository", registry="registry", kept=kept or [])
         self.world.add(f"devices/{robot.name}", manager, robot.carry_out)
 
     @property
@@ -167,8 +192,8 @@ class VirtualSystem:
             if message.header.transaction == task and type(message.body).__name__ != "Progress"
         ]
 
-
-def _plan(task: object) -> object:
-    if isinstance(task, Problem):
-        return plan(task)
-    raise RemoteError(f"nobody here can do {task}")
+    def _plan(self, task: object) -> object:
+        if isinstance(task, Problem):
+            self.problems.append(task)
+            return plan(task)
+        raise RemoteError(f"nobody here can do {task}")
