@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 import time
 from collections.abc import Iterator
 
@@ -14,6 +15,8 @@ from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, Rela
 from somrs.planner.plan import NoPlan
 from somrs.planner.planning import plan
 from somrs.planner.problem import Available, Problem
+
+RUNS = 3
 
 TRANSFER = ServiceType(
     name="TransferObject",
@@ -78,12 +81,18 @@ def problems() -> Iterator[tuple[str, Problem]]:
 
 def main() -> None:
     engine = fast_downward if driver() is not None else None
+    first = 0.0
+    print(f"{'':55} {'found':>10} {'median':>12} {'ratio':>8}")
     for name, asked in problems():
-        started = time.perf_counter()
-        found = plan(asked, engine)
-        seconds = time.perf_counter() - started
+        times: list[float] = []
+        for _ in range(RUNS):
+            started = time.perf_counter()
+            found = plan(asked, engine)
+            times.append(time.perf_counter() - started)
+        seconds = statistics.median(times)
+        first = first or seconds
         outcome = "no plan" if isinstance(found, NoPlan) else f"{len(found.steps)} steps"
-        print(f"{name:55} {outcome:>10} {seconds * 1000:9.1f} ms")
+        print(f"{name:55} {outcome:>10} {seconds * 1000:9.1f} ms {seconds / first:8.1f}")
 
 
 if __name__ == "__main__":

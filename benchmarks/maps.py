@@ -1,0 +1,122 @@
+"""What maps of 5,000 objects cost: loading, checking, asking and changing them, beside the least work of the kind.
+
+Run it as `python benchmarks/maps.py`.
+"""
+
+from __future__ import annotations
+
+import pint
+import yaml
+from beside import side_by_side
+
+from somrs.entish.parse import parse
+from somrs.ontology import units
+from somrs.ontology.conformance import violations
+from somrs.ontology.dump import dump_map
+from somrs.ontology.files import load_text, upper
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.truth import bindings
+from somrs.ontology.types import Ontology, Value
+from somrs.protocol.knowledge import UpdateMap
+from somrs.repository.update import Outcome, outcome
+
+TABLES = 2500
+SHAPE: dict[str, Value] = {"Shape.Form": "Box", "Shape.Width": 1.2, "Shape.Depth": 0.7, "Shape.Height": 0.75, "RotationZ": 1.0}
+
+
+def hall() -> Map:
+    """A storey with many tables, and a jar on each."""
+    floor: dict[str, Value] = {"PositionX": 1250.0, "PositionY": 0.0, "PositionZ": -0.1, "Shape.Form": "Box", "Shape.Height": 0.1}
+    objects = [
+        Object(name="Building1", type="Building"),
+        Object(name="Storey1", type="Storey"),
+        Object(name="Floor1", type="Floor", values={**floor, "Shape.Width": 2600.0, "Shape.Depth": 20.0}),
+    ]
+    facts = [Fact("isPartOf", ("Storey1", "Building1")), Fact("isPartOf", ("Floor1", "Storey1"))]
+    for n in range(TABLES):
+        at: dict[str, Value] = {"PositionX": float(n), "PositionY": 0.5, "PositionZ": 0.0}
+        color = "Blue" if n % 100 else "Red"
+        objects += [
+            Object(name=f"Table{n}", type="Table", values={**at, **SHAPE}),
+            Object(name=f"Jar{n}", type="Jar", values={**at, "PositionZ": 0.75, "Color": color}),
+        ]
+        facts.append(Fact("isOn", (f"Jar{n}", f"Table{n}")))
+    return Map(objects, facts)
+
+
+def load(text: str, map: Map) -> None:
+    assert load_text(text).map == map
+    ways = {
+        "yaml.CSafeLoader, the bare text": lambda: yaml.load(text, yaml.CSafeLoader),
+        "load_text: checked, with places for errors": lambda: load_text(text),
+    }
+    side_by_side(f"loading {len(map.objects)} objects, {len(text) // 1000} kB", ways, rounds=3)
+
+
+def check(map: Map, ontology: Ontology) -> None:
+    assert violations(map, ontology) == []
+    ways = {
+        "a look at each value and fact": lambda: (
+            sum(value is not None for one in map.objects.values() for value in one.values.values()) + sum(1 for _ in map.facts())
+        ),
+        "violations: does the map obey its types": lambda: violations(map, ontology),
+    }
+    side_by_side("checking", ways, rounds=5)
+
+
+def ask(map: Map, ontology: Ontology) -> None:
+    def plain_red() -> list[str]:
+        return [name for name, one in map.objects.items() if one.values.get("Color") == "Red"]
+
+    def asked(text: str) -> int:
+        return len(list(bindings(parse(text), map, ontology)))
+
+    red = len(plain_red())
+    assert asked("?j: Jar.Color = Red AND ?j isOn ?t") == red
+    ways = {
+        "a loop over all objects: which are red": plain_red,
+        "Jar7 isOn ?t": lambda: asked("Jar7 isOn ?t"),
+        "?j: Jar.Color = Red AND ?j isOn ?t": lambda: asked("?j: Jar.Color = Red AND ?j isOn ?t"),
+        "?j: Jar isOn ?t (all)": lambda: asked("?j: Jar isOn ?t"),
+        "?j: Jar.PositionX < 2000 cm (pint)": lambda: asked("?j: Jar.PositionX < 2000 cm"),
+        "distance(?j: Jar, Table7) < 150 cm (pint)": lambda: asked("distance(?j: Jar, Table7) < 150 cm"),
+    }
+    side_by_side("asking", ways)
+
+
+def convert() -> None:
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry()
+    numbers = iter(range(10**9))
+    ways = {
+        "a multiplication": lambda: next(numbers) * 0.01,
+        "pint, cm to m": lambda: registry.convert(float(next(numbers)), "cm", "m"),
+        "units.converted, a new number": lambda: units.converted(float(next(numbers)), "cm", "m"),
+        "units.converted, a number again": lambda: units.converted(150.0, "cm", "m"),
+    }
+    side_by_side("converting a number's unit", ways)
+
+
+def change(map: Map, ontology: Ontology) -> None:
+    moved = UpdateMap(situation="Jar7 isOn Table9 AND Jar7.PositionX = 9.1")
+    many = UpdateMap(situation=" AND ".join(f"Jar{n}.PositionX = {n}.1" for n in range(100)))
+    assert isinstance(outcome(map, ontology, moved), Outcome)
+    assert isinstance(outcome(map, ontology, many), Outcome)
+    ways = {
+        "a copy of the dict of objects": lambda: dict(map.objects),
+        "one jar moved": lambda: outcome(map, ontology, moved),
+        "a hundred values set": lambda: outcome(map, ontology, many),
+    }
+    side_by_side("changing, as the Repository does", ways)
+
+
+def main() -> None:
+    ontology, map = upper(), hall()
+    load(dump_map(map, ontology), map)
+    check(map, ontology)
+    ask(map, ontology)
+    convert()
+    change(map, ontology)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""What a SOAP message costs, beside msgspec's JSON of the same structs and lxml alone on the same bytes: `python benchmarks/wire.py`."""
+
+from __future__ import annotations
+
+import msgspec
+from beside import side_by_side
+from lxml import etree
+
+from somrs.ontology.objects import Fact, Object
+from somrs.protocol import frp, knowledge, soap
+from somrs.protocol.bodies import Body
+from somrs.protocol.envelope import Header, Message, message_id
+
+HEADER = Header(
+    sender="http://10.0.0.2:8003/task-manager",
+    recipient="http://10.0.0.7:9000/devices/Robot1",
+    message_id=message_id("m"),
+    reply_to="http://10.0.0.2:8003/task-manager",
+)
+SESSION = msgspec.structs.replace(HEADER, transaction=message_id("t"), participant="Robot1.TransferObject#s1")
+ARRANGE = frp.Arrange(
+    service_type="TransferObject",
+    inputs={"Object": "Jar002", "Destination": "Platform001"},
+    effect="Jar002 isOn Platform001",
+    precondition="Jar002 isOn Shelf003",
+    latest_finish=1767225900.0,
+    reply_by=1767225610.0,
+)
+MAP_PAGE = knowledge.MapPage(
+    objects=tuple(
+        Object(name=f"Jar{n}", type="Jar", values={"PositionX": n / 10, "PositionY": 1.0, "PositionZ": 0.8, "Color": "Blue"})
+        for n in range(100)
+    ),
+    facts=tuple(Fact("isOn", (f"Jar{n}", f"Shelf{n // 2}")) for n in range(100)),
+    version=7,
+    more=True,
+)
+EXAMPLES: dict[str, tuple[Header, Body]] = {
+    "Progress": (SESSION, frp.Progress(fraction=0.5)),
+    "Arrange": (SESSION, ARRANGE),
+    "MapPage of 100 objects": (HEADER, MAP_PAGE),
+}
+
+
+def compare(name: str, message: Message) -> None:
+    """Print what writing and reading the message cost."""
+    document = soap.encode(message)
+    assert soap.decode(document) == message
+    tree = etree.fromstring(document)
+    both = msgspec.defstruct("Both", [("header", Header), ("body", type(message.body))])(header=message.header, body=message.body)
+    encoder, decoder = msgspec.json.Encoder(), msgspec.json.Decoder(type(both))
+    json = encoder.encode(both)
+    assert decoder.decode(json) == both
+    writing = {
+        "lxml: the tree to bytes": lambda: etree.tostring(tree, encoding="utf-8", xml_declaration=True),
+        "somrs.protocol.soap.encode": lambda: soap.encode(message),
+        "msgspec.json of the same structs": lambda: encoder.encode(both),
+    }
+    reading = {
+        "lxml: the bytes to a tree": lambda: etree.fromstring(document),
+        "somrs.protocol.soap.decode": lambda: soap.decode(document),
+        "msgspec.json of the same structs": lambda: decoder.decode(json),
+    }
+    print(f"\n{name}: {len(document)} bytes, and {len(json)} in JSON", end="")
+    side_by_side(f"writing {name}", writing)
+    side_by_side(f"reading {name}", reading)
+
+
+def main() -> None:
+    for name, (header, body) in EXAMPLES.items():
+        compare(name, Message(header=header, body=body))
+
+
+if __name__ == "__main__":
+    main()
