@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import msgspec
 from beside import side_by_side
 from lxml import etree
 
+from somrs.app.http import Server, Wire
 from somrs.ontology.objects import Fact, Object
 from somrs.protocol import frp, knowledge, soap
 from somrs.protocol.bodies import Body
@@ -66,9 +69,29 @@ def compare(name: str, message: Message) -> None:
     side_by_side(f"reading {name}", reading)
 
 
+def over_http(message: Message) -> None:
+    """Print what it costs to hand over a message that is answered with 202, server and sender on one core."""
+
+    async def taken(message: Message) -> None:
+        return None
+
+    with asyncio.Runner() as runner:
+        server, wire = Server("127.0.0.1", 0, {"/here": taken}), Wire()
+        runner.run(server.start())
+        there = Message(header=msgspec.structs.replace(message.header, recipient=f"{server.url}/here"), body=message.body)
+        ways = {
+            "encode and decode": lambda: soap.decode(soap.encode(there)),
+            "Wire.post to a Server, on a kept connection": lambda: runner.run(wire.post(there)),
+        }
+        side_by_side("handing over an Arrange", ways)
+        runner.run(wire.close())
+        runner.run(server.stop())
+
+
 def main() -> None:
     for name, (header, body) in EXAMPLES.items():
         compare(name, Message(header=header, body=body))
+    over_http(Message(header=SESSION, body=ARRANGE))
 
 
 if __name__ == "__main__":
