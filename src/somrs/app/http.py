@@ -43,6 +43,7 @@ KEPT_TIME = 60
 
 CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
 HANG_UP = {"Connection": "close"}
+STOPPING = "this component is stopping"
 
 NONE = "http://www.w3.org/2005/08/addressing/none"
 """WS-Addressing 1.0 Core, 2.1: what is sent there is thrown away."""
@@ -109,6 +110,8 @@ class Server:
         if not _is_soap(request):
             return PlainTextResponse(f"send {CONTENT_TYPE}, not compressed\n", 415, headers=HANG_UP)
         try:
+            if self._stopping:
+                raise RemoteError(STOPPING)
             async with asyncio.timeout(self.body_time):
                 document = await self._unless_stopped(_body(request))
         except ClientDisconnect:
@@ -153,7 +156,7 @@ class Server:
             if not self._stopping:
                 raise
             task.uncancel()
-            raise RemoteError("this component is stopping") from None
+            raise RemoteError(STOPPING) from None
         finally:
             self._open.discard(task)
 
