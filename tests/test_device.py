@@ -7,13 +7,12 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("somrs.app.http", reason="the wire is not there yet")
-
 from lab import contents
 from somrs.app.client import Addresses
 from somrs.app.device import DeviceJournal, DeviceRunner, load
 from somrs.app.node import Host
 from somrs.errors import DeviceError, UsageError
+from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol import frp
 from somrs.protocol.component import Effect, Input, Rang, Received, Send
 from somrs.protocol.envelope import Message
@@ -150,3 +149,18 @@ def test_a_driver_is_found_in_a_module_or_a_file(tmp_path: Path) -> None:
         load("lifter")
     with pytest.raises(DeviceError, match="cannot be imported"):
         load("no.such.module:Lifter")
+
+
+def test_what_a_device_brings_has_to_be_well_made() -> None:
+    class Odd(Device):
+        type = "StationaryDevice"
+        types = (AttributeType(name="Neat", kind="thruth"),)  # type: ignore[arg-type]  # what an author may well write
+
+        @service("TransferObject", duration="1 s")
+        async def work(self, task: Task) -> Situation:
+            return None
+
+    with pytest.raises(DeviceError, match="AttributeType Neat"):
+        Odd("Odd1").profile()
+    Odd.types = (AttributeType(name="Neat", kind="truth"),)  # type: ignore[arg-type]  # the text of a kind is as good as the kind
+    assert Odd("Odd1").profile().definitions == (AttributeType(name="Neat", kind=Kind.TRUTH),)

@@ -222,6 +222,10 @@ class Node:
                 await asyncio.sleep(pause)
                 pause = min(pause * 2, 1.0)
                 self._give_up_late(box, str(error))
+            except Exception as error:  # a defect in one message must not hold back those behind it
+                log.exception("%s: a %s could not be sent", self.address, type(effect.message.body).__name__)
+                box.waiting.popleft()
+                self.feed(Undelivered(effect.message, f"{type(error).__name__}: {error}"))
             else:
                 pause = FIRST_PAUSE
                 box.waiting.popleft()
@@ -252,10 +256,14 @@ def _answers(answer: Message, asked: Message) -> bool:
 
 
 def _in_session(answer: Message, message: Message) -> Message:
-    """The answer, in the session of the message: the Fault of a node that could not read it does not know which that was."""
-    if answer.header.transaction is not None:
-        return answer
-    header = structs.replace(answer.header, transaction=message.header.transaction, participant=message.header.participant)
+    """The answer, related to the message and in its session: the Fault of a node that could not read it does not know either."""
+    asked, answered = message.header, answer.header
+    header = structs.replace(
+        answered,
+        relates_to=answered.relates_to or asked.message_id,
+        transaction=answered.transaction or asked.transaction,
+        participant=answered.participant or asked.participant,
+    )
     return structs.replace(answer, header=header)
 
 

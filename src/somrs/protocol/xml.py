@@ -132,7 +132,7 @@ def writer(hint: Any, namespace: str) -> Write:
     if isinstance(hint, type) and issubclass(hint, Struct):
         return _struct_writer(hint, namespace)
     if isinstance(hint, type) and issubclass(hint, Enum):
-        return lambda element, value: _write_text(element, str(value.value))
+        return lambda element, value: _write_text(element, str(value))
     return _WRITE_SIMPLE[hint]
 
 

@@ -21,6 +21,7 @@ import inspect
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any, ClassVar
 
+import msgspec
 from msgspec import Struct
 
 from somrs.entish.formula import Formula
@@ -162,6 +163,15 @@ def service(type: ServiceType | str, *, price: Amounts = 0.0, duration: Amounts,
     return lambda performs: Service(performs, type, price, duration, able)
 
 
+def _well_made(definition: Definition, owner: type[object]) -> Definition:
+    """The definition with every value of the kind that it has to be: Structs do not check what they are made of."""
+    try:
+        return msgspec.convert(msgspec.to_builtins(definition), type=type(definition))
+    except (msgspec.ValidationError, TypeError) as error:
+        name = getattr(definition, "name", definition)
+        raise DeviceError(f"{owner.__name__} brings {type(definition).__name__} {name}, which is not well made: {error}") from None
+
+
 class Device:
     """A device with services. Authors derive a class, and say in class attributes what is not as usual.
 
@@ -221,7 +231,7 @@ class Device:
             name=self.name,
             type=kind if isinstance(kind, str) else kind.name,
             capabilities=tuple(one.capability(self.attributes) for one in services.values()),
-            definitions=tuple({repr(definition): definition for definition in brought}.values()),
+            definitions=tuple({repr(definition): _well_made(definition, cls) for definition in brought}.values()),
             values=dict(self.values),
             situation=self.situation,
             capacity=self.capacity,
