@@ -18,11 +18,12 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from somrs.app.client import Client
+from somrs.app.client import Addresses, Client
 from somrs.app.commands import importer, write_import
 from somrs.app.demo import play
 from somrs.app.system import System
 from somrs.app.trace import Line
+from somrs.devices.simulator.commands import Fault
 from somrs.devices.simulator.link import OperatorLink
 from somrs.errors import UsageError
 from somrs.protocol.clients import Submit, TaskView
@@ -174,6 +175,39 @@ def test_the_repository_survives_a_kill(tmp_path: Path) -> None:
         async with running(tmp_path / "run", SCENARIO) as (_, client, operator):
             assert (await client.query("Jar002 isOn Platform001")).rows
             assert (await operator.seen("Jar002")).on == "Platform001", "the world is built from the map that was kept"
+
+    asyncio.run(run())
+
+
+def test_a_robot_that_falls_silent_with_the_jar_ends_the_task_and_is_not_asked_again(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with running(tmp_path / "run", SCENARIO) as (_, client, operator):
+            await operator.schedule("Robot1", Fault.SILENT, carried=1.0)
+            view = await wish(client, "Jar002 isOn Platform001")
+            assert view.outcome is Outcome.FAILED
+            assert "said nothing" in view.explanation
+            assert (await client.query("Robot1.Working = FALSE")).rows
+            other = await wish(client, "Jar003 isOn Platform001")
+            assert other.outcome is Outcome.ACCOMPLISHED, other.explanation
+            assert other.steps[0].service == "Robot2.TransferObject"
+
+    asyncio.run(run())
+
+
+def test_another_site_does_not_go_on_with_the_map_of_the_one_before(tmp_path: Path) -> None:
+    other = tmp_path / "other.yaml"
+    other.write_text(SCENARIO.read_text())
+
+    async def run() -> None:
+        async with running(tmp_path / "run", SCENARIO) as (system, client, _):
+            with pytest.raises(UsageError, match="in use"):
+                async with System([SCENARIO], tmp_path / "run"):
+                    pass
+            assert Addresses.read(tmp_path / "run") == system.addresses, "the one that runs can still be found"
+            assert await client.services()
+        with pytest.raises(UsageError, match="--fresh"):
+            async with System([other], tmp_path / "run"):
+                pass
 
     asyncio.run(run())
 

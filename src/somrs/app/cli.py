@@ -311,6 +311,10 @@ def _guarded(run: Any) -> Any:
         _fail(str(error), 2)
     except SomrsError as error:
         _fail(str(error), 1)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        _fail(f"{error.filename}: {error.strerror}", 2)
     except KeyboardInterrupt:
         sys.exit(130)
 

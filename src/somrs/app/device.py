@@ -188,6 +188,8 @@ def run(kind: type[Device]) -> None:
     except (InputError, RemoteError) as error:
         print(error, file=sys.stderr)
         sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
 
 
 def load(driver: str) -> type[Device]:

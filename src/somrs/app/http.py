@@ -264,6 +264,8 @@ class Wire:
                 return await self._answer(response, message)
         except TimeoutError:
             raise RemoteError(f"{message.header.recipient} did not answer within {timeout:g} s") from None
+        except aiohttp.ClientConnectorError as error:
+            raise RemoteError(f"{message.header.recipient} cannot be reached: {error.os_error.strerror or 'no connection'}") from None
         except (aiohttp.ClientError, ValueError) as error:
             raise RemoteError(f"{message.header.recipient} cannot be reached: {error}") from None
 

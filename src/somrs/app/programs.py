@@ -8,8 +8,11 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import contextlib
+import multiprocessing
 import os
 import signal
+import threading
+import time
 from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,6 +52,18 @@ async def until_stopped() -> None:
     while not stopped.is_set() and os.getppid() == parent:
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stopped.wait(), PARENT_CHECK)
+
+
+def end_with_parent() -> None:
+    """Have this process end when the one that started it is gone, however that came."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PARENT_CHECK)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def say_ready(name: str, at: str) -> None:
@@ -121,7 +136,9 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
     trace = Trace(data / "messages.jsonl")
     rim = Host(host, port, watch=trace)
     await rim.start()
-    with concurrent.futures.ProcessPoolExecutor(max_workers=1) as planners:
+    # Spawned, not forked: a fork would keep the sockets of this process open when it is killed.
+    spawned = multiprocessing.get_context("spawn")
+    with concurrent.futures.ProcessPoolExecutor(max_workers=1, mp_context=spawned, initializer=end_with_parent) as planners:
 
         async def carry_out(task: object, report: Report) -> object:
             return await asyncio.get_running_loop().run_in_executor(planners, plan_in_process, task)

@@ -23,6 +23,9 @@ from somrs.ontology.types import Ontology
 START_TIME = 90.0
 """Seconds that a program has to be ready; a cold first start on a slow machine takes long."""
 
+SITE_FILE = "site.json"
+"""In the data folder: the files that its map began with."""
+
 MOST_PAUSE = 10.0
 """Seconds before a program that ends again and again is started once more."""
 
@@ -49,6 +52,17 @@ class System:
         self.site, self.data, self.speed, self.host, self.fresh = [path.resolve() for path in site], data, speed, host, fresh
         self.programs: dict[str, Program] = {}
         self.addresses = Addresses(repository="", registry="", task_manager="")
+        self._listed = False
+
+    def _check_site(self) -> None:
+        """A map that is kept from an earlier run is gone on with, but only if it began with the same files."""
+        kept = self.data / SITE_FILE
+        if not kept.exists() or not (self.data / "repository.sqlite").exists():
+            return
+        before = msgspec.json.decode(kept.read_bytes(), type=list[str])
+        if before != [str(path) for path in self.site]:
+            kept_map = f"{self.data} holds the map of {', '.join(before)}"
+            raise UsageError(f"{kept_map}; `--fresh` forgets it and begins with the new site, `--data` takes another folder")
 
     async def __aenter__(self) -> System:
         try:
@@ -73,9 +87,13 @@ class System:
             task_manager=f"http://{self.host}:{ports[2]}/task-manager",
             simulator=f"{self.host}:{ports[3]}",
         )
-        self.addresses.write(self.data)
+        self._check_site()
         site = [argument for path in self.site for argument in ("--site", str(path))]
         await self._start("repository", "--port", str(ports[0]), *site)
+        # Only now: while another system has the store, its addresses are to stay.
+        self.addresses.write(self.data)
+        self._listed = True
+        (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         async with Client(self.addresses) as client:
             ontology, map = await client.ontology(), await client.map()
         await asyncio.gather(
@@ -126,7 +144,8 @@ class System:
                 with contextlib.suppress(ProcessLookupError):  # it has ended, and nobody noticed yet
                     program.process.send_signal(signal.SIGTERM)
             await asyncio.gather(*(_end(program) for program in group))
-        (self.data / SYSTEM_FILE).unlink(missing_ok=True)
+        if self._listed:
+            (self.data / SYSTEM_FILE).unlink(missing_ok=True)
 
 
 async def _process(line: list[str], log: Path) -> asyncio.subprocess.Process:

@@ -225,6 +225,11 @@ class Device:
         services = self.services()
         if not services:
             raise DeviceError(f"{cls.__name__} has no services: decorate an `async def` method with @service(...), and keep its name")
+        for name in services:
+            if hasattr(Device, name):
+                raise DeviceError(
+                    f"{cls.__name__}.{name} is a service, but every device has a {name} of its own: call the service something else"
+                )
         brought = [*cls.types, *([kind] if isinstance(kind, ObjectType) else [])]
         brought += [s.type for s in services.values() if isinstance(s.type, ServiceType)]
         return Profile(

@@ -276,7 +276,9 @@ class RobotLink(_Link):
         return await self.command(Status())
 
     async def command(self, command: Command) -> Done:
-        """Have the robot carry out a command."""
+        """Have the robot carry out a command. One that has fallen silent is not waited for."""
+        if self.silent:
+            raise RobotGaveUp("silent", f"{self.robot} has said nothing for {self._silence:g} s", self.state)
         match await self._say(lambda id: Order(id=id, command=command)):
             case OrderDone(state=state, seen=seen):
                 return Done(state=state, seen=seen)
