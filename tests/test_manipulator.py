@@ -312,3 +312,12 @@ def test_where_a_formula_says_that_a_thing_is() -> None:
     assert where("Jar1", parse("Jar1 isOn Table1 AND Jar1.PositionX = 1")) == Spot(on="Table1")
     assert where("Jar1", parse("Jar1.PositionX = 1 AND Jar1.PositionY = 2")) == Spot(at=(1, 2))
     assert where("Jar1", None) == Spot()
+
+
+def test_nothing_is_carried_to_where_nothing_can_be_put() -> None:
+    async def test() -> None:
+        async with desk() as at:
+            with pytest.raises(Refusal, match="nothing can be put on Robot2"):
+                await at.do(Quote(order(destination="Robot2")))
+
+    run(test())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from somrs.entish import Name, Variable
+from somrs.entish import Name, Relation, Variable
 from somrs.entish.formula import Literal, alternatives, conjunction, conjuncts, names, substitute, variables
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.matching import bring_about_all, can_bring_about
@@ -140,12 +140,25 @@ class _Reasons:
         for part in lacking:
             missing = substitute(part, row)
             assert isinstance(missing, Literal), "variables of a literal were replaced"
+            circular = _wish(missing) in (_wish(literal), *self.missing)
             self.missing[_wish(missing)] = None
-            self.said[f"{service.name} could bring about {_wish(literal)}, but needs {_wish(missing)}"] = None
-            if depth > 0:
+            if not circular or depth == DEPTH:
+                self.said[f"{service.name} could bring about {_wish(literal)}, but needs {_wish(missing)}{self._instead(missing)}"] = None
+            if depth > 0 and not circular:
                 self.explain(missing, depth - 1)
         if not lacking:
             self.said[f"{service.name} brings about such things, but not {_wish(literal)}"] = None
+
+    def _instead(self, literal: Literal) -> str:
+        """What the map says in the place of a relation that would have to hold."""
+        if not isinstance(literal, Relation) or not isinstance(literal.arguments[0], Name):
+            return ""
+        name, wanted = literal.arguments[0].name, self.problem.ontology.relations.get(literal.relation)
+        group = [r.name for r in self.problem.ontology.relations.values() if wanted and r.excludes and r.excludes == wanted.excludes]
+        told = [str(fact) for fact in self.problem.map.facts_about(name) if fact.relation in group and fact.arguments[0] == name]
+        if told:
+            return f", and the map says {' and '.join(told)}"
+        return f", and the map does not say where {name} is" if group else ""
 
 
 def _wish(literal: Literal) -> str:

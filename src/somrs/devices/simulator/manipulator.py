@@ -20,6 +20,8 @@ from somrs.service_manager.device import Device, Situation, Task, service
 from somrs.service_manager.orders import Refusal, ServiceFailed
 from somrs.service_manager.values import term
 
+SUPPORTING = ("Support", "Floor", "Place", "StationaryDevice")
+"""The types of what things can be put on."""
 FEATURES = ("OperationRange", "Payload", "Speed", "Price")
 """What the map says of the robot that its services are offered with."""
 
@@ -71,6 +73,13 @@ async def _duration(device: Manipulator, task: Task) -> float:
     speed = term(str(rows[0]["Speed"])) if rows else None
     metres_per_second = speed.value if isinstance(speed, Number) and speed.value > 0 else DEFAULT_SPEED
     return round(HANDLING + DRIVING * sum(await device.legs(task)) / metres_per_second, 1)
+
+
+async def _is_a(task: Task, object: str, kind: str) -> bool:
+    try:
+        return await task.map.holds(f"?It: {kind} = {object}")
+    except RemoteError:  # a Repository does not take a formula that its types rule out
+        return False
 
 
 class Manipulator(Device):
@@ -133,6 +142,8 @@ class Manipulator(Device):
             raise Refusal(f"{self.name} does not know the way: {error}") from None
         if first is None or second is None:
             raise Refusal(f"{self.name} finds no way to {object if first is None else destination}")
+        if not any([await _is_a(task, destination, kind) for kind in SUPPORTING]):
+            raise Refusal(f"nothing can be put on {destination}")
         return first, second
 
     @service("TransferObject", price=_price, duration=_duration, able=_able)

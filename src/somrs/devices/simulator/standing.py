@@ -20,6 +20,8 @@ FINGERS = 0.05
 """Room that the open fingers and the palm take beside a thing, m."""
 ARM = 0.11
 """Half the width of the room that the arm takes while it works, m."""
+DOORWAY = 0.6
+"""What things on a floor keep from a door, so that robots get through, m."""
 COMFORTABLE = 0.5
 """A spot that far from the middle of the base is easiest to reach: neither stretched nor close, m."""
 
@@ -103,6 +105,7 @@ def free_spots(robot: Robot, on: Solid, radius: float, at: Point | None = None) 
             bases = np.minimum(bases, _from_capsule(spots, claim) - radius)
     if on.role is Role.FLOOR and at is None:  # named places are kept free
         edge = np.minimum(edge, off_marks(robot, spots) - radius)
+        edge = np.minimum(edge, off_doorways(robot, spots) - DOORWAY)
     inset = EDGE if at is None else 0.0
     keep = (
         (edge >= inset - 1e-9)
@@ -118,6 +121,12 @@ def off_marks(robot: Robot, spots: Array) -> Array:
     """From each spot to the nearest named place on the robot's floor; negative within."""
     marks = [mark for mark in robot.scene.world.of(Role.MARK) if abs(mark.z - robot.solid.z) < 0.1]
     return np.min([mark.distances(spots) for mark in marks], axis=0) if marks else np.full(len(spots), 9.0)
+
+
+def off_doorways(robot: Robot, spots: Array) -> Array:
+    """From each spot to the nearest door on the robot's floor."""
+    doors = [door for door in robot.scene.world.of(Role.DOOR) if abs(door.z - robot.solid.z) < 0.1]
+    return np.min([door.distances(spots) for door in doors], axis=0) if doors else np.full(len(spots), 9.0)
 
 
 def _from_capsule(points: Array, capsule: Capsule) -> Array:
