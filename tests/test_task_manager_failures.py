@@ -36,7 +36,10 @@ WISHES = (
     "Jar002 isOn Cupboard002",
     "Jar001 isOn Platform001",
     "Jar001 isOn Platform001 AND Jar002 isOn Platform001",
+    "Jar001 isOn Platform001 AND Jar002 isOn Cupboard002 AND Tin001 isOn Platform001",
+    "Jar001 isOn Cupboard001 AND Jar002 isOn Platform001 AND Tin001 isOn Cupboard002",
 )
+JARS = ("Jar001", "Jar002", "Tin001")
 LONG = 4 * 3600.0
 """Seconds after which every task has to be over, whatever happened."""
 
@@ -123,6 +126,7 @@ class Blow(StrEnum):
     RESTART = "a robot's Service Manager comes up again"
     CUT_OFF = "a robot cannot be reached for a while, and goes on"
     JOIN = "another robot comes"
+    TAKE = "a person takes a jar away for a while"
     NO_REPOSITORY = "the Repository cannot be reached for a while"
     NO_REGISTRY = "the Registry cannot be reached for a while"
 
@@ -142,26 +146,27 @@ class Story:
     wishes: tuple[Wish, ...]
     happenings: tuple[Happening, ...]
     jitter: float
+    planning: float
     seed: int
 
 
-times = st.floats(0, 120).map(lambda seconds: round(seconds, 1))
+times = st.one_of(st.floats(0, 120), st.floats(0, 30)).map(lambda seconds: round(seconds, 1))
 characters = st.builds(
     Character,
     price=st.integers(1, 9),
     duration=st.sampled_from((4.0, 20.0, 45.0)),
-    acts=st.lists(st.sampled_from(Act), min_size=1, max_size=4).map(tuple),
-    refuses=st.sampled_from((False, False, False, True)),
-    mute=st.sampled_from((False, False, False, False, True)),
-    valid_for=st.sampled_from((60.0, 60.0, 5.0, 0.5)),
+    acts=st.lists(st.sampled_from((*Act, *[Act.DO, Act.CARRY, Act.DROP] * 2)), min_size=1, max_size=4).map(tuple),
+    refuses=st.sampled_from((*[False] * 6, True)),
+    mute=st.sampled_from((*[False] * 6, True)),
+    valid_for=st.sampled_from((60.0, 60.0, 60.0, 5.0, 0.5)),
     halts=st.sampled_from((0.5, 5.0, 100.0)),
 )
 stories = st.builds(
     Story,
-    robots=st.lists(characters, min_size=1, max_size=3).map(tuple),
+    robots=st.integers(1, 3).flatmap(lambda count: st.lists(characters, min_size=count, max_size=count)).map(tuple),
     newcomers=st.lists(characters, max_size=1).map(tuple),
     wishes=st.lists(
-        st.builds(Wish, at=times, effect=st.sampled_from(WISHES), deadline=st.sampled_from((None, None, 30.0, 300.0))),
+        st.builds(Wish, at=st.floats(0, 40), effect=st.sampled_from(WISHES), deadline=st.sampled_from((None, None, None, 15.0, 300.0))),
         min_size=1,
         max_size=4,
     ).map(tuple),
@@ -169,9 +174,10 @@ stories = st.builds(
         st.builds(
             Happening, at=times, blow=st.sampled_from(Blow), target=st.integers(0, 3), seconds=st.sampled_from((3.0, 17.0, 35.0, 150.0))
         ),
-        max_size=4,
+        max_size=3,
     ).map(tuple),
-    jitter=st.sampled_from((0.0, 0.3, 4.0)),
+    jitter=st.sampled_from((0.0, 0.3, 2.0, 2.0)),
+    planning=st.sampled_from((0.0, 2.0, 20.0)),
     seed=st.integers(0, 2**32),
 )
 
@@ -280,7 +286,7 @@ class Stage:
         self.witness = Witness()
         self.robots = [character.robot(f"Robot{number}") for number, character in enumerate(story.robots, 1)]
         self.newcomers = [character.robot(f"Robot{number}") for number, character in enumerate(story.newcomers, len(self.robots) + 1)]
-        self.system = VirtualSystem(*self.robots, medium=shaky(story), watch=self.witness, settle=60)
+        self.system = VirtualSystem(*self.robots, medium=shaky(story), watch=self.witness, settle=60, planning=story.planning)
         self.witness.system = self.system
         self.witness.maps[self.system.repository.contents.version] = self.system.map
         self.tasks: list[str] = []
@@ -310,6 +316,11 @@ class Stage:
         header = Header(sender="client", recipient="tm", message_id=id, reply_to="client")
         self.system.world.send(Message(header=header, body=WatchTask(task=task, after=10_000, wait=20_000)))
 
+    def update(self, situation: str) -> None:
+        id = message_id("person", self.system.world.now, situation)
+        header = Header(sender="client", recipient="repository", message_id=id, reply_to="client")
+        self.system.world.send(Message(header=header, body=UpdateMap(situation=situation, author="a person")))
+
     def strike(self, one: Happening) -> None:
         system, robot = self.system, self.robots[one.target % len(self.robots)]
         address = f"devices/{robot.name}"
@@ -328,6 +339,8 @@ class Stage:
             case Blow.JOIN if self.newcomers:
                 self.robots.append(self.newcomers.pop())
                 system.join(self.robots[-1])
+            case Blow.TAKE:
+                self.update(f"{JARS[one.target % len(JARS)]} isHeldBy Robot1")
             case Blow.NO_REPOSITORY:
                 system.world.cut_off("repository")
             case Blow.NO_REGISTRY:
@@ -337,6 +350,8 @@ class Stage:
         match one.blow:
             case Blow.CUT_OFF:
                 self.system.world.reconnect(f"devices/{self.robots[one.target % len(self.robots)].name}")
+            case Blow.TAKE:
+                self.update(f"{JARS[one.target % len(JARS)]} isOn Cupboard002")
             case Blow.NO_REPOSITORY:
                 self.system.world.reconnect("repository")
             case Blow.NO_REGISTRY:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from somrs.app.virtual import Medium, Watch, Work, World, at_once, promptly
-from somrs.errors import RemoteError
+from somrs.app.virtual import Medium, Watch, Work, World, promptly
 from somrs.ontology.files import load_text
 from somrs.ontology.objects import Map
 from somrs.planner.planning import plan
@@ -36,6 +35,7 @@ objects:
   Platform001: {type: Platform, at: [8, 2, 0], Shape: {Form: Box, Width: 1, Depth: 1, Height: 0.3}}
   Jar001: {type: Jar, at: [1, 3.8, 0.8]}
   Jar002: {type: Jar, at: [1, 1, 0.8]}
+  Tin001: {type: Jar, at: [1, 1.3, 0.8]}
   LostJar: {type: Jar, at: [0, 0, 0]}
   Robot1: {type: PioneerP3DX, at: [3, 3]}
   Robot2: {type: PioneerP3DX, at: [5, 3]}
@@ -44,6 +44,7 @@ objects:
 facts:
   - Jar001 isOn Cupboard002
   - Jar002 isOn Cupboard001
+  - Tin001 isOn Cupboard001
 """
 
 Script = Callable[[Order], Work]
@@ -109,8 +110,15 @@ class VirtualSystem:
     """Everything at its address. `tasks` are given with `submit`, and looked at with `view`."""
 
     def __init__(
-        self, *robots: Robot, site: str = SITE, medium: Medium = promptly, watch: Watch = lambda address, event: None, settle: float = 5.0
+        self,
+        *robots: Robot,
+        site: str = SITE,
+        medium: Medium = promptly,
+        watch: Watch = lambda address, event: None,
+        settle: float = 5.0,
+        planning: float = 0.0,
     ) -> None:
+        self._planning = planning
         loaded = load_text(site, "site.yaml")
         assert loaded.map is not None
         self.world = World(medium=medium, watch=watch)
@@ -126,7 +134,7 @@ class VirtualSystem:
             self.join(robot)
         self.problems: list[Problem] = []
         """What the planner was asked."""
-        self.world.add("tm", self.manager, at_once(self._plan))
+        self.world.add("tm", self.manager, self._plan)
         self.world.run(settle)
         self._asked = 0
 
@@ -192,8 +200,8 @@ class VirtualSystem:
             if message.header.transaction == task and type(message.body).__name__ != "Progress"
         ]
 
-    def _plan(self, task: object) -> object:
-        if isinstance(task, Problem):
-            self.problems.append(task)
-            return plan(task)
-        raise RemoteError(f"nobody here can do {task}")
+    def _plan(self, task: object) -> Work:
+        if not isinstance(task, Problem):
+            raise TypeError(f"a Task Manager has plans made, and wanted {task}")
+        self.problems.append(task)
+        yield self._planning, plan(task)
