@@ -7,14 +7,14 @@ import math
 from somrs.app.virtual import Work
 from somrs.ontology.objects import ObjectRemoved
 from somrs.protocol import frp
-from somrs.protocol.clients import CancelTask, Phase, Preview, Previewed, Submit, TaskRejected
+from somrs.protocol.clients import CancelTask, Phase, Policy, Preview, Previewed, Submit, TaskRejected
 from somrs.protocol.component import Effect, Input
 from somrs.protocol.envelope import Header, Message, message_id
 from somrs.protocol.frp import Outcome, State
-from somrs.protocol.knowledge import UpdateMap
+from somrs.protocol.knowledge import Updated, UpdateMap
 from somrs.service_manager.orders import Advance, Order, ServiceFailed
 from somrs.task_manager.manager import REMEMBERED, TaskManager
-from virtual_system import Robot, VirtualSystem
+from virtual_system import Robot, Script, VirtualSystem
 
 WISH = "Jar002 isOn Platform001"
 ROBOT1 = "devices/Robot1"
@@ -25,11 +25,11 @@ def until_executing(system: VirtualSystem, task: str) -> None:
     system.world.run(1)
 
 
-def update(system: VirtualSystem, body: UpdateMap) -> None:
+def update(system: VirtualSystem, body: UpdateMap, seconds: float = 1.0) -> None:
     """Somebody changes the map."""
     id = message_id("person", system.world.now)
     system.world.send(Message(header=Header(sender="client", recipient="repository", message_id=id, reply_to="client"), body=body))
-    system.world.run(1)
+    system.world.run(seconds)
 
 
 def test_a_task_cancelled_while_services_are_asked_stays_cancelled() -> None:
@@ -188,3 +188,56 @@ def test_a_device_that_takes_messages_and_never_answers_is_left_out() -> None:
     (view,) = system.finish(system.submit(WISH))
     assert view.outcome is Outcome.ACCOMPLISHED
     assert view.steps[0].service == "Robot2.TransferObject"
+
+
+def drops(after: float) -> Script:
+    def works(order: Order) -> Work:
+        yield after, ServiceFailed("it slipped", f"{order.inputs['Object']} isOn Floor001")
+
+    return works
+
+
+BOTH = "Jar001 isOn Platform001 AND Jar002 isOn Platform001"
+
+
+def test_a_second_report_that_is_on_its_way_is_awaited_before_anyone_is_asked() -> None:
+    """FRP, property 5: two robots drop their jars at nearly the same time."""
+
+    system = VirtualSystem(Robot("Robot1", 1, 20, works=drops(10.0)), Robot("Robot2", 1, 20, works=drops(9.9985)), Robot("Robot3", 1, 500))
+    task = system.submit(BOTH, policy=Policy.TIME)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    kinds = [type(m.body) for m in system.world.messages]
+    failed = [number for number, kind in enumerate(kinds) if kind is frp.Failed]
+    assert len(failed) == 2
+    assert kinds.index(UpdateMap) < failed[1], "the second fails while the first report is on its way"
+    asked_again = kinds.index(frp.Arrange, failed[0])
+    assert kinds[failed[0] : asked_again].count(Updated) == 2
+
+
+def test_nothing_begins_while_the_plan_is_made_anew() -> None:
+    """One of two steps turns out to be impossible when both are to begin: the other may not be in the next plan."""
+    robot1, robot2 = Robot("Robot1", 1, 60), Robot("Robot2", 1, 60)
+    system = VirtualSystem(robot1, robot2)
+    task = system.submit(BOTH, policy=Policy.TIME)
+    assert system.world.run(60, lambda: "Accept" in [kind for kind, _ in system.said(task)])
+    jar = system.view(task).steps[0].inputs["Object"]
+    system.world.cut_off("registry")
+    update(system, UpdateMap(situation=f"{jar} isHeldBy Robot3", author="a person"), seconds=0.05)
+    system.world.run(5)
+    assert system.view(task).phase is Phase.PLANNING
+    assert not robot1.orders
+    assert not robot2.orders
+    update(system, UpdateMap(situation=f"{jar} isOn Cupboard002", author="a person"))
+    system.world.reconnect("registry")
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert len(robot1.orders) == len(robot2.orders) == 1
+
+
+def test_a_robot_that_fails_while_its_terms_for_another_step_are_awaited_does_not_get_it() -> None:
+    first = Robot("Robot1", 1, 20, works=drops(10.0))
+    system = VirtualSystem(first, Robot("Robot2", 1, 20, works=drops(9.9)), Robot("Robot3", 1, 500))
+    (view,) = system.finish(system.submit(BOTH, policy=Policy.TIME))
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert len(first.orders) == 1

@@ -201,7 +201,8 @@ class Witness:
     said: int = 0
     planned: int = 0
     maps: dict[int, Map] = field(default_factory=dict)
-    outcomes: dict[str, Outcome] = field(default_factory=dict)
+    outcomes: dict[str, tuple[Outcome, float | None]] = field(default_factory=dict)
+    """How each task ended, and when."""
     accepted: set[tuple[str, str]] = field(default_factory=set)
     released: set[tuple[str, str]] = field(default_factory=set)
     hands: dict[tuple[str, str], set[str]] = field(default_factory=dict)
@@ -263,9 +264,10 @@ class Witness:
     def _ends(self, system: VirtualSystem) -> None:
         for task in system.manager.transactions.values():
             if task.id in self.outcomes:
-                assert (task.outcome, task.phase) == (self.outcomes[task.id], Phase.ENDED), "ended twice"
+                assert task.phase is Phase.ENDED, "went on after its end"
+                assert (task.outcome, task.ended_at) == self.outcomes[task.id], "ended twice"
             elif task.outcome is not None:
-                self.outcomes[task.id] = task.outcome
+                self.outcomes[task.id] = task.outcome, task.ended_at
                 seen = self.maps[system.manager.replica.version]
                 if task.outcome is Outcome.ACCOMPLISHED:
                     assert holds(parse(task.task.effect), seen, system.repository.contents.ontology), "accomplished, but not so"

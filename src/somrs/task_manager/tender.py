@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from somrs.protocol import frp
@@ -49,16 +49,16 @@ class Tender:
             self.run.lapsed.add(service)
         member.bid = None
 
-    def award(self, participants: Participants, task: Submit, busy: Busy, now: float) -> Member | None:
-        """Accept the terms that the policy prefers; everybody else is dismissed."""
+    def award(self, participants: Participants, task: Submit, busy: Busy, broken: Collection[str], now: float) -> Member | None:
+        """Accept the terms that the policy prefers; everybody else is dismissed, and so is what broke at other work meanwhile."""
         for member in self.invited:
             if member.state is State.ARRANGING:
                 member.last_word = self.run.excluded[member.offer.service] = "did not answer"
                 participants.dismiss(member, "no answer in time", now)
         bidders = {m.id: (m, m.bid) for m in self.invited if m.bid is not None and m.state is State.OFFERED}
-        bids = [fitted(bid, busy(member.offer.provider)) for member, bid in bidders.values()]
+        bids = [fitted(bid, busy(m.offer.provider)) for m, bid in bidders.values() if m.offer.service not in broken]
         if not bids:
-            self.run.progress = Progress.OPEN
+            self.withdraw(participants, "it failed at another step", now)
             return None
         best = choose(bids, task, now)
         for member, _ in bidders.values():

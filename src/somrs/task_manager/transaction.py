@@ -141,7 +141,7 @@ class Transaction:
     def _choose(self, tender: Tender, now: float) -> None:
         """Take the best of what came; without any, whoever is left is asked."""
         self._drop_tender()
-        chosen = tender.award(self._participants, self.task, self._setting.busy, now)
+        chosen = tender.award(self._participants, self.task, self._setting.busy, self._offered.broken, now)
         if chosen is not None and chosen.bid is not None:
             terms = chosen.bid.terms
             self.tell(now, f"{chosen.offer.service} does it for {terms.price:g} {terms.currency}, in {terms.duration:.0f} s", tender.run)
