@@ -107,16 +107,12 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
             write_import(bring_in, file, files[-1])
         else:
             files.append(file)
-    with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
-        system = System(files, data, speed=speed, host=host, fresh=fresh)
-        try:
+    system = System(files, data, speed=speed, host=host, fresh=fresh)
+    try:
+        with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
             await system.start()
             async with Client(system.addresses) as client:
                 found = await client.services()
-        except BaseException:
-            await system.stop()
-            raise
-    try:
         console.print(show.services(found))
         console.print(
             f"Running. In another terminal: somrs task FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it."

@@ -82,14 +82,10 @@ async def play(scenario: str, out: Path, seed: int | None, console: Console | No
         shutil.rmtree(out)
     out.mkdir(parents=True)
     site, distance = prepare(out, seed)
-    with console.status("starting the Repository, the Registry, the Task Manager, the simulator and two Service Managers ..."):
-        system = System([site], out / "run", speed="max")
-        try:
-            await system.start()
-        except BaseException:
-            await system.stop()
-            raise
+    system = System([site], out / "run", speed="max")
     try:
+        with console.status("starting the Repository, the Registry, the Task Manager, the simulator and two Service Managers ..."):
+            await system.start()
         played = await perform(scenario, system, out, distance, console)
     finally:
         await system.stop()

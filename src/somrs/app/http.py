@@ -137,7 +137,7 @@ class Server:
             return _fault(WireError(soap.SENDER, str(error)), message)
         except RemoteError as error:
             return _fault(WireError(soap.RECEIVER, str(error)), message)
-        except Exception:
+        except Exception:  # a defect here must not end the server, nor show the sender its stack trace
             log.exception("a %s could not be handled", type(message.body).__name__ if message else "message")
             return _fault(WireError(soap.RECEIVER, "this message met a defect here; see the log"), message)
         try:

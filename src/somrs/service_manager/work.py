@@ -34,7 +34,7 @@ async def carry_out(device: Device, work: Work, ask: Ask, report: Callable[[obje
                 return Done(situation=_read(await service.undoes(device, task, parse(situation)), service) or situation)
     except (Refusal, ServiceFailed):
         raise
-    except Exception:
+    except Exception:  # an author's mistake may be anything; it is logged with its trace, and becomes the service's failure
         log.exception("%s: %s of %s", device.name, type(work).__name__, service.name)
         raise
 
