@@ -21,12 +21,36 @@ class ServiceKind(StrEnum):
     """Processes data."""
 
 
+class Occasion(StrEnum):
+    """When a handler is called for."""
+
+    FAILURE = "failure"
+    """A service failed, or was found to have failed: before the step is given to another."""
+    COMPENSATION = "compensation"
+    """What a step did is to be undone: instead of restoring what was before it."""
+
+
 class Parameter(Struct, frozen=True, kw_only=True):
     """An input or output of a service: the variable's name, without `?`, and its type (an object type, or `number`,
     `text`, `truth` for values)."""
 
     name: str
     type: str
+
+
+class Handler(Struct, frozen=True, kw_only=True):
+    """A predefined procedure for failure handling or compensation (paper, "Failure handling and recovery": a concrete plan should
+    contain them).
+
+    `effect` is to be brought about, by whichever services can, when `on` comes to a step and `when` holds on the map (None:
+    always). Both are Entish, and speak of the step's inputs, and of the device that did it as `?Provider`. `service_type` says
+    for which steps a task's handler is (None: all); one of a service type is for the steps of that type.
+    """
+
+    on: Occasion
+    effect: str
+    when: str | None = None
+    service_type: str | None = None
 
 
 class ServiceType(Struct, frozen=True, kw_only=True):
@@ -43,4 +67,5 @@ class ServiceType(Struct, frozen=True, kw_only=True):
     outputs: tuple[Parameter, ...] = ()
     kind: ServiceKind = ServiceKind.PHYSICAL
     parent: str | None = None
+    handlers: tuple[Handler, ...] = ()
     doc: str = ""

@@ -188,3 +188,9 @@ CONTRACTED = frozenset((COMMITTED, EXECUTING, STOPPING, COMPENSATING, UNREACHABL
 
 WORKING = frozenset((EXECUTING, STOPPING, COMPENSATING))
 """The states in which a participant's device may be moving."""
+
+HOLDS = frozenset((COMMITTED, EXECUTING, STOPPING, COMPENSATING))
+"""The coordinator's states in which the step is this participant's. While one is in them, no other is accepted for the step."""
+
+RESUMES: dict[State, Said] = {EXECUTING: Failed, STOPPING: Stopped, COMPENSATING: Stranded}
+"""What a participant reports that was restarted in the middle of its work, once its device is in a safe state."""
