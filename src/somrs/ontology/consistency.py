@@ -174,6 +174,10 @@ def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
     for key, text in (("precondition", service.precondition), ("effect", service.effect)):
         if text is not None and known:
             yield from _formula(service.name, text, ontology, typed, key)
+    for index, handler in enumerate(service.handlers):
+        for key, text in (("when", handler.when), ("effect", handler.effect)):
+            if text is not None and known:
+                yield from _formula(service.name, text, ontology, typed, f"handlers.{index}.{key}")
 
 
 def _formula(subject: str, text: str, ontology: Ontology, typed: dict[str, str], path: str) -> Iterator[Violation]:

@@ -123,7 +123,13 @@ def _service(service: ServiceType) -> dict[str, Any]:
     for side in ("inputs", "outputs"):
         if getattr(service, side):
             body[side] = {parameter.name: parameter.type for parameter in getattr(service, side)}
-    return {**body, **_fields(service, "parent", "precondition", "effect", "doc")}
+    handlers = [{"on": handler.on.value, **_fields(handler, "when", "effect")} for handler in service.handlers]
+    return {
+        **body,
+        **_fields(service, "parent", "precondition", "effect"),
+        **({"handlers": handlers} if handlers else {}),
+        **_fields(service, "doc"),
+    }
 
 
 def _fields(definition: Any, *names: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from somrs.ontology.services import ServiceKind
+from somrs.ontology.services import Occasion, ServiceKind
 from somrs.ontology.types import Kind
 
 Plain = str | float | bool
@@ -84,6 +84,14 @@ class TypeEntry(_Entry):
     doc: str = ""
 
 
+class HandlerEntry(_Entry):
+    """A predefined procedure: what is to be brought about when a step fails, or is to be undone."""
+
+    on: Occasion = Field(strict=False, description="failure or compensation")
+    effect: str = Field(description="Entish; what is to be brought about, by whichever services can")
+    when: str | None = Field(None, description="Entish; the situation that the procedure is for")
+
+
 class ServiceEntry(_Entry):
     """A type of service."""
 
@@ -93,6 +101,7 @@ class ServiceEntry(_Entry):
     effect: str = Field(description="Entish; what holds after it")
     kind: ServiceKind = Field(ServiceKind.PHYSICAL, strict=False)
     parent: str | None = None
+    handlers: list[HandlerEntry] = []
     doc: str = ""
 
 

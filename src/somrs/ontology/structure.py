@@ -12,7 +12,7 @@ from somrs.entish.parse import nearest
 from somrs.errors import Problem
 from somrs.ontology.nodes import Path, Source
 from somrs.ontology.schema import ENTRIES, AttributeEntry, File, FunctionEntry, ObjectEntry, RelationEntry, ServiceEntry, TypeEntry
-from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.services import Handler, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, ObjectType, Part, RelationType, Value
 
 
@@ -54,7 +54,8 @@ def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Defin
             return FunctionType(**{**entry.model_dump(), "name": name, "parameters": tuple(entry.parameters)})
         case ServiceEntry():
             inputs, outputs = (tuple(Parameter(name=n, type=t) for n, t in side.items()) for side in (entry.inputs, entry.outputs))
-            return ServiceType(**{**entry.model_dump(), "name": name, "inputs": inputs, "outputs": outputs})
+            handlers = tuple(Handler(**handler.model_dump()) for handler in entry.handlers)
+            return ServiceType(**{**entry.model_dump(), "name": name, "inputs": inputs, "outputs": outputs, "handlers": handlers})
         case TypeEntry():
             return ObjectType(
                 **{

@@ -17,6 +17,9 @@ Value = float | str | bool
 
 ROOT = "Object"
 PHYSICAL = "PhysicalObject"
+UNKNOWN = "Unknown"
+"""The attribute that is TRUE of an object of which nothing is known (upper ontology)."""
+
 ABSTRACT = "AbstractObject"
 PART_OF = "isPartOf"
 """The relation of a sub-object to the object that it is a part of; built in, because maps are nested by it."""

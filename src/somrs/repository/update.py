@@ -23,7 +23,7 @@ from somrs.ontology.objects import (
     ValueSet,
     objects_of,
 )
-from somrs.ontology.types import ABSTRACT, Ontology
+from somrs.ontology.types import ABSTRACT, UNKNOWN, Ontology
 from somrs.protocol.knowledge import Rejected, UpdateMap
 
 MOST_PROBLEMS = 50
@@ -66,11 +66,21 @@ def outcome(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome | Reject
         except FormulaError as error:
             return rejected([str(error)])
         changed = changed.changed(more)
-    net = tuple(_net(map, changed, wanted))
+    found = [*_found(changed, wanted)]
+    net = tuple(_net(map, changed.changed(found), [*wanted, *found]))
     result = Outcome(map=map.changed(net), changes=net)
     if problems := [*_unspeakable(net)] or [str(violation) for violation in _violations(map, result, ontology)]:
         return rejected(problems)
     return result
+
+
+def _found(map: Map, changes: Iterable[Change]) -> Iterator[Change]:
+    """An object that nothing was known of is known again once anybody says where or how it is."""
+    said = [change for change in changes if not isinstance(change, FactRemoved)]
+    flagged = {change.object for change in said if isinstance(change, ValueSet) and change.path == UNKNOWN and change.value}
+    for name in dict.fromkeys(objects_of(change)[0] for change in said):
+        if name not in flagged and (object := map.objects.get(name)) is not None and object.values.get(UNKNOWN) is True:
+            yield ValueSet(name, UNKNOWN, None)
 
 
 def is_name(text: str) -> bool:
