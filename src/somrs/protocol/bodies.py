@@ -23,6 +23,7 @@ KnowledgeBody = (
 ClientBody = (
     clients.Submit | clients.Submitted | clients.TaskRejected | clients.CancelTask | clients.Cancelling
     | clients.ReadTasks | clients.Tasks | clients.WatchTask | clients.TaskNews | clients.Preview | clients.Previewed
+    | clients.ReadRecords | clients.Records
 )  # fmt: skip
 Body = FrpBody | DirectoryBody | KnowledgeBody | ClientBody
 
@@ -44,6 +45,7 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     clients.ReadTasks: (clients.Tasks,),
     clients.WatchTask: (clients.TaskNews,),
     clients.Preview: (clients.Previewed,),
+    clients.ReadRecords: (clients.Records,),
     frp.Query: (frp.Status,),
 }
 """What is always answered, and by what; a Fault besides. All else is one-way."""

@@ -6,6 +6,7 @@ from enum import StrEnum
 
 from msgspec import Struct
 
+from somrs.ontology.services import Handler
 from somrs.protocol.frp import Outcome, State
 
 
@@ -28,18 +29,22 @@ class Phase(StrEnum):
     EXECUTING = "executing"
     RECOVERING = "recovering"
     """Stopping what runs, or waiting for what a failure left to be known."""
+    COMPENSATING = "compensating"
+    """Undoing what was done."""
     ENDED = "ended"
 
 
 class Submit(Struct, frozen=True, kw_only=True, tag=True):
     """A task: make `effect` true. `precondition` is the initial situation, if the client wants to state it. `deadline` in
-    seconds from now. `time_value`: what a second is worth, in the currency of the terms, for the weighted policy."""
+    seconds from now. `time_value`: what a second is worth, in the currency of the terms, for the weighted policy. `handlers`
+    go before those that come with service types."""
 
     effect: str
     precondition: str | None = None
     policy: Policy = Policy.PRICE
     time_value: float = 0.01
     deadline: float | None = None
+    handlers: tuple[Handler, ...] = ()
 
 
 class Submitted(Struct, frozen=True, kw_only=True, tag=True):
@@ -76,6 +81,22 @@ class StepView(Struct, frozen=True, kw_only=True):
     fraction: float = 0.0
 
 
+class WorkView(Struct, frozen=True, kw_only=True):
+    """What a service did, or began to do, in a task. `state` is what became of it in the end: Completed, Failed, Stopped,
+    Unreachable, or, once it had to be undone, Compensated or Stranded. `situation` is what it left; `before` what its undoing
+    restores."""
+
+    step: str
+    service: str
+    service_type: str
+    inputs: dict[str, str]
+    began: float
+    state: State
+    situation: str | None = None
+    before: str | None = None
+    note: str = ""
+
+
 class TaskView(Struct, frozen=True, kw_only=True):
     task: str
     effect: str
@@ -85,6 +106,8 @@ class TaskView(Struct, frozen=True, kw_only=True):
     ended_at: float | None = None
     explanation: str = ""
     steps: tuple[StepView, ...] = ()
+    work: tuple[WorkView, ...] = ()
+    """All that services did, in the order in which they began, in this plan and those before."""
 
 
 class ReadTasks(Struct, frozen=True, kw_only=True, tag=True):
@@ -131,3 +154,67 @@ class Previewed(Struct, frozen=True, kw_only=True, tag=True):
 
     steps: tuple[StepView, ...]
     explanation: str = ""
+
+
+class ContractView(Struct, frozen=True, kw_only=True):
+    """A participant of a task that is over: the service, the step, the terms that it gave, and how it ended."""
+
+    participant: str
+    service: str
+    step: str
+    state: State
+    accepted: bool
+    price: float | None = None
+    currency: str = "EUR"
+    duration: float | None = None
+    valid_until: float | None = None
+    reason: str = ""
+
+
+class MessageView(Struct, frozen=True, kw_only=True):
+    """A message of a task as it was sent or received; `body` is JSON."""
+
+    at: float
+    type: str
+    sender: str
+    recipient: str
+    participant: str
+    id: str
+    relates_to: str | None
+    body: str
+
+
+class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
+    """All that is kept of a task that is over: who wanted it, what came of it and when, with which terms and messages."""
+
+    task: str
+    client: str
+    effect: str
+    submitted_at: float
+    ended_at: float
+    outcome: Outcome
+    explanation: str = ""
+    precondition: str | None = None
+    policy: Policy = Policy.PRICE
+    deadline: float | None = None
+    steps: tuple[StepView, ...] = ()
+    work: tuple[WorkView, ...] = ()
+    contracts: tuple[ContractView, ...] = ()
+    events: tuple[TaskEvent, ...] = ()
+    messages: tuple[MessageView, ...] = ()
+
+
+class ReadRecords(Struct, frozen=True, kw_only=True, tag=True):
+    """Tasks that are over, the latest first: those that ended before `before`, if that is given, up to `limit`; or the one
+    named."""
+
+    before: float | None = None
+    limit: int = 20
+    task: str | None = None
+
+
+class Records(Struct, frozen=True, kw_only=True, tag=True):
+    """`more`: there are older ones. A page ends early when it becomes too long for a message."""
+
+    records: tuple[TaskRecord, ...]
+    more: bool = False
