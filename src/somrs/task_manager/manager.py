@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from somrs.errors import FormulaError
 from somrs.protocol import clients, frp
@@ -143,7 +144,7 @@ class TaskManager:
             if (wrong := wrong_with(task, self.replica)) is not None:
                 self._reply(message, clients.TaskRejected(problem=wrong))
                 return
-            transaction = Transaction(id, task, self._setting, now)
+            transaction = Transaction(id, task, self._setting, now, client=message.header.sender)
             self.transactions[id] = transaction
             transaction.start(now)
         self._reply(message, clients.Submitted(task=id))
@@ -151,22 +152,22 @@ class TaskManager:
     def _preview(self, message: Message, task: clients.Preview, now: float) -> None:
         submit = clients.Submit(effect=task.effect, precondition=task.precondition)
 
-        def discovered(offers: tuple[Offer, ...] | str, now: float) -> None:
-            if isinstance(offers, str):
-                self._reply(message, previewed(offers))
-                return
-            question = f"preview {message.header.message_id}"
-            try:
-                self._effects.append(Ask(question, problem(submit, self.replica, offers)))
-            except FormulaError as error:
-                self._reply(message, previewed(error))
-            else:
-                self._previews[question] = message
-
         if (wrong := wrong_with(submit, self.replica)) is not None:
             self._reply(message, previewed(wrong))
         else:
-            self._questions.discover(discovered, now)
+            self._questions.discover(partial(self._previewing, message, submit), now)
+
+    def _previewing(self, message: Message, submit: clients.Submit, offers: tuple[Offer, ...] | str, now: float) -> None:
+        if isinstance(offers, str):
+            self._reply(message, previewed(offers))
+            return
+        question = f"preview {message.header.message_id}"
+        try:
+            self._effects.append(Ask(question, problem(submit, self.replica, offers)))
+        except FormulaError as error:
+            self._reply(message, previewed(error))
+        else:
+            self._previews[question] = message
 
     def _known(self, message: Message, task: str) -> Transaction | None:
         transaction = self.transactions.get(task)
@@ -227,8 +228,9 @@ class TaskManager:
         return [
             (run.start, run.finish)
             for transaction in self.transactions.values()
-            if transaction.workflow is not None and transaction.outcome is None
-            for run in transaction.workflow
+            if transaction.outcome is None
+            for pursuit in transaction.pursuits
+            for run in pursuit
             if run.progress in (Progress.ARRANGED, Progress.EXECUTING) and run.member is not None and run.member.offer.provider == provider
         ]
 
@@ -261,9 +263,11 @@ def _ring(transaction: Transaction, what: str, now: float) -> None:
     kind, _, participant = what.partition("/")
     match kind:
         case "bids":
-            transaction.bids_due(now)
+            transaction.bids_due(participant, now)
         case "silence":
             transaction.silent(participant, now)
+        case "overdue":
+            transaction.overdue(participant, now)
         case "deadline":
             transaction.give_up(now, f"the deadline of {transaction.task.deadline:g} s is over")
         case "stop":

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction
 from somrs.ontology.services import ServiceType
+from somrs.planner.plan import Step
 from somrs.protocol.directory import Offer
 from somrs.protocol.replica import Replica
 from somrs.task_manager.arrange import able, about, precondition_now, service_types
@@ -43,6 +44,9 @@ class Offered:
         parts = [precondition_now(run.step, service_type, map, ontology), about(run.step, run.reported, map, ontology)]
         told = [part for part in parts if part is not None]
         return conjunction(*told) if told else None
+
+    def type_of(self, step: Step) -> ServiceType:
+        return self._known[step.service_type]
 
     @property
     def _known(self) -> dict[str, ServiceType]:

@@ -11,26 +11,33 @@ from somrs.protocol.directory import Offer
 from somrs.protocol.envelope import ANONYMOUS, Message
 from somrs.protocol.frp import Outcome, State
 from somrs.protocol.session import CoordinatorBody, CoordinatorSession, Heard, participant_id
-from somrs.protocol.states import COORDINATOR_SENDS
+from somrs.protocol.states import COORDINATOR_SENDS, HOLDS, WORKING
 from somrs.task_manager.arrange import Bid
 from somrs.task_manager.setting import Setting
 
 SILENCE = 20.0
-"""Seconds without a word from an executing service after which it is queried; and again as many to answer."""
+"""Seconds without a word from a working service after which it is queried; and again as many to answer."""
 
 GOODBYE_TIME = 86_400.0
 """Seconds for which End and Cancel are sent again: a device that is down may come back, and has to hear that it is free."""
 
-WORKING = (State.EXECUTING, State.STOPPING)
+LATENESS = 10.0
+"""How many times as long as it said a service may take, before it is stopped."""
+
+LEAST_TIME = 60.0
+"""Seconds that every service has at least, however short it said that it takes."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Member:
-    """One participant of the transaction, as the coordinator sees it."""
+    """One participant of the transaction, as the coordinator sees it. `step` is the step that it is asked for, `label` what people
+    call it."""
 
     id: str
     session: CoordinatorSession
     offer: Offer
+    label: str
+    step: str
     bid: Bid | None = None
     fraction: float = 0.0
     note: str = ""
@@ -48,10 +55,12 @@ class Member:
 
 
 class Participants:
-    """They join with `invite`, and leave with Cancel or End. `tell` notes what the client may want to know."""
+    """They join with `invite`, and leave with Cancel or End. `tell` notes what the client may want to know, `note` each message."""
 
-    def __init__(self, transaction: str, setting: Setting, tell: Callable[[float, str], None]) -> None:
-        self._transaction, self._setting, self._tell = transaction, setting, tell
+    def __init__(
+        self, transaction: str, setting: Setting, tell: Callable[[float, str], None], note: Callable[[float, Message], None]
+    ) -> None:
+        self._transaction, self._setting, self._tell, self._note = transaction, setting, tell, note
         self._members: dict[str, Member] = {}
 
     def __iter__(self) -> Iterator[Member]:
@@ -64,33 +73,49 @@ class Participants:
 
     # Speaking
 
-    def invite(self, offer: Offer, step: str, arrange: frp.Arrange, now: float, seconds: float) -> Member:
-        """Ask a service, as a participant of its own however often it was asked before."""
-        id = participant_id(offer.service, step, len(self._members) + 1)
+    def invite(self, offer: Offer, label: str, step: str, arrange: frp.Arrange, now: float, seconds: float) -> Member:
+        """Ask a service, as a participant of its own however often it was asked before. `step` is the step's own name among all
+        plans of the transaction, `label` the one that people know."""
+        id = participant_id(offer.service, label, len(self._members) + 1)
         session = CoordinatorSession(transaction=self._transaction, participant=id, me=self._setting.address, peer=offer.address)
-        member = self._members[id] = Member(id=id, session=session, offer=offer)
-        self._send(member, arrange, now + seconds)
+        member = self._members[id] = Member(id=id, session=session, offer=offer, label=label, step=step)
+        self._send(member, arrange, now, seconds)
         return member
 
     def accept(self, member: Member, terms: str, now: float) -> None:
-        self._send(member, frp.Accept(terms=terms), now + SILENCE)
+        rivals = [other for other in self if other.step == member.step and other.state in HOLDS]
+        assert not rivals, "a step is one participant's at a time (FRP, property 1)"
+        self._send(member, frp.Accept(terms=terms), now, SILENCE)
 
     def execute(self, member: Member, execute: frp.Execute, now: float) -> None:
-        self._send(member, execute, now + SILENCE)
+        self._send(member, execute, now, SILENCE)
         self._watch(member, now)
+
+    def compensate(self, member: Member, situation: str, now: float) -> bool:
+        """Have it undo what it did. Whether it can be told to."""
+        if frp.Compensate not in COORDINATOR_SENDS.get(member.state, {}):
+            return False
+        member.reported, member.lost_at = False, None
+        self._send(member, frp.Compensate(situation=situation), now, SILENCE)
+        self._watch(member, now)
+        return True
 
     def dismiss(self, member: Member, reason: str, now: float) -> None:
         """It is not needed, and has not begun."""
         if frp.Cancel in COORDINATOR_SENDS.get(member.state, {}):
-            self._send(member, frp.Cancel(reason=reason), now + GOODBYE_TIME)
+            self._send(member, frp.Cancel(reason=reason), now, GOODBYE_TIME)
 
     def stop(self, reason: str, now: float) -> None:
         """Whoever works shall stop, and the others go home, but for those that hear about the end with it."""
         for member in self:
             if member.state is State.EXECUTING:
-                self._send(member, frp.Stop(reason=reason), now + SILENCE)
+                self.halt(member, reason, now)
             else:
                 self.dismiss(member, reason, now)
+
+    def halt(self, member: Member, reason: str, now: float) -> None:
+        """Have it stop what it executes."""
+        self._send(member, frp.Stop(reason=reason), now, SILENCE)
 
     def end(self, outcome: Outcome, now: float) -> None:
         """End goes to everyone that was ever committed (FRP, property 6)."""
@@ -98,12 +123,18 @@ class Participants:
             if member.state in WORKING:
                 self.give_up(member)
             if frp.End in COORDINATOR_SENDS.get(member.state, {}):
-                self._send(member, frp.End(outcome=outcome), now + GOODBYE_TIME)
+                self._send(member, frp.End(outcome=outcome), now, GOODBYE_TIME)
             else:
                 self.dismiss(member, "the task is over", now)
 
-    def _send(self, member: Member, body: CoordinatorBody, until: float) -> None:
-        self._setting.effects.append(Send(member.session.send(body), until))
+    def forget(self) -> None:
+        """Once the transaction is over: all but those that were given up, whose report may still come."""
+        self._members = {id: member for id, member in self._members.items() if member.lost_at is not None and not member.reported}
+
+    def _send(self, member: Member, body: CoordinatorBody, now: float, seconds: float) -> None:
+        message = member.session.send(body)
+        self._note(now, message)
+        self._setting.effects.append(Send(message, now + seconds))
 
     # Hearing
 
@@ -114,7 +145,10 @@ class Participants:
             self._setting.effects += sent_home(message, self._setting.address)
             return None
         heard = member.session.receive(message)
-        self._setting.effects += [Send(answer) for answer in heard.answers]
+        self._note(now, message)
+        for answer in heard.answers:
+            self._note(now, answer)
+            self._setting.effects.append(Send(answer))
         member.heard_at, member.queried = now, False
         if heard.before in WORKING and heard.state not in WORKING:
             self._unwatch(member)
@@ -139,6 +173,9 @@ class Participants:
             case frp.Stop() if member.state is State.STOPPING:
                 self._repeat(message, now)
                 return None
+            case frp.Compensate() if member.state is State.COMPENSATING:
+                self._repeat(message, now)
+                return None
             case _:
                 return None
         member.last_word = trouble
@@ -148,7 +185,7 @@ class Participants:
         """It may be back before its silence is too long; a Query alone would find it alive and idle."""
         self._setting.effects.append(Send(message, now + SILENCE))
 
-    # Silence
+    # Silence, and lateness
 
     def silent(self, participant: str, now: float) -> Member | None:
         """The heartbeat of one that works may have stopped: ask it, and after as long again give it up, and return it."""
@@ -156,16 +193,30 @@ class Participants:
         if member is None or member.state not in WORKING:
             return None
         if now - member.heard_at < SILENCE - 0.001:
-            self._setting.effects.append(Wake(self._timer(member), member.heard_at + SILENCE))
+            self._setting.effects.append(Wake(self._timer("silence", member), member.heard_at + SILENCE))
         elif not member.queried:
             member.queried = True
-            self._send(member, frp.Query(), now + SILENCE)
-            self._setting.effects.append(Wake(self._timer(member), now + SILENCE))
+            self._send(member, frp.Query(), now, SILENCE)
+            self._setting.effects.append(Wake(self._timer("silence", member), now + SILENCE))
             self._tell(now, f"{member.offer.service} is silent; asking for its state")
         else:
             self.give_up(member)
             return member
         return None
+
+    def overdue(self, participant: str, now: float) -> Member | None:
+        """It takes far longer than it said. One that executes is stopped; one that does not come to an end then is given up, and
+        returned."""
+        member = self._members.get(participant)
+        if member is None or member.state not in WORKING:
+            return None
+        if member.state is State.EXECUTING:
+            self._tell(now, f"{member.offer.service} takes far longer than it said; stopping it")
+            self.halt(member, "it takes far longer than it said", now)
+            self._setting.effects.append(Wake(self._timer("overdue", member), now + LEAST_TIME))
+            return None
+        self.give_up(member)
+        return member
 
     def give_up(self, member: Member) -> None:
         """It may do anything from now on, but nobody waits for it."""
@@ -175,17 +226,23 @@ class Participants:
 
     def _watch(self, member: Member, now: float) -> None:
         member.heard_at, member.queried = now, False
-        self._setting.effects.append(Wake(self._timer(member), now + SILENCE))
+        terms = member.session.terms
+        seconds = max(LEAST_TIME, LATENESS * terms.duration if terms is not None else 0.0)
+        start = max(now, member.bid.start if member.bid is not None else now)
+        self._setting.effects += [
+            Wake(self._timer("silence", member), now + SILENCE),
+            Wake(self._timer("overdue", member), start + seconds),
+        ]
 
     def _unwatch(self, member: Member) -> None:
-        self._setting.effects.append(Wake(self._timer(member), None))
+        self._setting.effects += [Wake(self._timer("silence", member), None), Wake(self._timer("overdue", member), None)]
 
-    def _timer(self, member: Member) -> str:
-        return f"{self._transaction}/silence/{member.id}"
+    def _timer(self, kind: str, member: Member) -> str:
+        return f"{self._transaction}/{kind}/{member.id}"
 
 
 def sent_home(message: Message, address: str) -> list[Effect]:
-    """The answers to one that takes part in nothing that is known here, such as a transaction from before a restart."""
+    """The answers to one that takes part in nothing that is known here, such as a transaction that is long over."""
     header = message.header
     if header.transaction is None or header.participant is None:
         return []

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from somrs.protocol.bodies import Body
 from somrs.protocol.component import Effect, Send, Wake
@@ -25,6 +26,8 @@ UPDATE_TIME = 86_400.0
 """Seconds for which the Repository is told what was reported: it may be down for a while, and has to know."""
 
 Then = Callable[[Message, float], None]
+Discovery = Callable[[tuple[Offer, ...] | str, float], None]
+"""Called with all that is on offer, or with why that cannot be had."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,27 +48,28 @@ class Questions:
         self._asked = 0
 
     def start(self, now: float) -> None:
-        """The time is part of the ids: what was asked in an earlier life is another question."""
-        self._incarnation = now
+        """The time is part of the ids: what was asked in an earlier life that is forgotten is another question."""
+        self._incarnation = self._incarnation or now
 
     def update(self, body: UpdateMap, then: Then, now: float) -> None:
         """Have the Repository change its map."""
         self._ask(self.repository, body, then, now, UPDATE_TIME)
 
-    def discover(self, then: Callable[[tuple[Offer, ...] | str, float], None], now: float, found: tuple[Offer, ...] = ()) -> None:
+    def discover(self, then: Discovery, now: float, found: tuple[Offer, ...] = ()) -> None:
         """Read from the Registry, page by page, all that is on offer; or why that cannot be had."""
 
-        def page(answer: Message, now: float) -> None:
-            if not isinstance(answer.body, Discovered):
-                then(f"the Service Registry answered: {said(answer)}", now)
-                return
-            offers = found + answer.body.offers
-            if answer.body.more and answer.body.offers:
-                self.discover(then, now, offers)
-            else:
-                then(offers, now)
+        discover = Discover(after=found[-1].service if found else "")
+        self._ask(self.registry, discover, partial(self._discovered, then, found), now, DISCOVERY_TIME)
 
-        self._ask(self.registry, Discover(after=found[-1].service if found else ""), page, now, DISCOVERY_TIME)
+    def _discovered(self, then: Discovery, found: tuple[Offer, ...], answer: Message, now: float) -> None:
+        if not isinstance(answer.body, Discovered):
+            then(f"the Service Registry answered: {said(answer)}", now)
+            return
+        offers = found + answer.body.offers
+        if answer.body.more and answer.body.offers:
+            self.discover(then, now, offers)
+        else:
+            then(offers, now)
 
     def answered(self, message: Message, now: float) -> bool:
         """Whether the message is the answer to a question."""

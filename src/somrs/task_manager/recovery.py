@@ -1,4 +1,7 @@
-"""The ladder of recovery, cheapest rung first: what to try when a step has lost its service (FRP, "Recovery")."""
+"""The ladder of recovery, cheapest rung first: what to try when a step has lost its service (FRP, "Recovery").
+
+What a handler was laid down for goes before the ladder; undoing what failures left (`compensation.py`) comes after its second rung,
+when there is no plan; giving up, with everything undone, is the transaction's last."""
 
 from __future__ import annotations
 
@@ -6,7 +9,6 @@ from collections.abc import Sequence
 from enum import StrEnum
 
 from somrs.protocol.directory import Offer
-from somrs.task_manager.workflow import StepRun
 
 MOST_REPLANS = 8
 """How often one task is planned anew before it is given up: each time something failed that the plan could not foresee."""
@@ -21,9 +23,9 @@ class Rung(StrEnum):
     """From the map as it is now to the task's effect, without the services that are known to be broken."""
 
 
-def next_rung(run: StepRun, others: Sequence[Offer], possible: bool) -> Rung:
+def next_rung(others: Sequence[Offer], possible: bool, known: bool) -> Rung:
     """The cheapest rung that can help: `others` could do the step, and its precondition is `possible` on the map as it is.
 
-    A step of which nobody reported what became of it is not simply begun again.
+    A step of which it is not `known` what became of it is not simply begun again.
     """
-    return Rung.REPLACE if others and possible and run.reported is not None else Rung.REPLAN
+    return Rung.REPLACE if others and possible and known else Rung.REPLAN

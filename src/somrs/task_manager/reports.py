@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from somrs.protocol.envelope import Message
 from somrs.protocol.knowledge import Updated, UpdateMap
@@ -33,9 +34,8 @@ class Reports:
     def pending(self) -> bool:
         return bool(self._waiting)
 
-    def put(self, situation: str, author: str, then: Then, now: float, *, unless_changed_since: int | None = None) -> None:
-        """Put a situation on the map; not if anything that it speaks of changed after that version."""
-        update = UpdateMap(situation=situation, author=author, expected_version=unless_changed_since)
+    def put(self, update: UpdateMap, then: Then, now: float) -> None:
+        """Put it on the map."""
         self._waiting.append(_Report(update=update, then=then))
         if len(self._waiting) == 1:
             self._next(now)
@@ -45,7 +45,7 @@ class Reports:
 
     def _answered(self, answer: Message, now: float) -> None:
         if isinstance(answer.body, Updated):
-            self._setting.when_known(answer.body.version, lambda now: self._over(None, now), now)
+            self._setting.when_known(answer.body.version, partial(self._over, None), now)
         else:
             self._over(said(answer), now)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
+from somrs.ontology.types import UNKNOWN
 from somrs.planner.problem import Available, Problem
 from somrs.protocol.clients import Submit
 from somrs.protocol.component import Effect
@@ -45,6 +46,7 @@ def problem(task: Submit, replica: Replica, offers: Iterable[Offer]) -> Problem:
         map=replica.map,
         goal=check(task.effect, replica.ontology, replica.map),
         precondition=check(task.precondition, replica.ontology, replica.map) if task.precondition else None,
+        excluded=frozenset(name for name, object in replica.map.objects.items() if object.values.get(UNKNOWN) is True),
         services=tuple(Available(service_type=types[name], providers=tuple(sorted(found))) for name, found in sorted(providers.items())),
     )
 

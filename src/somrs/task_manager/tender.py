@@ -22,11 +22,12 @@ Busy = Callable[[str], Iterable[tuple[float, float]]]
 
 @dataclass(slots=True, kw_only=True)
 class Tender:
-    """The step is to be had from `earliest` on. Answers are awaited until `until`."""
+    """The step is to be had from `earliest` on, and to be done by `latest`. Answers are awaited until `until`."""
 
     run: StepRun
     invited: list[Member]
     earliest: float
+    latest: float | None
     until: float
 
     def __contains__(self, member: Member) -> bool:
@@ -57,6 +58,11 @@ class Tender:
                 participants.dismiss(member, "no answer in time", now)
         bidders = {m.id: (m, m.bid) for m in self.invited if m.bid is not None and m.state is State.OFFERED}
         bids = [fitted(bid, busy(m.offer.provider)) for m, bid in bidders.values() if m.offer.service not in broken]
+        if self.latest is not None:
+            for late in [one for one in bids if one.finish > self.latest]:
+                member, _ = bidders[late.participant]
+                self.run.excluded[member.offer.service] = f"would be done {late.finish - self.latest:.0f} s too late"
+                bids.remove(late)
         if not bids:
             self.withdraw(participants, "it failed at another step", now)
             return None
@@ -77,7 +83,7 @@ class Tender:
             participants.dismiss(member, reason, now)
 
 
-def call(run: StepRun, offers: Sequence[Offer], participants: Participants, earliest: float, now: float) -> Tender:
+def call(run: StepRun, offers: Sequence[Offer], participants: Participants, earliest: float, latest: float | None, now: float) -> Tender:
     """Send Arrange to all of them."""
     precondition = run.precondition or run.step.precondition
     run.progress = Progress.ARRANGING
@@ -89,8 +95,9 @@ def call(run: StepRun, offers: Sequence[Offer], participants: Participants, earl
             effect=str(run.step.effect),
             precondition=str(precondition) if precondition is not None else None,
             earliest_start=earliest,
+            latest_finish=latest,
             reply_by=now + REPLY_TIME,
         )
 
-    invited = [participants.invite(offer, run.step.id, arrange(offer), now, REPLY_TIME) for offer in offers]
-    return Tender(run=run, invited=invited, earliest=earliest, until=now + REPLY_TIME)
+    invited = [participants.invite(offer, run.label, run.key, arrange(offer), now, REPLY_TIME) for offer in offers]
+    return Tender(run=run, invited=invited, earliest=earliest, latest=latest, until=now + REPLY_TIME)

@@ -1,331 +1,137 @@
-"""One task from the client's wish to its end: planning, arranging, executing, recovering (paper, "Protocol for failure
-handling and recovery": the realization of a task is a transaction).
+"""One task from the client's wish to its end (paper, "Protocol for failure handling and recovery": the realization of a task is a
+transaction).
 
-What is tried next when something fails is `recovery.py`'s to say; who takes a step `tender.py`'s; how participants are spoken
-to, and for how long one may be silent, `participants.py`'s.
+It pursues the wish, and whatever has to be so on the way, one thing at a time (`pursuit.py`); hears the participants, and has what they
+report put on the map; has somebody look where nobody reports (`looking.py`); and undoes what was done when it ends otherwise than
+wanted (`compensation.py`).
 """
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterator
+from functools import partial
+
+from somrs.entish import Name
+from somrs.entish.formula import substitute
 from somrs.entish.parse import parse
-from somrs.ontology.truth import holds
-from somrs.planner.plan import NoPlan, Plan
+from somrs.errors import FormulaError
+from somrs.ontology.services import PROVIDER, Handler, Occasion, ServiceKind
+from somrs.ontology.truth import bindings
 from somrs.protocol import frp
 from somrs.protocol.clients import Phase, Submit, TaskEvent
-from somrs.protocol.component import Wake
+from somrs.protocol.component import Record, Wake
 from somrs.protocol.envelope import Message
 from somrs.protocol.frp import Outcome, State
-from somrs.task_manager.draft import Draft
+from somrs.protocol.knowledge import UpdateMap
+from somrs.task_manager.compensation import Undoing
+from somrs.task_manager.looking import Look
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.participants import Member, Participants
-from somrs.task_manager.recovery import MOST_REPLANS, Rung, next_rung
+from somrs.task_manager.pursuit import Purpose, Pursuit
+from somrs.task_manager.records import record
 from somrs.task_manager.reports import Reports
 from somrs.task_manager.setting import Setting
-from somrs.task_manager.tender import Tender, call
-from somrs.task_manager.workflow import Progress, StepRun, Workflow
+from somrs.task_manager.work import INTERRUPTED, Ledger, Work
+from somrs.task_manager.workflow import Progress, StepRun
 
 STOP_TIME = 60.0
-"""Seconds that everybody has to stop safely, and the Repository to hear what is so then."""
+"""Seconds that everybody has to stop safely; who has not by then is given up."""
 
 
 class Transaction:
-    """The state of one task."""
+    """The state of one task. `client` is who wants it."""
 
-    def __init__(self, id: str, task: Submit, setting: Setting, now: float) -> None:
-        self.id, self.task, self.submitted_at = id, task, now
-        self.phase = Phase.PLANNING
+    def __init__(self, id: str, task: Submit, setting: Setting, now: float, client: str = "") -> None:
+        self.id, self.task, self.setting, self.submitted_at, self.client = id, task, setting, now, client
         self.outcome: Outcome | None = None
         self.ended_at: float | None = None
         self.explanation = ""
         self.events: list[TaskEvent] = []
-        self.workflow: Workflow | None = None
-        self._setting = setting
-        self._participants = Participants(id, setting, self.tell)
+        self.messages: list[tuple[float, Message]] = []
+        """Of the protocol, until the end: then they are recorded."""
+        self.ledger = Ledger()
+        self.participants = Participants(id, setting, self.tell, self._note)
+        self.offered = Offered(replica=setting.replica)
         self._reports = Reports(setting, self.proceed)
-        self._offered = Offered(replica=setting.replica)
-        self._draft: Draft | None = None
-        self._done: list[str] = []
-        """What was done, in this plan and those before."""
-        self._replans = 0
-        self._replan_because: str | None = None
-        """Why the plan is given up as soon as nothing of it runs any more."""
-        self._tender: Tender | None = None
-        self._stopping: Outcome | None = None
-        """How it will end once everything under way has stopped."""
+        self._numbers = 1
+        self.wish = Pursuit(1, task.effect, Purpose.WISH, self)
+        self._aside: list[Pursuit] = []
+        """What is pursued before the wish is gone on with; the last one is what goes on."""
+        self._to_look: deque[tuple[str, Work, bool]] = deque()
+        self._look: Look | None = None
+        self._undoing: Undoing | None = None
+        self._blocked = ""
+        """Why there is no plan, while what failures left is undone."""
+        self._ending: Outcome | None = None
+        """How it will end once everything under way has stopped, and is undone."""
 
-    # Planning
+    @property
+    def phase(self) -> Phase:
+        """How far it is."""
+        if self.outcome is not None:
+            return Phase.ENDED
+        if self._undoing is not None:
+            return Phase.COMPENSATING
+        if self._ending is not None or self._aside or self._look is not None:
+            return Phase.RECOVERING
+        return self.wish.phase
+
+    @property
+    def latest(self) -> float | None:
+        return self.submitted_at + self.task.deadline if self.task.deadline is not None and self._ending is None else None
+
+    @property
+    def pursuits(self) -> Iterator[Pursuit]:
+        yield self.wish
+        yield from self._aside
+
+    # What comes
 
     def start(self, now: float) -> None:
         self.tell(now, f"task: {self.task.effect}")
-        if self.task.deadline is not None:
-            self._wake("deadline", now + self.task.deadline)
-        self._plan(now)
-
-    def _plan(self, now: float) -> None:
-        self.phase = Phase.PLANNING
-        self._draft = Draft(f"{self.id}/plan/{self._replans}", self.task, self._offered, self._setting, self._planned)
-        self._draft.begin(now)
+        if self.latest is not None:
+            self._wake("deadline", self.latest)
+        self.wish.begin(now)
 
     def planned(self, question: str, found: object, now: float) -> None:
-        """The planner's answer; to a draft that was withdrawn it means nothing."""
-        if self._draft is not None and self._draft.question == question:
-            self._draft.answered(found, now)
+        """The planner's answer."""
+        for pursuit in [*self.pursuits]:
+            pursuit.planned(question, found, now)
 
-    def _planned(self, found: object, now: float) -> None:
-        self._draft = None
-        match found:
-            case Plan():
-                old, self.workflow = self.workflow, Workflow(found)
-                for member in self.workflow.adopt(old) if old is not None else ():
-                    self._participants.dismiss(member, "the plan changed", now)
-                count = len(found.steps)
-                self.tell(now, f"planned: {count} step{'s' if count != 1 else ''}" if count else "nothing to do: it is so already")
-                self.phase = Phase.ARRANGING
-                self.proceed(now)
-            case NoPlan():
-                lost = "".join(f"; {service}: {why}" for service, why in self._offered.broken.items())
-                self.give_up(now, f"no plan: {found.explanation}{lost}")
-            case str(why):
-                self.give_up(now, why)
-            case _:
-                self.give_up(now, f"planning failed: {found}")
-
-    def _drop_draft(self) -> None:
-        if self._draft is not None:
-            self._draft.withdraw()
-            self._draft = None
-
-    # Arranging
-
-    def proceed(self, now: float) -> None:
-        """Do whatever comes next. Nothing does while a plan is being made, or a report is on its way to the map."""
-        workflow = self.workflow
-        if self.phase is Phase.ENDED or self._reports.pending:
-            return
-        if self._stopping is not None:
-            self._end_when_quiet(now)
-        elif workflow is None or self._draft is not None:
-            return
-        elif self._replan_because is not None:
-            self._replan(now, self._replan_because)
-        elif (failed := workflow.failed()) is not None:
-            self._recover(failed, failed.failure or "", now)
-        elif workflow.done:
-            self._finish(now)
-        elif (run := workflow.open()) is not None:
-            self.phase = Phase.ARRANGING
-            self._arrange(run, now)
-        elif workflow.arranged:
-            self.phase = Phase.EXECUTING
-            for run in workflow.ready():
-                if self.phase is Phase.EXECUTING:  # the one before may have found that the plan does not hold any more
-                    self._execute(run, now)
-
-    def _arrange(self, run: StepRun, now: float) -> None:
-        """Ask every able service for terms."""
-        assert self.workflow is not None
-        invited = self._offered.able(run)
-        if not invited:
-            why = "; ".join(f"{service}: {reason}" for service, reason in run.excluded.items())
-            self._recover(run, f"no service takes it ({why})" if why else "nobody offers it any more", now)
-            return
-        self._tender = call(run, invited, self._participants, self.workflow.earliest_start(run, now), now)
-        self._wake("bids", self._tender.until)
-        self.tell(now, f"asking {', '.join(offer.service for offer in invited)}", run)
-
-    def bids_due(self, now: float) -> None:
-        """The time to answer Arrange is over."""
-        if self._tender is not None and now >= self._tender.until - 0.001:
-            self._choose(self._tender, now)
-
-    def _choose(self, tender: Tender, now: float) -> None:
-        """Take the best of what came; without any, whoever is left is asked."""
-        self._drop_tender()
-        chosen = tender.award(self._participants, self.task, self._setting.busy, self._offered.broken, now)
-        if chosen is not None and chosen.bid is not None:
-            terms = chosen.bid.terms
-            self.tell(now, f"{chosen.offer.service} does it for {terms.price:g} {terms.currency}, in {terms.duration:.0f} s", tender.run)
-        self.proceed(now)
-
-    def _drop_tender(self) -> None:
-        self._tender = None
-        self._wake("bids", None)
-
-    # Executing
-
-    def _execute(self, run: StepRun, now: float) -> None:
-        assert run.member is not None, "an arranged step is somebody's"
-        member = run.member
-        try:
-            situation = self._offered.precondition(run)
-        except LookupError as error:
-            self._participants.dismiss(member, "its precondition does not hold any more", now)
-            run.lose()
-            self._replan(now, f"{run.step.service_type} cannot start: {error}")
-            return
-        run.progress = Progress.EXECUTING
-        inputs = {name: str(term) for name, term in run.step.inputs.items()}
-        self._participants.execute(member, frp.Execute(inputs=inputs, precondition=str(situation) if situation is not None else None), now)
-        self.tell(now, f"{member.offer.service} starts", run)
+    def bids_due(self, number: str, now: float) -> None:
+        for pursuit in [*self.pursuits]:
+            if pursuit.is_asked_by(number):
+                pursuit.bids_due(now)
 
     def receive(self, message: Message, now: float) -> None:
         """A message of the protocol from a participant."""
-        received = self._participants.receive(message, now)
+        received = self.participants.receive(message, now)
         if received is None:
             return
         member, heard = received
-        run = self._run_of(member)
         if heard.moved:
-            self._heard(member, run, message, now)
+            self._heard(member, message, now)
         elif member.lost_at is not None:
             self._heard_late(member, message, now)
 
-    def _run_of(self, member: Member) -> StepRun | None:
-        if self._tender is not None and member in self._tender:
-            return self._tender.run
-        return self.workflow.held_by(member) if self.workflow is not None else None
+    def undelivered(self, message: Message, reason: str, now: float) -> None:
+        """A message never arrived."""
+        member = self.participants.undelivered(message, reason, now)
+        if member is not None:
+            self._left(member, member.last_word, now)
 
-    def _heard(self, member: Member, run: StepRun | None, message: Message, now: float) -> None:
-        name = member.offer.service
-        match message.body:
-            case frp.Terms() as terms if self._tender is not None and member in self._tender:
-                self.tell(now, f"{name} offers {terms.price:g} {terms.currency}, {terms.duration:.0f} s", run)
-                self._tender.offered(member, terms, message.header.message_id)
-                self._answered(now)
-            case frp.Refuse(reason=reason):
-                self.tell(now, f"{name} refuses: {reason}", run)
-                self._left(member, reason, now)
-            case frp.Progress() as progress:
-                self._progressed(member, run, progress, now)
-            case frp.Completed(situation=situation):
-                member.fraction = 1.0
-                self.tell(now, f"{name} completed: {situation}", run)
-                self._reported(member, run, situation, None, now)
-            case frp.Failed(description=description, situation=situation):
-                self.tell(now, f"{name} failed: {description}", run)
-                self._reported(member, run, situation, description, now)
-            case frp.Stopped(situation=situation) | frp.Compensated(situation=situation) | frp.Stranded(situation=situation):
-                self.tell(now, f"{name} {type(message.body).__name__.lower()}", run)
-                self._reported(member, run, situation, "stopped", now)
-            case frp.Fault(text=text) if member.state is State.ENDED:
-                self._left(member, text, now)
-            case frp.Fault() | frp.Status() if member.state is State.FAILED:
-                description = message.body.text if isinstance(message.body, frp.Fault) else "it has forgotten its contract"
-                self.tell(now, f"{name}: {description}", run)
-                self._reported(member, run, None, description, now)
+    def silent(self, participant: str, now: float) -> None:
+        """The heartbeat of a working service may have stopped."""
+        member = self.participants.silent(participant, now)
+        if member is not None and self.outcome is None:
+            self._lost(member, "fell silent while it worked; nothing is known of what it left", now)
 
-    def _progressed(self, member: Member, run: StepRun | None, progress: frp.Progress, now: float) -> None:
-        member.fraction = progress.fraction
-        if progress.note and progress.note != member.note:
-            self.tell(now, f"{member.offer.service}: {progress.note}", run)
-        member.note = progress.note
-        if progress.situation is not None:
-            self._put_on_map(member, run, progress.situation, now)
-
-    def _left(self, member: Member, reason: str, now: float) -> None:
-        """A participant is out before it did anything."""
-        member.last_word = reason
-        if self._tender is not None and member in self._tender:
-            self._tender.left(member, reason)
-            self._answered(now)
-        elif (run := self._run_of(member)) is not None:
-            run.excluded[member.offer.service] = reason
-            run.lose()
-            self.proceed(now)
-
-    def _answered(self, now: float) -> None:
-        if self._tender is not None and self._tender.answered:
-            self._choose(self._tender, now)
-
-    # What was done
-
-    def _reported(self, member: Member, run: StepRun | None, situation: str | None, failed: str | None, now: float) -> None:
-        """A participant's work is over. What it left is on the map before anything is planned or arranged on it."""
-        member.reported = True
-        if run is not None:
-            run.progress = Progress.REPORTING
-        if self._draft is not None:
-            self._drop_draft()
-            self._replan_because, self.phase = f"{member.offer.service} reported while it was planned", Phase.RECOVERING
-        if situation is not None:
-            self._put_on_map(member, run, situation, now, failed=failed, final=True)
-        else:
-            self._over(member, run, None, failed)
-            self.proceed(now)
-
-    def _put_on_map(
-        self, member: Member, run: StepRun | None, situation: str, now: float, *, failed: str | None = None, final: bool = False
-    ) -> None:
-        service = member.offer.service
-
-        def settled(problem: str | None, now: float) -> None:
-            if problem is not None:
-                self.tell(now, f"the Repository rejects what {service} reports: {problem}", run)
-            if final and problem is None:
-                self._over(member, run, situation, failed)
-            elif final:
-                self._over(member, run, None, failed or f"reported an impossible situation: {problem}")
-
-        self._reports.put(situation, service, settled, now, unless_changed_since=member.lost_at)
-
-    def _over(self, member: Member, run: StepRun | None, situation: str | None, failed: str | None) -> None:
-        """What became of a participant's work is known; what comes of that, `proceed` finds."""
-        if failed is not None:
-            self._offered.broken[member.offer.service] = f"failed: {failed}"
-        elif run is not None:
-            run.progress = Progress.DONE
-            self._done.append(f"{run.step.service_type} was done: {situation}")
-        if run is not None and failed is not None:
-            run.excluded[member.offer.service] = failed
-            run.reported = parse(situation) if situation is not None else None
-            run.lose(failed)
-
-    def _heard_late(self, member: Member, message: Message, now: float) -> None:
-        """One that was given up, and has had its End, says what became of its work: the map has to know that, too."""
-        match message.body:
-            case frp.Completed(situation=str(situation)) | frp.Failed(situation=str(situation)) | frp.Stopped(situation=str(situation)):
-                if not member.reported:
-                    member.reported = True
-                    self._put_on_map(member, None, situation, now)
-
-    # Recovering
-
-    def _recover(self, run: StepRun, reason: str, now: float) -> None:
-        """Climb the ladder: the step is nobody's now, and something has to be done about it."""
-        run.failure = None
-        others = self._offered.able(run)
-        try:
-            run.precondition = self._offered.precondition(run)
-            possible = True
-        except LookupError:
-            possible = False
-        match next_rung(run, others, possible):
-            case Rung.REPLACE:
-                self.tell(now, "replacing the service", run)
-                self.proceed(now)
-            case Rung.REPLAN:
-                if not others:
-                    self._offered.broken = {**run.excluded, **self._offered.broken}
-                self._replan(now, reason)
-
-    def _replan(self, now: float, reason: str) -> None:
-        """From the map as it is now to the task's effect; what runs is awaited first."""
-        assert self.workflow is not None
-        if self._replans >= MOST_REPLANS:
-            self.give_up(now, f"{reason}; planned anew {self._replans} times already")
-            return
-        if self._tender is not None:
-            self._tender.withdraw(self._participants, "the plan changed", now)
-            self._drop_tender()
-        if self.workflow.busy:
-            self._replan_because, self.phase = reason, Phase.RECOVERING
-            return
-        self._replan_because = None
-        self._replans += 1
-        self.tell(now, f"planning anew: {reason}")
-        self._plan(now)
-
-    # Ending
+    def overdue(self, participant: str, now: float) -> None:
+        """A working service may take far longer than it said."""
+        member = self.participants.overdue(participant, now)
+        if member is not None and self.outcome is None:
+            self._lost(member, "did not come to an end; nothing is known of what it left", now)
 
     def cancel(self, now: float, reason: str) -> None:
         """The client does not want it any more."""
@@ -335,72 +141,379 @@ class Transaction:
         """It cannot be done, and this is why."""
         self._stop(now, Outcome.FAILED, reason)
 
-    def _stop(self, now: float, outcome: Outcome, reason: str) -> None:
-        if self.phase is Phase.ENDED or self._stopping is not None:
+    # Going on
+
+    def proceed(self, now: float) -> None:
+        """Do whatever comes next. Nothing does while a report is on its way to the map (FRP, property 5)."""
+        if self.outcome is not None or self._reports.pending or self._look is not None:
             return
-        self._drop_draft()
-        self._stopping, self.phase, self.explanation = outcome, Phase.RECOVERING, reason
-        self._drop_tender()
-        self._participants.stop(reason, now)
+        if self._ending is not None and self._undoing is None and self.participants.working:
+            return
+        if self._to_look:
+            self._begin_look(now)
+        elif self._aside:
+            self._aside[-1].proceed(now)
+        elif self._undoing is not None:
+            self._undo(self._undoing, now)
+        elif self._ending is not None:
+            self._wake("stop", None)
+            self._undoing = Undoing(self.ledger.to_undo(), self, by_others=True)
+            self._undo(self._undoing, now)
+        else:
+            self.wish.proceed(now)
+
+    def _undo(self, undoing: Undoing, now: float) -> None:
+        if not undoing.proceed(now):
+            return
+        if self._ending is not None:
+            self._end(now, self._ending)
+        else:
+            self._undoing = None
+            if undoing.restored:
+                self.wish.again(now)
+            else:
+                self.give_up(now, self._blocked)
+
+    # What pursuits say
+
+    def reached(self, pursuit: Pursuit, now: float) -> None:
+        """What was pursued is so."""
+        if pursuit is self.wish:
+            self._end(now, Outcome.ACCOMPLISHED)
+            return
+        self._aside.remove(pursuit)
+        match pursuit.purpose:
+            case Purpose.LOOK:
+                self._looked(pursuit, now)
+            case Purpose.UNDO if self._undoing is not None:
+                self._undoing.achieved(now)
+        self.proceed(now)
+
+    def failed(self, pursuit: Pursuit, why: str, now: float) -> None:
+        """What was pursued cannot be had."""
+        if pursuit is self.wish:
+            self.give_up(now, why)
+            return
+        self._aside.remove(pursuit)
+        self.tell(now, f"{pursuit.purpose} for {pursuit.work.label if pursuit.work else 'the task'}: {why}")
+        match pursuit.purpose:
+            case Purpose.LOOK:
+                self._not_seen(pursuit, now)
+            case Purpose.UNDO if self._undoing is not None:
+                if pursuit.work is not None:
+                    pursuit.work.note = pursuit.work.note or why
+                self._undoing.tried()
+        self.proceed(now)
+
+    def handled(self, run: StepRun, now: float) -> bool:
+        """Whether a procedure that was laid down for the failure of the step is begun."""
+        work = next((work for work in reversed(self.ledger.works) if work.step is run.step), None)
+        if work is None or self._ending is not None:
+            return False
+        for number, handler in enumerate(self.handlers(work, Occasion.FAILURE)):
+            if number not in run.handled:
+                run.handled.add(number)
+                self.tell(now, f"the step failed, and for that was laid down: {handler.effect}", run)
+                self._pursue(handler.effect, Purpose.HANDLER, work, now)
+                return True
+        return False
+
+    def unblocked(self, pursuit: Pursuit, why: str, now: float) -> bool:
+        """Whether what failures left can be undone by those that failed, so that there may be a plan again (FRP, third rung)."""
+        works = [work for work in self.ledger.interrupted() if work.member.state in INTERRUPTED and work.member.lost_at is None]
+        if pursuit is not self.wish or self._ending is not None or self._undoing is not None or not works:
+            return False
+        if self.wish.workflow is not None and self.wish.workflow.busy:
+            return False
+        self.tell(now, f"{why}; undoing what failed")
+        self._blocked = why
+        self._undoing = Undoing(works, self, by_others=False)
+        self.proceed(now)
+        return True
+
+    # What undoing says
+
+    def handlers(self, work: Work, on: Occasion) -> list[Handler]:
+        """The procedures that were laid down for the work and fit the situation, the task's own first, bound to its step."""
+        laid_down = [h for h in self.task.handlers if h.service_type in (None, work.step.service_type)] + [*work.service_type.handlers]
+        bound = {**work.step.bindings, PROVIDER: Name(work.member.offer.provider)}
+        fitting: list[Handler] = []
+        replica = self.setting.replica
+        for handler in laid_down:
+            if handler.on is not on:
+                continue
+            try:
+                when = substitute(parse(handler.when), bound) if handler.when is not None else None
+                if when is None or next(iter(bindings(when, replica.map, replica.ontology)), None) is not None:
+                    fitting.append(Handler(on=on, effect=str(substitute(parse(handler.effect), bound))))
+            except FormulaError:  # the map may have lost what the procedure speaks of
+                continue
+        return fitting
+
+    def restore(self, goal: str, work: Work, now: float) -> None:
+        self._pursue(goal, Purpose.UNDO, work, now)
+
+    def tell_of(self, work: Work, text: str, now: float) -> None:
+        self.events.append(TaskEvent(number=len(self.events) + 1, at=now, text=text, step=work.label))
+
+    def _pursue(self, goal: str, purpose: Purpose, work: Work, now: float) -> None:
+        self._numbers += 1
+        pursuit = Pursuit(self._numbers, goal, purpose, self, work)
+        self._aside.append(pursuit)
+        pursuit.begin(now)
+
+    # What participants say
+
+    def _at(self, member: Member) -> tuple[Pursuit, StepRun] | tuple[None, None]:
+        """What the participant is asked for, is committed to, or does."""
+        for pursuit in self.pursuits:
+            if (run := pursuit.run_of(member)) is not None:
+                return pursuit, run
+        return None, None
+
+    def _heard(self, member: Member, message: Message, now: float) -> None:
+        name = member.offer.service
+        pursuit, run = self._at(member)
+        match message.body:
+            case frp.Terms() as terms if pursuit is not None:
+                pursuit.offers(member, terms, message.header.message_id, now)
+            case frp.Refuse(reason=reason):
+                self.tell(now, f"{name} refuses: {reason}", run)
+                self._left(member, reason, now)
+            case frp.Progress() as progress:
+                self._progressed(member, run, progress, now)
+            case frp.Completed(situation=situation):
+                member.fraction = 1.0
+                self.tell(now, f"{name} completed: {situation}", run)
+                self._reported(member, situation, None, now)
+            case frp.Failed(description=description, situation=situation):
+                self.tell(now, f"{name} failed: {description}", run)
+                self._reported(member, situation, f"failed: {description}", now)
+            case frp.Stopped(situation=situation):
+                self.tell(now, f"{name} stopped", run)
+                self._reported(member, situation, "stopped", now)
+            case frp.Compensated(situation=situation):
+                self.tell(now, f"{name} compensated: {situation}", run)
+                self._reported(member, situation, None, now)
+            case frp.Stranded(description=description, situation=situation):
+                self.tell(now, f"{name} could not undo it: {description}", run)
+                self._reported(member, situation, description, now)
+            case frp.Fault(text=text) if member.state is State.ENDED:
+                self._left(member, text, now)
+            case frp.Fault(text=text) if member.state in (State.FAILED, State.STRANDED):
+                self.tell(now, f"{name}: {text}", run)
+                self._reported(member, None, text, now)
+            case frp.Status() if member.state is State.FAILED:
+                self.tell(now, f"{name} has forgotten its contract", run)
+                self._reported(member, None, "it has forgotten its contract", now)
+
+    def _progressed(self, member: Member, run: StepRun | None, progress: frp.Progress, now: float) -> None:
+        member.fraction = progress.fraction
+        if progress.note and progress.note != member.note:
+            self.tell(now, f"{member.offer.service}: {progress.note}", run)
+        member.note = progress.note
+        if progress.situation is not None:
+            if (work := self.ledger.of(member)) is not None:
+                work.situation = progress.situation
+            self._put_on_map(member, progress.situation, partial(self._noted, member), now)
+
+    def _left(self, member: Member, reason: str, now: float) -> None:
+        """A participant is out before it did anything."""
+        member.last_word = reason
+        work = self.ledger.of(member)
+        if work is not None and work.state is State.EXECUTING:
+            self.ledger.works.remove(work)  # its terms had run out before it was told to start
+        pursuit, _ = self._at(member)
+        if pursuit is not None:
+            pursuit.left(member, reason, now)
+
+    def _reported(self, member: Member, situation: str | None, trouble: str | None, now: float) -> None:
+        """A participant's work, or its undoing, is over. What it left is on the map before anything is planned or arranged on it."""
+        member.reported = True
+        _, run = self._at(member)
+        if run is not None:
+            run.progress = Progress.REPORTING
+        if (work := self.ledger.of(member)) is not None:
+            if member.state is not State.STRANDED and work.state not in (State.COMPENSATED, State.STRANDED):
+                work.state = member.state
+            work.situation = situation or work.situation
+            work.note = trouble or work.note
+        for pursuit in self.pursuits:
+            pursuit.upset(f"{member.offer.service} reported while it was planned")
+        if situation is not None:
+            self._put_on_map(member, situation, partial(self._settled, member, situation, trouble), now)
+        else:
+            self._over(member, None, trouble, now)
+            self.proceed(now)
+
+    def _put_on_map(self, member: Member, situation: str, then: partial[None], now: float) -> None:
+        update = UpdateMap(situation=situation, author=member.offer.service, expected_version=member.lost_at)
+        self._reports.put(update, then, now)
+
+    def _noted(self, member: Member, problem: str | None, now: float) -> None:
+        if problem is not None:
+            _, run = self._at(member)
+            self.tell(now, f"the Repository rejects what {member.offer.service} reports: {problem}", run)
+
+    def _settled(self, member: Member, situation: str, trouble: str | None, problem: str | None, now: float) -> None:
+        self._noted(member, problem, now)
+        if problem is None:
+            self._over(member, situation, trouble, now)
+        else:
+            self._over(member, None, trouble or f"reported an impossible situation: {problem}", now)
+
+    def _over(self, member: Member, situation: str | None, trouble: str | None, now: float) -> None:
+        """What became of a participant's work is known; what comes of that, `proceed` finds."""
+        work = self.ledger.of(member)
+        compensated = member.state in (State.COMPENSATED, State.STRANDED)
+        if trouble is not None and not compensated:
+            self.offered.broken[member.offer.service] = trouble
+            if work is not None and work.state is State.COMPLETED:
+                work.state, work.note = State.FAILED, trouble  # its report was impossible
+        pursuit, run = self._at(member)
+        if pursuit is not None and run is not None and run.progress is Progress.REPORTING:
+            pursuit.over(run, situation, trouble)
+        if work is not None and trouble is not None and situation is None and not compensated and self._ending is None:
+            self._have_looked_at(work, assume_nothing=False)
+
+    def _heard_late(self, member: Member, message: Message, now: float) -> None:
+        """One that was given up, and has had its End, says what became of its work: the map has to know that, too."""
+        match message.body:
+            case frp.Completed(situation=str(situation)) | frp.Failed(situation=str(situation)) | frp.Stopped(situation=str(situation)):
+                if not member.reported:
+                    member.reported = True
+                    self._put_on_map(member, situation, partial(self._noted, member), now)
+
+    # Silence
+
+    def _lost(self, member: Member, reason: str, now: float) -> None:
+        """It may do anything now. Its own limits see to it that it has stopped; what it left has to be found out."""
+        pursuit, run = self._at(member)
+        reason = f"{member.offer.service} {reason}"
+        self.tell(now, reason, run)
+        self.offered.broken[member.offer.service] = reason
+        if (work := self.ledger.of(member)) is not None:
+            work.state, work.note = State.UNREACHABLE, reason
+            self._have_looked_at(work, assume_nothing=True)
+        if pursuit is not None and run is not None:
+            run.excluded[member.offer.service] = reason
+            run.lose(reason)
+        self.proceed(now)
+
+    def _have_looked_at(self, work: Work, *, assume_nothing: bool) -> None:
+        if work.service_type.kind is ServiceKind.PHYSICAL:
+            self._to_look += [(name, work, assume_nothing) for name in work.concerned]
+
+    def _begin_look(self, now: float) -> None:
+        object, work, assume_nothing = self._to_look.popleft()
+        since = work.member.lost_at if work.member.lost_at is not None else self.setting.replica.version
+        self._look = Look(object=object, work=work, since=since, assume_nothing=assume_nothing)
+        self._look.begin(self.setting, self._who_can_look, now)
+
+    def _who_can_look(self, look: Look, now: float) -> None:
+        if look is not self._look:
+            return  # it is not wanted any more
+        self._look = None
+        if look.offers:
+            self.offered.discovered(look.offers)
+        self._look_on(look, now)
+
+    def _look_on(self, look: Look, now: float) -> None:
+        """Have the next way tried; without any, nothing is assumed about the object."""
+        if look.ways:
+            self._numbers += 1
+            plan = look.ways.pop(0)
+            pursuit = Pursuit(self._numbers, str(plan.steps[0].effect), Purpose.LOOK, self, look.work, look)
+            self._aside.append(pursuit)
+            self.tell_of(look.work, f"{plan.steps[0].service_type}: somebody is to look at {look.object}", now)
+            pursuit.begin(now, plan)
+            return
+        if look.assume_nothing and not look.work.member.reported:
+            replica = self.setting.replica
+            self.tell_of(look.work, f"nobody can look at {look.object}: nothing is assumed about it", now)
+            self._reports.put(look.unknown(replica.map, replica.ontology), partial(self._assumed, look), now)
+        self.proceed(now)
+
+    def _assumed(self, look: Look, problem: str | None, now: float) -> None:
+        if problem is not None:
+            self.tell_of(look.work, f"something else is known of {look.object} by now: {problem}", now)
+
+    def _looked(self, pursuit: Pursuit, now: float) -> None:
+        """The finding is on the map, as every report is; the step that was lost begins where it says."""
+        look = pursuit.look
+        assert look is not None, "whoever looks knows for what"
+        found = next((work.situation for work in reversed(self.ledger.works) if work.label in {run.label for run in pursuit}), None)
+        look.work.situation = found or look.work.situation
+        self.tell_of(look.work, f"seen: {found}", now)
+        for other in self.pursuits:
+            for run in other:
+                if run.step is look.work.step and run.failure is not None and found is not None:
+                    run.reported = parse(found)
+
+    def _not_seen(self, pursuit: Pursuit, now: float) -> None:
+        assert pursuit.look is not None, "whoever looks knows for what"
+        self._look_on(pursuit.look, now)
+
+    # Ending
+
+    def _stop(self, now: float, outcome: Outcome, reason: str) -> None:
+        if self.outcome is not None or self._ending is not None:
+            return
+        self._ending, self.explanation = outcome, reason
+        for pursuit in self.pursuits:
+            pursuit.abandon()
+        self._aside.clear()
+        self._look = self._undoing = None
+        self._wake("deadline", None)
+        self.participants.stop(reason, now)
         self._wake("stop", now + STOP_TIME)
         self.proceed(now)
 
-    def _end_when_quiet(self, now: float) -> None:
-        if self._stopping is not None and not self._participants.working:
-            self._end(now, self._stopping)
-
     def stop_overdue(self, now: float) -> None:
         """Not everybody has stopped in time."""
-        if self.phase is Phase.ENDED or self._stopping is None:
+        if self.outcome is not None or self._ending is None:
             return
-        for member in self._participants.working:
-            self.explanation += f"; {member.offer.service} did not say that it stopped"
-        if self._reports.pending:
-            self.explanation += "; not everything that was reported is on the map yet, because the Repository does not answer"
-        self._end(now, self._stopping)
-
-    def _finish(self, now: float) -> None:
-        replica = self._setting.replica
-        if holds(parse(self.task.effect), replica.map, replica.ontology):
-            self._end(now, Outcome.ACCOMPLISHED)
-        else:
-            self._replan(now, "every step was done, but the wish does not hold")
+        for member in self.participants.working:
+            self.participants.give_up(member)
+            self._lost(member, "did not say that it stopped; nothing is known of what it left", now)
+        self.proceed(now)
 
     def _end(self, now: float, outcome: Outcome) -> None:
-        self._participants.end(outcome, now)
-        self.phase, self.outcome, self.ended_at = Phase.ENDED, outcome, now
+        self.participants.end(outcome, now)
+        self.outcome, self.ended_at = outcome, now
         if outcome is not Outcome.ACCOMPLISHED:
-            interrupted = [run for run in self.workflow or () if run.progress is Progress.OPEN and run.reported is not None]
-            left = [*self._done, *(f"{run.step.service_type} was interrupted: {run.reported}" for run in interrupted)]
-            self.explanation += "".join(f"; {text}" for text in left)
+            self.explanation += "".join(f"; {_what_became_of(work)}" for work in self.ledger if not work.taken_over and not work.undoes)
         for timer in ("deadline", "stop"):
             self._wake(timer, None)
         self.tell(now, f"{outcome}{f': {self.explanation}' if self.explanation else ''}")
+        self.setting.effects.append(Record(record(self)))
+        self.messages.clear()
+        self.participants.forget()
 
-    # Watching
-
-    def silent(self, participant: str, now: float) -> None:
-        """The heartbeat of an executing service may have stopped."""
-        member = self._participants.silent(participant, now)
-        if member is None or self.phase is Phase.ENDED:
-            return
-        reason = f"{member.offer.service} fell silent while it worked; nothing is known of what it left"
-        self.tell(now, reason, self._run_of(member))
-        if self._stopping is not None:
-            self.explanation += f"; {reason}"
-            self.proceed(now)
-        elif self._run_of(member) is not None:
-            self.give_up(now, reason)
-
-    def undelivered(self, message: Message, reason: str, now: float) -> None:
-        """A message never arrived."""
-        member = self._participants.undelivered(message, reason, now)
-        if member is not None:
-            self._left(member, member.last_word, now)
+    # Noting
 
     def tell(self, now: float, text: str, run: StepRun | None = None) -> None:
         """Something happened that the client wants to know."""
-        self.events.append(TaskEvent(number=len(self.events) + 1, at=now, text=text, step=run.step.id if run else None))
+        self.events.append(TaskEvent(number=len(self.events) + 1, at=now, text=text, step=run.label if run else None))
+
+    def _note(self, now: float, message: Message) -> None:
+        if self.outcome is None:
+            self.messages.append((now, message))
 
     def _wake(self, timer: str, at: float | None) -> None:
-        self._setting.effects.append(Wake(f"{self.id}/{timer}", at))
+        self.setting.effects.append(Wake(f"{self.id}/{timer}", at))
+
+
+def _what_became_of(work: Work) -> str:
+    """In words, for the client of a task that was not accomplished."""
+    done = f"{work.step.service_type} by {work.service}"
+    match work.state:
+        case State.COMPENSATED:
+            return f"{done} was undone: {work.before}"
+        case State.STRANDED:
+            left = f"it left {work.situation}" if work.situation else f"nothing is known of {', '.join(work.concerned)}"
+            return f"{done} could not be undone, and {left}"
+        case State.COMPLETED:
+            return f"{done} was done: {work.situation}"
+        case _:
+            return f"{done} was interrupted: {work.situation or work.note}"

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from somrs.errors import FormulaError
 from somrs.planner.plan import NoPlan, Plan, Step
 from somrs.protocol.clients import Previewed, StepView, TaskView
 from somrs.protocol.frp import State
-from somrs.task_manager.transaction import Transaction
 from somrs.task_manager.workflow import Progress, StepRun
+
+if TYPE_CHECKING:
+    from somrs.task_manager.transaction import Transaction
 
 STEP_STATE = {
     Progress.OPEN: State.NEW,
@@ -22,7 +26,7 @@ STEP_STATE = {
 
 def view(transaction: Transaction) -> TaskView:
     """A transaction as clients see it."""
-    workflow = transaction.workflow
+    workflow = transaction.wish.workflow
     return TaskView(
         task=transaction.id,
         effect=transaction.task.effect,
@@ -31,16 +35,16 @@ def view(transaction: Transaction) -> TaskView:
         outcome=transaction.outcome,
         ended_at=transaction.ended_at,
         explanation=transaction.explanation,
-        steps=tuple(_run_view(transaction, run) for run in workflow) if workflow is not None else (),
+        steps=tuple(_run_view(workflow.plan, run) for run in workflow) if workflow is not None else (),
+        work=tuple(work.view() for work in transaction.ledger),
     )
 
 
-def _run_view(transaction: Transaction, run: StepRun) -> StepView:
-    assert transaction.workflow is not None
+def _run_view(plan: Plan, run: StepRun) -> StepView:
     member = run.member
     return step_view(
         run.step,
-        transaction.workflow.plan,
+        plan,
         state=STEP_STATE[run.progress],
         service=member.offer.service if member else None,
         price=member.bid.terms.price if member and member.bid else None,

@@ -28,9 +28,14 @@ class Progress(StrEnum):
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class StepRun:
-    """A step of the plan and its life so far. `reported` is what a failed service said is so now."""
+    """A step of the plan and its life so far. `reported` is what a failed service, or whoever looked, said is so now.
+
+    `label` is what people know the step by; `key` tells it from all other steps of the transaction.
+    """
 
     step: Step
+    label: str
+    key: str
     progress: Progress = Progress.OPEN
     precondition: Formula | None = None
     reported: Formula | None = None
@@ -39,6 +44,8 @@ class StepRun:
     """Services not to be asked again for this step, and why."""
     lapsed: set[str] = field(default_factory=set)
     """Services whose terms ran out once before the step could begin."""
+    handled: set[int] = field(default_factory=set)
+    """The handlers that were tried when it failed, by their number."""
     failure: str | None = None
     """It was begun, and is nobody's now; something has to be done about that before it is arranged again."""
     start: float = 0.0
@@ -57,9 +64,9 @@ class StepRun:
 class Workflow:
     """The steps of a plan with their states; order comes from the plan's links."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, name: str = "", label: str = "") -> None:
         self.plan = plan
-        self.runs = {step.id: StepRun(step=step) for step in plan.topological()}
+        self.runs = {step.id: StepRun(step=step, label=f"{label}{step.id}", key=f"{name}{step.id}") for step in plan.topological()}
 
     def __iter__(self) -> Iterator[StepRun]:
         return iter(self.runs.values())
@@ -73,6 +80,7 @@ class Workflow:
             if same is not None:
                 same.progress, same.member = run.progress, run.member
                 same.start, same.finish, same.precondition = run.start, run.finish, run.precondition
+                run.member.step = same.key
             else:
                 yield run.member
 

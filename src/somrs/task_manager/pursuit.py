@@ -1,0 +1,370 @@
+"""One formula that a transaction makes true: by a plan, arranged step by step with services, executed, and recovered when a
+step fails, on the ladder's first two rungs (`recovery.py`).
+
+The wish of a task is pursued so, and so is whatever has to be so on the way: what a handler demands, what a cognitive service is to
+find out, what is to be restored. Who takes a step is `tender.py`'s to say; what the pursuit cannot settle by itself, its owner's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import Protocol
+
+from msgspec import structs
+
+from somrs.entish.parse import parse
+from somrs.errors import FormulaError
+from somrs.ontology.services import ServiceKind
+from somrs.ontology.truth import holds
+from somrs.planner.plan import NoPlan, Plan
+from somrs.protocol import frp
+from somrs.protocol.clients import Phase, Submit
+from somrs.protocol.component import Wake
+from somrs.protocol.frp import State
+from somrs.task_manager.draft import Draft
+from somrs.task_manager.looking import Look
+from somrs.task_manager.offered import Offered
+from somrs.task_manager.participants import Member, Participants
+from somrs.task_manager.recovery import MOST_REPLANS, Rung, next_rung
+from somrs.task_manager.setting import Setting
+from somrs.task_manager.tender import Tender, call
+from somrs.task_manager.work import Ledger, Work
+from somrs.task_manager.workflow import Progress, StepRun, Workflow
+
+
+class Purpose(StrEnum):
+    """What a formula is pursued for."""
+
+    WISH = "wish"
+    HANDLER = "handler"
+    """A procedure that was laid down for a failure."""
+    LOOK = "look"
+    """Nobody knows what a failure left; a cognitive service is to find out."""
+    UNDO = "undo"
+    """What was done is undone by other services than the one that did it."""
+
+
+class Owner(Protocol):
+    """The transaction that a pursuit belongs to."""
+
+    id: str
+    task: Submit
+    setting: Setting
+    participants: Participants
+    offered: Offered
+    ledger: Ledger
+
+    @property
+    def latest(self) -> float | None:
+        """When all has to be done."""
+
+    def tell(self, now: float, text: str, run: StepRun | None = None) -> None: ...
+
+    def proceed(self, now: float) -> None:
+        """Do whatever comes next, in this pursuit or another."""
+
+    def reached(self, pursuit: Pursuit, now: float) -> None: ...
+
+    def failed(self, pursuit: Pursuit, why: str, now: float) -> None: ...
+
+    def handled(self, run: StepRun, now: float) -> bool:
+        """A step failed: whether a procedure that was laid down for that is begun. The step is recovered after it."""
+
+    def unblocked(self, pursuit: Pursuit, why: str, now: float) -> bool:
+        """There is no plan: whether what failures left is being undone. `again` is called after it, or it has failed."""
+
+
+class Pursuit:
+    """`goal` is Entish. `work` is what it is about, when it is not the wish; `look` what is to be found out."""
+
+    def __init__(self, number: int, goal: str, purpose: Purpose, owner: Owner, work: Work | None = None, look: Look | None = None) -> None:
+        self.goal, self.purpose, self.work, self.look = goal, purpose, work, look
+        self.workflow: Workflow | None = None
+        self.phase = Phase.PLANNING
+        self.tender: Tender | None = None
+        self._owner = owner
+        self._number = number
+        self._label = "" if purpose is Purpose.WISH else f"{purpose}{number}."
+        self._draft: Draft | None = None
+        self._plans = 0
+        self._fixed = False
+        self._replan_because: str | None = None
+        """Why the plan is given up as soon as nothing of it runs any more."""
+
+    def __iter__(self) -> Iterator[StepRun]:
+        return iter(self.workflow or ())
+
+    # Planning
+
+    def begin(self, now: float, plan: Plan | None = None) -> None:
+        """Have a plan made, or take this one and no other."""
+        if plan is None:
+            self._plan(now)
+        else:
+            self._fixed = True
+            self._take(plan, now)
+
+    def again(self, now: float) -> None:
+        """The map is another now: what was impossible may be possible."""
+        self._plan(now)
+
+    def _plan(self, now: float) -> None:
+        self.phase = Phase.PLANNING
+        owner = self._owner
+        # What the client said of the beginning is about the beginning.
+        precondition = owner.task.precondition if self.purpose is Purpose.WISH and self._plans == 0 else None
+        task = structs.replace(owner.task, effect=self.goal, precondition=precondition)
+        self._draft = Draft(f"{owner.id}/plan/{self._number}.{self._plans}", task, owner.offered, owner.setting, self._planned)
+        self._plans += 1
+        self._draft.begin(now)
+
+    def planned(self, question: str, found: object, now: float) -> None:
+        """The planner's answer; to a draft that was withdrawn it means nothing."""
+        if self._draft is not None and self._draft.question == question:
+            self._draft.answered(found, now)
+
+    def _planned(self, found: object, now: float) -> None:
+        self._draft = None
+        match found:
+            case Plan():
+                self._take(found, now)
+            case NoPlan():
+                lost = "".join(f"; {service}: {why}" for service, why in self._owner.offered.broken.items())
+                why = f"no plan: {found.explanation}{lost}"
+                if not self._owner.unblocked(self, why, now):
+                    self._fail(why, now)
+            case str(why):
+                self._fail(why, now)
+            case _:
+                self._fail(f"planning failed: {found}", now)
+
+    def _take(self, plan: Plan, now: float) -> None:
+        old, self.workflow = self.workflow, Workflow(plan, f"{self._number}.{self._plans}/", self._label)
+        for member in self.workflow.adopt(old) if old is not None else ():
+            self._owner.participants.dismiss(member, "the plan changed", now)
+        count = len(plan.steps)
+        if not self._fixed:
+            self._tell(now, f"planned: {count} step{'s' if count != 1 else ''}" if count else "nothing to do: it is so already")
+        self.phase = Phase.ARRANGING
+        self._owner.proceed(now)
+
+    def upset(self, reason: str) -> None:
+        """The map is to change while a plan is being made: it has to be made again."""
+        if self._draft is not None:
+            self._draft.withdraw()
+            self._draft = None
+            self._replan_because, self.phase = reason, Phase.RECOVERING
+
+    def abandon(self) -> None:
+        """Nothing is made true any more. Whoever was asked or is committed hears that from the transaction."""
+        if self._draft is not None:
+            self._draft.withdraw()
+            self._draft = None
+        self._drop_tender()
+
+    # Arranging
+
+    def proceed(self, now: float) -> None:
+        """Do whatever comes next. Nothing does while a plan is being made."""
+        workflow = self.workflow
+        if self._draft is not None:
+            return
+        if self._replan_because is not None:
+            self._replan(now, self._replan_because)
+        elif workflow is None:
+            return
+        elif (failed := workflow.failed()) is not None:
+            self._recover(failed, failed.failure or "", now)
+        elif workflow.done:
+            self._finish(now)
+        elif (run := workflow.open()) is not None:
+            self.phase = Phase.ARRANGING
+            self._arrange(run, now)
+        elif workflow.arranged:
+            self.phase = Phase.EXECUTING
+            for run in workflow.ready():
+                if self.phase is Phase.EXECUTING:  # the one before may have found that the plan does not hold any more
+                    self._execute(run, now)
+
+    def _arrange(self, run: StepRun, now: float) -> None:
+        """Ask every able service for terms."""
+        assert self.workflow is not None
+        invited = self._owner.offered.able(run)
+        if not invited:
+            why = "; ".join(f"{service}: {reason}" for service, reason in run.excluded.items())
+            self._recover(run, f"no service takes it ({why})" if why else "nobody offers it any more", now)
+            return
+        earliest, latest = self.workflow.earliest_start(run, now), self._owner.latest
+        self.tender = call(run, invited, self._owner.participants, earliest, latest, now)
+        self._wake_for_bids(self.tender.until)
+        self._tell(now, f"asking {', '.join(offer.service for offer in invited)}", run)
+
+    def bids_due(self, now: float) -> None:
+        """The time to answer Arrange is over."""
+        if self.tender is not None and now >= self.tender.until - 0.001:
+            self._choose(self.tender, now)
+
+    def offers(self, member: Member, terms: frp.Terms, id: str, now: float) -> None:
+        """Terms came."""
+        if self.tender is not None and member in self.tender:
+            self._tell(now, f"{member.offer.service} offers {terms.price:g} {terms.currency}, {terms.duration:.0f} s", self.tender.run)
+            self.tender.offered(member, terms, id)
+            self._answered(now)
+
+    def left(self, member: Member, reason: str, now: float) -> None:
+        """A participant is out before it did anything."""
+        if self.tender is not None and member in self.tender:
+            self.tender.left(member, reason)
+            self._answered(now)
+        elif (run := self.run_of(member)) is not None:
+            run.excluded[member.offer.service] = reason
+            run.lose()
+            self._owner.proceed(now)
+
+    def _answered(self, now: float) -> None:
+        if self.tender is not None and self.tender.answered:
+            self._choose(self.tender, now)
+
+    def _choose(self, tender: Tender, now: float) -> None:
+        """Take the best of what came; without any, whoever is left is asked."""
+        self._drop_tender()
+        owner = self._owner
+        chosen = tender.award(owner.participants, owner.task, owner.setting.busy, owner.offered.broken, now)
+        if chosen is not None and chosen.bid is not None:
+            terms = chosen.bid.terms
+            self._tell(now, f"{chosen.offer.service} does it for {terms.price:g} {terms.currency}, in {terms.duration:.0f} s", tender.run)
+        owner.proceed(now)
+
+    def _drop_tender(self) -> None:
+        if self.tender is not None:
+            self.tender = None
+            self._wake_for_bids(None)
+
+    def _wake_for_bids(self, at: float | None) -> None:
+        self._owner.setting.effects.append(Wake(f"{self._owner.id}/bids/{self._number}", at))
+
+    def is_asked_by(self, number: str) -> bool:
+        """Whether the timer of that number is this pursuit's."""
+        return number == str(self._number)
+
+    # Executing
+
+    def run_of(self, member: Member) -> StepRun | None:
+        """The step that the participant is asked for, is committed to, or does."""
+        if self.tender is not None and member in self.tender:
+            return self.tender.run
+        return self.workflow.held_by(member) if self.workflow is not None else None
+
+    def _execute(self, run: StepRun, now: float) -> None:
+        assert run.member is not None, "an arranged step is somebody's"
+        owner, member = self._owner, run.member
+        try:
+            situation = owner.offered.precondition(run)
+        except LookupError as error:
+            owner.participants.dismiss(member, "its precondition does not hold any more", now)
+            run.lose()
+            self._replan(now, f"{run.step.service_type} cannot start: {error}")
+            return
+        run.progress = Progress.EXECUTING
+        replica = owner.setting.replica
+        owner.ledger.begin(
+            run.label,
+            run.step,
+            owner.offered.type_of(run.step),
+            member,
+            replica.map,
+            replica.ontology,
+            now,
+            undoes=self.purpose is Purpose.UNDO,
+        )
+        inputs = {name: str(term) for name, term in run.step.inputs.items()}
+        owner.participants.execute(member, frp.Execute(inputs=inputs, precondition=str(situation) if situation is not None else None), now)
+        self._tell(now, f"{member.offer.service} starts", run)
+
+    def over(self, run: StepRun, situation: str | None, failed: str | None) -> None:
+        """What became of a step is known, and on the map; what comes of that, `proceed` finds."""
+        assert run.member is not None, "somebody did it"
+        if failed is None:
+            run.progress = Progress.DONE
+        else:
+            run.excluded[run.member.offer.service] = failed
+            run.reported = parse(situation) if situation is not None else None
+            run.lose(failed)
+
+    # Recovering
+
+    def _recover(self, run: StepRun, reason: str, now: float) -> None:
+        """Climb the ladder: the step is nobody's now, and something has to be done about it."""
+        owner = self._owner
+        begun = run.failure is not None
+        if begun and self._so_already(run):
+            run.failure, run.progress = None, Progress.DONE
+            self._tell(now, "what it was to bring about is so", run)
+            owner.proceed(now)
+            return
+        if begun and owner.handled(run, now):
+            return
+        run.failure = None
+        others = owner.offered.able(run)
+        try:
+            run.precondition = owner.offered.precondition(run)
+            possible = True
+        except LookupError:
+            possible = False
+        harmless = owner.offered.type_of(run.step).kind is not ServiceKind.PHYSICAL
+        match next_rung(others, possible, known=run.reported is not None or harmless):
+            case Rung.REPLACE:
+                self._tell(now, "replacing the service", run)
+                owner.proceed(now)
+            case Rung.REPLAN:
+                if not others:
+                    owner.offered.broken = {**run.excluded, **owner.offered.broken}
+                self._replan(now, reason)
+
+    def _so_already(self, run: StepRun) -> bool:
+        replica = self._owner.setting.replica
+        try:
+            return holds(run.step.effect, replica.map, replica.ontology)
+        except FormulaError:  # the map may have lost what the step speaks of
+            return False
+
+    def _replan(self, now: float, reason: str) -> None:
+        """From the map as it is now to the goal; what runs is awaited first."""
+        assert self.workflow is not None or self._replan_because is not None
+        if self._fixed:
+            self._fail(reason, now)
+            return
+        if self._plans > MOST_REPLANS:
+            self._fail(f"{reason}; planned anew {self._plans - 1} times already", now)
+            return
+        if self.tender is not None:
+            self.tender.withdraw(self._owner.participants, "the plan changed", now)
+            self._drop_tender()
+        if self.workflow is not None and self.workflow.busy:
+            self._replan_because, self.phase = reason, Phase.RECOVERING
+            return
+        self._replan_because = None
+        self._tell(now, f"planning anew: {reason}")
+        self._plan(now)
+
+    # Ending
+
+    def _finish(self, now: float) -> None:
+        replica = self._owner.setting.replica
+        if self._fixed or holds(parse(self.goal), replica.map, replica.ontology):
+            self._owner.reached(self, now)
+        else:
+            self._replan(now, f"every step was done, but {'the wish' if self.purpose is Purpose.WISH else self.goal} does not hold")
+
+    def _fail(self, why: str, now: float) -> None:
+        self.abandon()
+        for run in self.workflow or ():
+            if run.progress is Progress.ARRANGED and run.member is not None:
+                self._owner.participants.dismiss(run.member, "the plan was given up", now)
+            elif run.progress is Progress.EXECUTING and run.member is not None and run.member.state is State.EXECUTING:
+                self._owner.participants.halt(run.member, "the plan was given up", now)
+        self._owner.failed(self, why, now)
+
+    def _tell(self, now: float, text: str, run: StepRun | None = None) -> None:
+        self._owner.tell(now, text, run)

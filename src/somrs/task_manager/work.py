@@ -1,0 +1,148 @@
+"""What services did in one task, in the order in which they began: what has to be undone when the task ends otherwise than wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from somrs.entish import Formula, Name
+from somrs.entish.formula import Attribute, Comparison, Not, Relation, conjunction
+from somrs.errors import FormulaError
+from somrs.ontology.effects import changes
+from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, ValueSet, objects_of
+from somrs.ontology.services import ServiceKind, ServiceType
+from somrs.ontology.types import UNKNOWN, Ontology
+from somrs.ontology.values import constant
+from somrs.planner.plan import Step
+from somrs.protocol.clients import WorkView
+from somrs.protocol.frp import State
+from somrs.task_manager.participants import Member
+
+INTERRUPTED = (State.FAILED, State.STOPPED, State.UNREACHABLE)
+"""What became of work that was begun and not done."""
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Work:
+    """What one service began. `state` is what became of it; `situation` what it, or whoever looked, said that it left."""
+
+    label: str
+    """The step, as clients know it."""
+    step: Step
+    service_type: ServiceType
+    member: Member
+    began: float
+    before: Formula | None = None
+    """What the step takes away: what undoing it restores. None when it takes nothing away."""
+    concerned: tuple[str, ...] = ()
+    """The objects that the step changes."""
+    state: State = State.EXECUTING
+    situation: str | None = None
+    note: str = ""
+    undoes: bool = False
+    """It is part of an undoing, which is not undone itself."""
+    taken_over: bool = False
+    """It was interrupted, and other work began where it ended; undoing that restores what was before both."""
+
+    @property
+    def service(self) -> str:
+        return self.member.offer.service
+
+    def view(self) -> WorkView:
+        return WorkView(
+            step=self.label,
+            service=self.service,
+            service_type=self.step.service_type,
+            inputs={name: str(term) for name, term in self.step.inputs.items()},
+            began=self.began,
+            state=self.state,
+            situation=self.situation,
+            before=str(self.before) if self.before is not None else None,
+            note=self.note,
+        )
+
+
+@dataclass(slots=True)
+class Ledger:
+    """All work of one task."""
+
+    works: list[Work] = field(default_factory=list)
+
+    def __iter__(self) -> Iterator[Work]:
+        return iter(self.works)
+
+    def begin(
+        self,
+        label: str,
+        step: Step,
+        service_type: ServiceType,
+        member: Member,
+        map: Map,
+        ontology: Ontology,
+        now: float,
+        *,
+        undoes: bool = False,
+    ) -> Work:
+        """Note a step that is about to be executed, with the map as it is before it."""
+        work = Work(label=label, step=step, service_type=service_type, member=member, began=now, undoes=undoes)
+        if service_type.kind is ServiceKind.PHYSICAL:
+            work.before, work.concerned = undone(step, map, ontology), concerned(step, map, ontology)
+            self._take_over(work)
+        self.works.append(work)
+        return work
+
+    def _take_over(self, work: Work) -> None:
+        for earlier in reversed(self.works):
+            if earlier.concerned == work.concerned and earlier.before is not None:
+                if earlier.state in INTERRUPTED and not earlier.undoes and not work.undoes:
+                    work.before, earlier.taken_over = earlier.before, True
+                return
+
+    def of(self, member: Member) -> Work | None:
+        return next((work for work in self.works if work.member is member), None)
+
+    def to_undo(self) -> list[Work]:
+        """What is to be undone, last things first: a reverse of the order in which one enabled the next."""
+        return [
+            work
+            for work in reversed(self.works)
+            if work.before is not None and not work.undoes and not work.taken_over and work.state in (State.COMPLETED, *INTERRUPTED)
+        ]
+
+    def interrupted(self) -> list[Work]:
+        """What failures left that may be in the way, the latest first."""
+        return [work for work in self.to_undo() if work.state in INTERRUPTED]
+
+
+def concerned(step: Step, map: Map, ontology: Ontology) -> tuple[str, ...]:
+    """The objects that the step changes; the device that does it, when there are no others."""
+    try:
+        made = changes(step.effect, map, ontology)
+    except FormulaError:
+        return ()
+    found = dict.fromkeys(objects_of(change)[0] for change in made)
+    others = tuple(name for name in found if name != step.provider)
+    return others or tuple(found)
+
+
+def undone(step: Step, map: Map, ontology: Ontology) -> Formula | None:
+    """What holds now and would not after the step: the situation that its compensation restores (paper, "Failure handling")."""
+    try:
+        made = changes(step.effect, map, ontology)
+    except FormulaError:
+        return None
+    parts: list[Formula] = []
+    for change in made:
+        match change:
+            case FactRemoved(fact):
+                parts.append(_atom(fact))
+            case ValueSet(name, path) if path != UNKNOWN and (old := map.objects[name].values.get(path)) is not None:
+                attribute = ontology.attributes_of(map.objects[name].type).get(path)
+                parts.append(Comparison(Attribute(Name(name), path), "=", constant(old, attribute)))
+            case FactAdded(fact) if not ontology.relations[fact.relation].functional and ontology.relations[fact.relation].excludes is None:
+                parts.append(Not(_atom(fact)))
+    return conjunction(*parts) if parts else None
+
+
+def _atom(fact: Fact) -> Relation:
+    return Relation(fact.relation, tuple(Name(name) for name in fact.arguments))
