@@ -13,33 +13,42 @@ from msgspec import Struct
 from somrs.protocol.envelope import Message
 
 
-class Received(Struct, frozen=True):
+class Received(Struct, frozen=True, tag=True):
     """A message came."""
 
     message: Message
 
 
-class Rang(Struct, frozen=True):
+class Rang(Struct, frozen=True, tag=True):
     """A timer that the component set with `Wake` rang."""
 
     timer: str
 
 
-class Answered(Struct, frozen=True):
+class Answered(Struct, frozen=True, tag=True):
     """The answer to an earlier `Ask`; `value` is what the asked one returns, or the exception it raised."""
 
     question: str
     value: object
 
 
-class Undelivered(Struct, frozen=True):
+class Trouble(Struct, frozen=True, tag=True):
+    """What went wrong, where a question is answered from or into a journal: there, exceptions are no values."""
+
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+class Undelivered(Struct, frozen=True, tag=True):
     """A message that nobody acknowledged until its sender gave up."""
 
     message: Message
     reason: str
 
 
-class Started(Struct, frozen=True):
+class Started(Struct, frozen=True, tag=True):
     """The node is up at `address`: the first input of every component."""
 
     address: str

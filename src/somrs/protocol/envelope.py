@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import uuid
-from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
-if TYPE_CHECKING:
-    from somrs.protocol.bodies import Body
+from somrs.protocol.bodies import Body
 
 VERSION = "1.0"
 """The version of the protocol, in every header."""

@@ -1,0 +1,119 @@
+"""A small component for tests of the rims: it adds up what it is told, and says so. What comes of it is known beforehand."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from somrs.protocol.clients import CancelTask
+from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Wake
+from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id, reply
+
+LONG = 1e6
+"""Seconds for which everything is said again."""
+
+
+class Booked(Struct, frozen=True):
+    """A record: this was told, and counts."""
+
+    id: str
+    amount: int
+
+
+def told(number: int, amount: int, to: str = "ledger", sender: str = "teller", reply_to: str = ANONYMOUS) -> Message:
+    header = Header(sender=sender, recipient=to, message_id=message_id("told", number), reply_to=reply_to)
+    return Message(header=header, body=CancelTask(task=str(amount)))
+
+
+def doubled(task: object) -> object:
+    """What comes of a ledger's question."""
+    return str(2 * int(str(task)))
+
+
+class Ledger:
+    """Each amount is receipted to the sink, doubled by an Ask and told to the sink, and told once more by a timer.
+
+    `booked` are the records of an earlier life; what was booked counts, and is said again from the start.
+    """
+
+    def __init__(self, sink: str = "sink", address: str = "ledger", booked: list[object] | None = None) -> None:
+        self.sink, self.address = sink, address
+        self.amounts: dict[str, int] = {}
+        self.doubled: dict[str, str] = {}
+        self.reminded: set[str] = set()
+        self.starts = 0
+        self._booked = [entry for entry in booked or () if isinstance(entry, Booked)]
+
+    @property
+    def total(self) -> int:
+        return sum(self.amounts.values())
+
+    @property
+    def open(self) -> tuple[str, ...]:
+        """What is not doubled yet."""
+        return tuple(id for id in self.amounts if id not in self.doubled)
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        match event:
+            case Started():
+                self.starts += 1
+                return [effect for entry in self._booked for effect in self._book(entry, now)]
+            case Received(message):
+                return [*self._received(message, now), Send(reply(message, CancelTask(task=str(self.total)), self.address))]
+            case Rang(timer):
+                self.reminded.add(timer)
+                return [self._say("reminder", timer, "", now)]
+            case Answered(question, value):
+                self.doubled[question] = str(value)
+                return [self._say("doubled", question, str(value), now)]
+        return []
+
+    def _received(self, message: Message, now: float) -> list[Effect]:
+        assert isinstance(message.body, CancelTask)
+        id = message.header.message_id
+        return [] if id in self.amounts else self._book(Booked(id, int(message.body.task)), now)
+
+    def _book(self, entry: Booked, now: float) -> list[Effect]:
+        self.amounts[entry.id] = entry.amount
+        said = self._say("receipt", entry.id, str(entry.amount), now)
+        return [Wake(entry.id, now + 5.0), Record(entry), said, Ask(entry.id, entry.amount)]
+
+    def _say(self, kind: str, id: str, text: str, now: float) -> Send:
+        header = Header(sender=self.address, recipient=self.sink, message_id=message_id(kind, id))
+        return Send(Message(header=header, body=CancelTask(task=kind, reason=text)), until=now + LONG)
+
+
+def expected(amounts: list[int], first: int = 0) -> set[tuple[str, str, str]]:
+    """What the sink has to hear of these: kind, text and message id."""
+    heard: set[tuple[str, str, str]] = set()
+    for number, amount in enumerate(amounts, first):
+        id = message_id("told", number)
+        for kind, text in (("receipt", str(amount)), ("doubled", str(2 * amount)), ("reminder", "")):
+            heard.add((kind, text, message_id(kind, id)))
+    return heard
+
+
+class Sink:
+    """Notes what it hears, however often it comes."""
+
+    def __init__(self) -> None:
+        self.heard: list[tuple[str, str, str]] = []
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if isinstance(event, Received) and isinstance(event.message.body, CancelTask):
+            body = event.message.body
+            self.heard.append((body.task, body.reason, event.message.header.message_id))
+        return []
+
+
+class Teller:
+    """Tells the ledger an amount when it is rung with it."""
+
+    def __init__(self, ledger: str = "ledger") -> None:
+        self.ledger = ledger
+        self.told: list[int] = []
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if not isinstance(event, Rang):
+            return []
+        self.told.append(int(event.timer))
+        return [Send(told(len(self.told) - 1, self.told[-1], self.ledger), until=now + LONG)]
