@@ -20,7 +20,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_lab import SITE, run, simulator
-from somrs.devices.simulator.commands import Approach, Command, DriveTo, Fault, Grip, Place, PutDown, RobotState, Sense, Status, Stop
+from somrs.devices.simulator.commands import (
+    Approach,
+    Command,
+    DriveTo,
+    Fault,
+    Grip,
+    LookAround,
+    LookAt,
+    Place,
+    PutDown,
+    RobotState,
+    Sense,
+    Status,
+    Stop,
+)
 from somrs.devices.simulator.lines import LONGEST, Ask, Break, ClientLine, Hello, Look, Order, Ways, read_by_client, read_by_server, written
 from somrs.devices.simulator.link import OperatorLink, RobotGaveUp, RobotLink
 from somrs.devices.simulator.server import MOST_STATES, Server
@@ -33,7 +47,9 @@ commands: st.SearchStrategy[Command] = st.one_of(
     st.builds(Approach, object=names),
     st.builds(Grip, object=names),
     st.builds(Place, on=names, x=st.none() | numbers, y=st.none() | numbers),
-    st.builds(Sense, radius=numbers),
+    st.builds(Sense, radius=st.none() | numbers),
+    st.builds(LookAt, x=numbers, y=numbers, z=numbers, object=st.none() | names),
+    st.builds(LookAround, object=st.none() | names),
     st.sampled_from([PutDown(), Stop(), Status()]),
 )
 ids = st.integers(-(2**63), 2**63 - 1)

@@ -44,9 +44,27 @@ class PutDown(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
 
 
 class Sense(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Look around: what can be seen from here within `radius`, and where it is."""
+    """Say what the camera sees from here, looking the way it looks: things, robots and furniture that nothing hides.
 
-    radius: float = 4.0
+    `radius`: not farther than that; None: as far as the camera sees. Interrupts nothing.
+    """
+
+    radius: float | None = None
+
+
+class LookAt(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Drive to where a point is in view, and turn to it. With `object`: end as soon as that is seen, on the way or there."""
+
+    x: float
+    y: float
+    z: float
+    object: str | None = None
+
+
+class LookAround(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Turn once around, and say all that was seen meanwhile. With `object`: end as soon as that is seen."""
+
+    object: str | None = None
 
 
 class Stop(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
@@ -57,7 +75,7 @@ class Status(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Say the state now."""
 
 
-Command = DriveTo | Approach | Grip | Place | PutDown | Sense | Stop | Status
+Command = DriveTo | Approach | Grip | Place | PutDown | Sense | LookAt | LookAround | Stop | Status
 
 
 class Fault(StrEnum):
@@ -86,7 +104,7 @@ class RobotState(Struct, frozen=True, kw_only=True):
 
 
 class Seen(Struct, frozen=True, kw_only=True):
-    """An object as sensors see it: the middle of its underside, and what it stands on (None: cannot tell)."""
+    """An object as sensors see it: the middle of its underside, what it stands on (None: held, or cannot tell), who holds it."""
 
     object: str
     x: float
@@ -94,6 +112,7 @@ class Seen(Struct, frozen=True, kw_only=True):
     z: float
     yaw: float
     on: str | None = None
+    held_by: str | None = None
 
 
 class Done(Struct, frozen=True, kw_only=True):

@@ -30,8 +30,8 @@ class Schedule:
         self._planned: list[_Planned] = []
 
     def add(self, wanted: Break) -> None:
-        if wanted.robot not in self._simulation.robots:
-            raise UsageError(f"there is no robot {wanted.robot}; there are {', '.join(self._simulation.robots) or 'none'}")
+        if wanted.robot not in self._simulation.linked:
+            raise UsageError(f"there is no robot {wanted.robot}; there are {', '.join(self._simulation.linked) or 'none'}")
         self._planned.append(_Planned(wanted, self._simulation.time + (wanted.after or 0.0)))
 
     def drop(self, robot: str, fault: Fault) -> None:
@@ -41,7 +41,7 @@ class Schedule:
     def due(self) -> Iterator[tuple[str, Fault]]:
         """What is to happen now. Asked once every control period, so that the way driven is measured well."""
         for one in list(self._planned):
-            if one.wanted.robot not in self._simulation.robots:
+            if one.wanted.robot not in self._simulation.linked:
                 self._planned.remove(one)
             elif self._simulation.time >= one.at and self._carried_enough(one):
                 self._planned.remove(one)

@@ -22,7 +22,7 @@ Through = tuple[str | tuple[float, float], ...]
 
 
 class Hello(Struct, frozen=True, kw_only=True, tag="hello", tag_field="say"):
-    """The first line of a client: for which robot it speaks, or None for an operator."""
+    """The first line of a client: for which robot (or camera) it speaks, or None for an operator."""
 
     protocol: str = PROTOCOL
     version: int

@@ -19,6 +19,8 @@ from somrs.devices.simulator.commands import (
     DriveTo,
     Fault,
     Grip,
+    LookAround,
+    LookAt,
     Place,
     PutDown,
     RobotState,
@@ -224,7 +226,7 @@ class _Link:
 
 
 class RobotLink(_Link):
-    """Controls one robot. Commands return `Done`, or raise RobotGaveUp; one that follows another ends that one.
+    """Controls one robot, or speaks with a camera. Commands return `Done`, or raise RobotGaveUp; one that follows another ends that one.
 
     `on_state` is called with every state. After `silence` seconds without any word what waits for an answer fails.
     """
@@ -266,8 +268,14 @@ class RobotLink(_Link):
     async def put_down(self) -> Done:
         return await self.command(PutDown())
 
-    async def sense(self, radius: float = 4.0) -> Done:
+    async def sense(self, radius: float | None = None) -> Done:
         return await self.command(Sense(radius=radius))
+
+    async def look_at(self, x: float, y: float, z: float, object: str | None = None) -> Done:
+        return await self.command(LookAt(x=x, y=y, z=z, object=object))
+
+    async def look_around(self, object: str | None = None) -> Done:
+        return await self.command(LookAround(object=object))
 
     async def stop(self) -> Done:
         return await self.command(Stop())

@@ -44,6 +44,7 @@ BY_ROLE: dict[Role, Colour] = {
     Role.SUPPORT: (0.65, 0.55, 0.45, 1),
     Role.ROBOT: (0.72, 0.12, 0.11, 1),
     Role.MARK: (0.20, 0.45, 0.75, 0.35),
+    Role.CAMERA: (0.85, 0.86, 0.88, 1),
 }
 METAL: Colour = (0.35, 0.36, 0.38, 1)
 
@@ -212,6 +213,12 @@ def _bottle(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
     _part(body, (0.38 * s.radius, 0, 0.3 * s.height), (0, 0, 0.85 * s.height), shade(c, 0.8), "cylinder")
 
 
+def _camera(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
+    """A housing with a lens in front; how far it looks down is not drawn."""
+    _part(body, (0.8 * s.width, s.depth, s.height), (-0.1 * s.width, 0, s.height / 2), c)
+    _part(body, (0.2 * s.width, 0.6 * s.depth, 0.6 * s.height), (0.4 * s.width, 0, s.height / 2), shade(c, 0.3))
+
+
 def _mark(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
     """A ring on the floor."""
     radius = max(s.extent, 0.1)
@@ -242,6 +249,7 @@ DRAWINGS: dict[str, Draw] = {
     "Door": _door,
     "Jar": _jar,
     "Bottle": _bottle,
+    "Camera": _camera,
     "Place": _mark,
 }
 ROUND_TOO = ("Plant", "Jar", "Bottle", "Place")

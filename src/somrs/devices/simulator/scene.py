@@ -160,7 +160,7 @@ class Scene:
     def seen(self, name: str) -> Seen:
         """An object as it is; `on` by what carries it, None while a robot holds it."""
         x, y, z, yaw = self.pose(name)
-        return Seen(object=name, x=x, y=y, z=z, yaw=yaw, on=self.carrier(name))
+        return Seen(object=name, x=x, y=y, z=z, yaw=yaw, on=self.carrier(name), held_by=self.holder(name))
 
     def carrier(self, name: str) -> str | None:
         """What the object stands on: what touches it from below or, between two contacts, what is right below it. Things that

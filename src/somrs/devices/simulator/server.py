@@ -182,7 +182,7 @@ class Server:
     def _tell_states(self) -> None:
         now = time.monotonic()
         for robot, session in self._controllers.items():
-            if now - session.last_state < 1 / MOST_STATES or robot not in self.simulation.robots:
+            if now - session.last_state < 1 / MOST_STATES or robot not in self.simulation.linked:
                 continue
             due = session.rate > 0 and self.simulation.time >= session.next_state
             if (due or now - session.last_state > HEARTBEAT) and not session.slow and not self._mute(robot):
@@ -232,10 +232,10 @@ class Server:
 
     def _take(self, session: _Session, robot: str) -> None:
         """Give the connection control of the robot."""
-        if robot not in self.simulation.robots:
-            known = ", ".join(sorted(self.simulation.robots)) or "none"
+        if robot not in self.simulation.linked:
+            known = ", ".join(sorted(self.simulation.linked)) or "none"
             raise _Closing("unknown-robot", f"there is no robot {robot}; the robots here are: {known}")
-        if Fault.LINK in self.simulation.robots[robot].faults:
+        if Fault.LINK in self.simulation.linked[robot].faults:
             raise _Closing("link-cut", f"the link to {robot} is broken until it is repaired")
         if robot in self._controllers:
             raise _Closing("taken", f"{robot} is controlled by another connection; it can be had when that ends")
@@ -248,7 +248,7 @@ class Server:
         self._waiting = [(other, id) for other, id in self._waiting if other is not session]
         if session.robot is not None and self._controllers.get(session.robot) is session:
             del self._controllers[session.robot]
-            if session.robot in self.simulation.robots:
+            if session.robot in self.simulation.linked:
                 self.simulation.command(session.robot, Stop(), _nobody_listens)
 
     def _hear(self, session: _Session, line: bytes) -> None:
@@ -285,7 +285,7 @@ class Server:
 
     def _mute(self, robot: str) -> bool:
         """Whether nothing that the robot says arrives."""
-        return robot in self.simulation.robots and bool(self.simulation.robots[robot].faults & {Fault.SILENT, Fault.LINK})
+        return robot in self.simulation.linked and bool(self.simulation.linked[robot].faults & {Fault.SILENT, Fault.LINK})
 
     # Questions
 

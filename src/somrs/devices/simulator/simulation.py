@@ -5,10 +5,9 @@ Nothing here reads a clock: whoever calls `step` decides how fast simulated time
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,6 +19,8 @@ from somrs.devices.simulator.commands import (
     Fault,
     Gave,
     Grip,
+    LookAround,
+    LookAt,
     Place,
     PutDown,
     RobotState,
@@ -33,8 +34,10 @@ from somrs.devices.simulator.handling import get_within_reach, pick, place, set_
 from somrs.devices.simulator.navigation import Navigator
 from somrs.devices.simulator.robot import PERIOD, GivenUp, Robot, Routine
 from somrs.devices.simulator.scene import Scene
+from somrs.devices.simulator.searching import look_around, look_at
 from somrs.devices.simulator.solids import Array, Role, Solid
 from somrs.devices.simulator.standing import outline_spots
+from somrs.devices.simulator.vision import StationaryCamera, view
 from somrs.devices.simulator.world import STEP
 from somrs.errors import UsageError
 from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved
@@ -51,6 +54,8 @@ class _Work:
     command: Command | None
     on_end: OnEnd | None
     touched: tuple[str, ...] = ()
+    found: dict[str, Seen] = field(default_factory=dict)
+    """What was seen on the way, for commands that are to look."""
     given: GivenUp | None = None
     """Why the command was given up, while the robot still brings its arm in or puts down what it holds."""
 
@@ -63,10 +68,16 @@ class Simulation:
         self.scene = Scene(map, ontology)
         self._navigators: dict[float, Navigator] = {}
         self.robots: dict[str, Robot] = {}
+        self.cameras: dict[str, StationaryCamera] = {}
         self._work: dict[str, _Work] = {}
         self._dropped: dict[str, str] = {}
-        for solid in self.scene.world.of(Role.ROBOT):
-            self._add_robot(solid)
+        for solid in self.scene.world.of(Role.ROBOT, Role.CAMERA):
+            self._add_linked(solid)
+
+    @property
+    def linked(self) -> Mapping[str, Robot | StationaryCamera]:
+        """All that can be spoken with: robots and cameras."""
+        return {**self.robots, **self.cameras}
 
     @property
     def time(self) -> float:
@@ -101,16 +112,19 @@ class Simulation:
     # Commands
 
     def command(self, robot: str, command: Command, on_end: OnEnd) -> None:
-        """Have a robot do something. `on_end` is called once, when that is done or given up; a command that comes while
-        another one runs ends that one."""
-        one = self._robot(robot)
+        """Have a robot, or a camera, do something. `on_end` is called once, when that is done or given up; a command that
+        comes while another one runs ends that one."""
+        one = self._linked(robot)
         if isinstance(command, Status):
             on_end(Done(state=one.state()))
             return
         if Fault.SILENT in one.faults:
             return
         if isinstance(command, Sense):
-            on_end(Done(state=one.state(), seen=self.look(robot, command.radius)))
+            on_end(Done(state=one.state(), seen=view(self.scene, robot, command.radius)))
+            return
+        if isinstance(one, StationaryCamera):
+            on_end(Gave(reason="not-possible", description=f"{robot} is a camera: it takes Sense and Status", state=one.state()))
             return
         running = self._work.get(robot)
         reflex = running is not None and (running.command is None or running.given is not None) and Fault.DRIVE in one.faults
@@ -119,19 +133,20 @@ class Simulation:
         if isinstance(command, Stop):
             on_end(Done(state=one.state()))
             return
-        routine, touched = self._routine(one, command)
+        found: dict[str, Seen] = {}
+        routine, touched = self._routine(one, command, found)
         if reflex and running is not None:
             self._end_callback_only(robot)
             routine = _after(running.routine, routine)
         one.doing = type(command).__name__
-        self._work[robot] = _Work(routine, command, on_end, touched)
+        self._work[robot] = _Work(routine, command, on_end, touched, found)
 
     def _end_callback_only(self, robot: str) -> None:
         """End the running command towards its sender, but let the robot finish putting down what it holds."""
         work = self._work.pop(robot)
         self._report(robot, work, work.given or GivenUp("stopped", f"{robot} was told to do something else"))
 
-    def _routine(self, robot: Robot, command: Command) -> tuple[Routine, tuple[str, ...]]:
+    def _routine(self, robot: Robot, command: Command, found: dict[str, Seen]) -> tuple[Routine, tuple[str, ...]]:
         match command:
             case DriveTo(x=x, y=y, yaw=yaw):
                 return _drive(robot, x, y, yaw), ()
@@ -141,6 +156,10 @@ class Simulation:
                 return self._grip(robot, name), (name,)
             case Place(on=name):
                 return self._place(robot, command), (robot.holding,) if robot.holding else ()
+            case LookAt(x=x, y=y, z=z, object=name):
+                return look_at(robot, (x, y, z), name, found), ()
+            case LookAround(object=name):
+                return look_around(robot, name, found), ()
             case PutDown():
                 return self._put_down(robot), (robot.holding,) if robot.holding else ()
         raise UsageError(f"a simulated robot cannot carry out {command!r}")
@@ -193,7 +212,7 @@ class Simulation:
             return
         dropped = self._dropped.pop(one.name, None)
         touched = dict.fromkeys([*work.touched, *([dropped] if dropped else []), *([one.holding] if one.holding else [])])
-        seen = tuple(self.seen(name) for name in touched if name in self.scene.world.solids)
+        seen = (*work.found.values(), *(self.seen(name) for name in touched if name in self.scene.world.solids))
         on_end, work.on_end = work.on_end, None
         if given is None:
             on_end(Done(state=one.state(), seen=seen))
@@ -256,7 +275,8 @@ class Simulation:
     # What is seen
 
     def state(self, robot: str) -> RobotState:
-        return self._robot(robot).state()
+        """Of a robot or a camera."""
+        return self._linked(robot).state()
 
     def seen(self, object: str) -> Seen:
         """The truth about an object: where it is, and on what."""
@@ -264,25 +284,14 @@ class Simulation:
             raise UsageError(f"{object} is not in the simulated world")
         return self.scene.seen(object)
 
-    def look(self, robot: str, radius: float) -> tuple[Seen, ...]:
-        """The things and robots within the radius that nothing hides from the robot's camera."""
-        one = self._robot(robot)
-        x, y, _ = one.pose()
-        eye = (x, y, one.solid.z + (1.05 if one.size.gripper else one.size.height + 0.05))
-        found = []
-        for name in [*self.scene.things(), *self.robots]:
-            px, py, z, _ = self.scene.pose(name)
-            middle = (px, py, z + 0.6 * self.scene.world.solids[name].height)
-            if name != robot and math.dist((x, y), (px, py)) <= radius and self.scene.ray(eye, middle, (robot, name)):
-                found.append(self.seen(name))
-        return tuple(found)
-
     # Faults
 
     def fault(self, robot: str, fault: Fault) -> None:
         """Break something."""
-        one = self._robot(robot)
+        one = self._linked(robot)
         one.faults.add(fault)
+        if isinstance(one, StationaryCamera):
+            return
         match fault:
             case Fault.DRIVE if robot not in self._work and one.holding is not None and Fault.GRIPPER not in one.faults:
                 self._dropped[robot] = one.holding
@@ -300,10 +309,10 @@ class Simulation:
 
     def repair(self, robot: str, fault: Fault) -> None:
         """Mend it; what was given up for it stays given up."""
-        self._robot(robot).faults.discard(fault)
+        self._linked(robot).faults.discard(fault)
 
     def _dead(self, robot: str) -> bool:
-        return bool(self.robots[robot].faults & {Fault.SILENT, Fault.LINK})
+        return bool(self.linked[robot].faults & {Fault.SILENT, Fault.LINK})
 
     # What comes and goes
 
@@ -317,8 +326,8 @@ class Simulation:
         self._map = self._map.changed([ObjectAdded(object)])
         if solid is None:
             return
-        if solid.role is Role.ROBOT:
-            self._add_robot(solid)
+        if solid.role in (Role.ROBOT, Role.CAMERA):
+            self._add_linked(solid)
         elif solid.role is not Role.THING:
             self._renew_navigators()
 
@@ -328,11 +337,12 @@ class Simulation:
         if name in self.robots:
             self._end(name, GivenUp("stopped", f"{name} was taken out of the world"))
             del self.robots[name]
+        self.cameras.pop(name, None)
         if solid is not None:
             self.scene.remove(name)
         if name in self._map.objects:
             self._map = self._map.changed([ObjectRemoved(name)])
-        if solid is not None and solid.role not in (Role.ROBOT, Role.THING):
+        if solid is not None and solid.role not in (Role.ROBOT, Role.THING, Role.CAMERA):
             self._renew_navigators()
 
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
@@ -342,7 +352,10 @@ class Simulation:
             raise UsageError(f"{thing} is not a thing in the simulated world that can be moved")
         self.scene.put(thing, x, y, z, yaw)
 
-    def _add_robot(self, solid: Solid) -> None:
+    def _add_linked(self, solid: Solid) -> None:
+        if solid.role is Role.CAMERA:
+            self.cameras[solid.name] = StationaryCamera(solid, self.scene)
+            return
         self.robots[solid.name] = Robot(solid, self.scene, self._navigator(solid.z), self.robots)
 
     def _navigator(self, level: float) -> Navigator:
@@ -356,10 +369,10 @@ class Simulation:
         for robot in self.robots.values():
             robot.navigator = self._navigator(robot.solid.z)
 
-    def _robot(self, name: str) -> Robot:
-        if name not in self.robots:
-            raise UsageError(f"{name} is not a robot in the simulated world; there are {', '.join(self.robots) or 'none'}")
-        return self.robots[name]
+    def _linked(self, name: str) -> Robot | StationaryCamera:
+        if name not in self.linked:
+            raise UsageError(f"{name} is not a robot in the simulated world; there are {', '.join(self.linked) or 'none'}")
+        return self.linked[name]
 
     def _solid(self, name: str) -> Solid:
         if name not in self.scene.world.solids:

@@ -14,6 +14,8 @@ from somrs.ontology.objects import Object
 from somrs.ontology.types import ABSTRACT, Ontology, Value
 
 Point = tuple[float, float]
+SIGHT = 4.0
+"""How far a camera sees of which the map says nothing, m."""
 Array = npt.NDArray[np.float64]
 
 
@@ -34,6 +36,8 @@ class Role(StrEnum):
     THING = "thing"
     """Can be carried."""
     ROBOT = "robot"
+    CAMERA = "camera"
+    """Looks from where it hangs."""
 
 
 # The first type that fits decides, so special ones come before general ones.
@@ -47,6 +51,7 @@ ROLES = (
     ("Wall", Role.WALL),
     ("Window", Role.WALL),
     ("Support", Role.SUPPORT),
+    ("Camera", Role.CAMERA),
     ("StationaryDevice", Role.SUPPORT),  # what a device works on is put on top of it
     ("Graspable", Role.THING),
     ("MobileRobot", Role.ROBOT),
@@ -76,6 +81,12 @@ class Solid:
     open: bool = False
     speed: float = 0.8
     gripper: bool = False
+    pitch: float = 0.0
+    """How far its front looks down, rad."""
+    view: float = math.tau
+    """Angle of the field of view of its camera, rad."""
+    sight: float = SIGHT
+    """How far its camera sees, m."""
 
     @property
     def top(self) -> float:
@@ -150,6 +161,7 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
     if role is Role.NOTHING or form is None or value("PositionX") is None or value("PositionY") is None:
         return None
     color = value("Color")
+    gripper = ontology.is_a(object.type, "MobileManipulator")
     solid = Solid(
         name=object.name,
         type=object.type,
@@ -168,7 +180,10 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
         weight=number("Weight", 0.3),
         open=bool(value("Open")),
         speed=number("Speed", 0.8),
-        gripper=ontology.is_a(object.type, "MobileManipulator"),
+        gripper=gripper,
+        pitch=number("RotationY"),
+        view=number("FieldOfView", math.tau),
+        sight=SIGHT if gripper else number("OperationRange", SIGHT),  # a manipulator's range is that of its arm
     )
     if role is not Role.MARK and (solid.extent <= 0 or solid.height <= 0):
         raise SimulationError(f"{object.name}: a {object.type} without extent cannot be built; give it a Shape in the map")

@@ -1,0 +1,123 @@
+"""What the drivers of simulated devices have in common: the robot link, how the device is, what it is offered with, what it costs.
+
+All that a driver knows of its device comes over the robot link, all it knows of the world from the Repository.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Coroutine
+
+from somrs.devices.simulator.commands import Done, Fault, RobotState
+from somrs.devices.simulator.link import RobotLink
+from somrs.entish.formula import Number
+from somrs.errors import DeviceError, RemoteError
+from somrs.ontology.types import Value
+from somrs.service_manager.device import Device, Task
+from somrs.service_manager.orders import Refusal
+from somrs.service_manager.values import term
+
+DEFAULT_PRICE = "5 EUR"
+DEFAULT_SPEED = 0.5
+"""Of a robot whose map says nothing of it, m/s."""
+DRIVING = 1.25
+"""How much longer a way takes than at full speed, for turning, starting and stopping."""
+DISABLING = {Fault.DRIVE: "its drive is dead", Fault.GRIPPER: "its gripper is stuck"}
+ANSWERING = 2.0
+"""Seconds that the device has to say how it is, when it is to give a quote."""
+REPORTING = 2.0
+"""Seconds between two reports while it drives."""
+
+
+class SimulatedDevice(Device):
+    """A device at the other end of a robot link."""
+
+    features: tuple[str, ...] = ("OperationRange", "Payload", "Speed", "Price")
+    """What the map says of the device that its services are offered with."""
+    price_per_metre: float = 0.0
+    """What it asks for each metre that it drives, besides its Price on the map."""
+    silence: float = 6.0
+    """Seconds without any word after which it is taken for silent."""
+
+    async def open(self) -> None:
+        host, _, port = (self.simulator or "").rpartition(":")
+        if not host or not port.isdigit():
+            raise DeviceError(f"{self.name} needs a simulator, given as host:port, and not {self.simulator!r}")
+        self._link = RobotLink(host, int(port), self.name, silence=self.silence)
+        await self._link.connect()
+        await self._link.status()
+        self.attributes = {name: value for name in self.features for value in await self._feature(name)}
+
+    async def close(self) -> None:
+        await self._link.close()
+
+    async def _feature(self, name: str) -> list[Value]:
+        rows = await self.map.query(f"{self.name}.{name} = ?Feature", limit=1)
+        said = [term(str(row["Feature"])) for row in rows]
+        return [found.value for found in said if isinstance(found, Number)]  # in the attribute's own unit
+
+    async def in_order(self) -> RobotState:
+        """Its state now. Raises Refusal when it cannot work."""
+        if self._link.silent or not self._link.connected:
+            raise Refusal(f"{self.name} does not answer")
+        try:
+            async with asyncio.timeout(ANSWERING):
+                state = (await self._link.status()).state
+        except TimeoutError:
+            raise Refusal(f"{self.name} does not answer within {ANSWERING:g} s") from None
+        except RemoteError as error:
+            raise Refusal(f"{self.name} does not answer: {error}") from None
+        if state.faults:
+            broken = " and ".join(DISABLING.get(fault, fault) for fault in state.faults)
+            raise Refusal(f"{self.name} is out of order: {broken}")
+        return state
+
+    async def price(self, task: Task, way: float) -> float | str:
+        """Its Price on the map, and what it asks for a way of so many metres."""
+        rows = await task.map.query(f"{self.name}.Price = ?Price")
+        price = rows[0]["Price"] if rows else DEFAULT_PRICE
+        if not self.price_per_metre:
+            return price
+        amount = term(str(price))
+        assert isinstance(amount, Number), "a price is a number"
+        return f"{amount.value + self.price_per_metre * way:.2f} {amount.unit or 'EUR'}"
+
+    async def driving_time(self, task: Task, way: float) -> float:
+        """Seconds for a way of so many metres."""
+        rows = await task.map.query(f"{self.name}.Speed = ?Speed")
+        speed = term(str(rows[0]["Speed"])) if rows else None
+        metres_per_second = speed.value if isinstance(speed, Number) and speed.value > 0 else DEFAULT_SPEED
+        return DRIVING * way / metres_per_second
+
+    async def _driving(self, task: Task, drive: Coroutine[object, object, Done], begin: float, end: float, note: str) -> Done:
+        """Drive, and report from time to time how far it is: by the time that such ways take."""
+        driving = asyncio.ensure_future(drive)
+        fraction = begin
+        try:
+            while True:
+                await task.progress(fraction, note=note)
+                done, _ = await asyncio.wait({driving}, timeout=REPORTING)
+                if done:
+                    return driving.result()
+                fraction += (end - fraction) / 5
+        finally:
+            driving.cancel()
+
+    def _own_pose(self, state: RobotState) -> list[str]:
+        """Where the device is, in parts of a formula."""
+        pose = {"PositionX": state.x, "PositionY": state.y, "RotationZ": state.yaw}
+        return [f"{self.name}.{path} = {plain(value)}" for path, value in pose.items()]
+
+
+async def is_a(task: Task, object: str, kind: str) -> bool:
+    try:
+        return await task.map.holds(f"?It: {kind} = {object}")
+    except RemoteError:  # a Repository does not take a formula that its types rule out
+        return False
+
+
+def plain(value: float) -> str:
+    """To the millimetre, or a thousandth of a radian, as Entish writes numbers."""
+    assert math.isfinite(value), "physics that made no sense would have ended"
+    return str(Number(round(value, 3) + 0.0))
