@@ -153,8 +153,20 @@ def test_a_robot_that_falls_silent_is_asked_and_then_given_up() -> None:
     assert ("Query", "Robot1") in system.said(task)
 
 
+def test_nobody_is_contracted_who_says_that_it_takes_too_long() -> None:
+    robot = Robot("Robot1", 10, 600)
+    system = VirtualSystem(robot)
+    (view,) = system.finish(system.submit(WISH, deadline=100.0))
+    assert view.outcome is Outcome.FAILED
+    assert "latest finish" in view.explanation
+    assert robot.orders == []
+
+
 def test_a_deadline_ends_the_task() -> None:
-    system = VirtualSystem(Robot("Robot1", 10, 600))
+    def dawdles(order: Order) -> Work:
+        yield 600.0, Done(situation=done(order))
+
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=dawdles))
     start = system.world.now
     (view,) = system.finish(system.submit(WISH, deadline=100.0))
     assert view.outcome is Outcome.FAILED

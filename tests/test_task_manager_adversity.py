@@ -84,10 +84,12 @@ def test_what_a_robot_did_that_had_been_given_up_comes_to_the_map() -> None:
     (view,) = system.finish(task)
     assert view.outcome is Outcome.FAILED
     assert "fell silent" in view.explanation
-    assert system.map.holds("isOn", ("Jar002", "Cupboard001")), "nothing is known yet"
+    assert not list(system.map.facts_about("Jar002")), "nothing is assumed"
+    assert system.map.objects["Jar002"].values["Unknown"] is True
     system.world.reconnect(ROBOT1)
     system.world.run(60)
     assert system.map.holds("isHeldBy", ("Jar002", "Robot1"))
+    assert "Unknown" not in system.map.objects["Jar002"].values
     assert system.devices["Robot1"].idle
 
 

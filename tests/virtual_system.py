@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from somrs.app.virtual import Medium, Watch, Work, World, promptly
 from somrs.ontology.files import load_text
 from somrs.ontology.objects import Map
+from somrs.ontology.services import ServiceType
 from somrs.planner.planning import plan
 from somrs.planner.problem import Problem
 from somrs.protocol.clients import Submit, Submitted, TaskRejected, TaskView
@@ -50,6 +51,9 @@ facts:
 Script = Callable[[Order], Work]
 """What a device does about an order: pairs of seconds and what it then reports."""
 
+Undoes = Callable[[Order, str], Work]
+"""What a device does to restore a situation."""
+
 
 @dataclass(slots=True)
 class Robot:
@@ -66,6 +70,8 @@ class Robot:
     mute: bool = False
     halts: float = 1.0
     valid_for: float = 60.0
+    undoes: Undoes | None = None
+    """What it does to undo its work; None: it cannot."""
     orders: list[Order] = field(default_factory=list)
 
     def carry_out(self, task: object) -> Work:
@@ -83,6 +89,8 @@ class Robot:
                     yield from self.works(order)
                 else:
                     yield self.duration, Done(situation=done(order))
+            case Undo(order, situation) if self.undoes is not None:
+                yield from self.undoes(order, situation)
             case Halt() | Undo():
                 yield self.halts, Done()
             case _:
@@ -125,7 +133,6 @@ class VirtualSystem:
         self.devices: dict[str, ServiceManager] = {}
         self.repository = Repository("repository", Contents(ontology=loaded.ontology, map=loaded.map))
         self.registry = Registry("registry", loaded.ontology, "repository")
-        self.manager = TaskManager("tm", repository="repository", registry="registry")
         self.client = Client()
         self.world.add("repository", self.repository)
         self.world.add("registry", self.registry)
@@ -134,12 +141,12 @@ class VirtualSystem:
             self.join(robot)
         self.problems: list[Problem] = []
         """What the planner was asked."""
-        self.world.add("tm", self.manager, self._plan)
+        self.world.add("tm", self._new_manager(), self._plan, journaled=True)
         self.world.run(settle)
         self._asked = 0
 
-    def join(self, robot: Robot, type: str = "PioneerP3DX", service: str = "TransferObject") -> None:
-        capability = Capability(type=service, method="work", stoppable=True)
+    def join(self, robot: Robot, type: str = "PioneerP3DX", service: str | ServiceType = "TransferObject") -> None:
+        capability = Capability(type=service, method="work", stoppable=True, undoable=robot.undoes is not None)
         self._join(robot, Profile(name=robot.name, type=type, capabilities=(capability,), valid_for=robot.valid_for, lease=3600))
 
     def restart(self, robot: Robot) -> None:
@@ -154,6 +161,22 @@ class VirtualSystem:
     def _join(self, robot: Robot, profile: Profile, kept: list[Kept] | None = None) -> None:
         manager = self.devices[robot.name] = ServiceManager(profile, repository="repository", registry="registry", kept=kept or [])
         self.world.add(f"devices/{robot.name}", manager, robot.carry_out)
+
+    @staticmethod
+    def _new_manager() -> TaskManager:
+        return TaskManager("tm", repository="repository", registry="registry")
+
+    @property
+    def manager(self) -> TaskManager:
+        manager = self.world.components["tm"]
+        assert isinstance(manager, TaskManager)
+        return manager
+
+    def restart_manager(self, *, snapshot: bool = False) -> None:
+        """The Task Manager is killed, and comes up again with its journal; with a snapshot in it, if that is wanted."""
+        if snapshot:
+            self.world.snapshot("tm")
+        self.world.revive("tm", self._new_manager)
 
     @property
     def map(self) -> Map:
@@ -177,8 +200,8 @@ class VirtualSystem:
         assert isinstance(answer, Submitted), answer
         return answer.task
 
-    def rejected(self, effect: str) -> str:
-        answer = self.ask(Submit(effect=effect))
+    def rejected(self, effect: str, **more: object) -> str:
+        answer = self.ask(Submit(effect=effect, **more))  # type: ignore[arg-type]  # keyword arguments of Submit
         assert isinstance(answer, TaskRejected), answer
         return answer.problem
 

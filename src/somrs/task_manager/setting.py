@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
+from somrs.ontology.services import PROVIDER, Handler
 from somrs.ontology.types import UNKNOWN
 from somrs.planner.problem import Available, Problem
 from somrs.protocol.clients import Submit
@@ -59,6 +60,17 @@ def wrong_with(task: Submit, replica: Replica) -> str | None:
         return f"time_value is what a second is worth in the currency of the terms, and {task.time_value:g} is no amount"
     try:
         problem(task, replica, [])
+        for handler in task.handlers:
+            _check_handler(handler, replica)
     except FormulaError as error:
         return str(error)
     return None
+
+
+def _check_handler(handler: Handler, replica: Replica) -> None:
+    """Raises FormulaError. The variables are those of the steps that it is for, where that can be known."""
+    service_type = replica.ontology.services.get(handler.service_type or "")
+    inputs = {parameter.name: parameter.type for parameter in service_type.inputs} if service_type is not None else {}
+    for formula in (handler.when, handler.effect):
+        if formula is not None:
+            check(formula, replica.ontology, replica.map, {**inputs, PROVIDER: "Device"})

@@ -366,7 +366,8 @@ class Transaction:
         """What became of a participant's work is known; what comes of that, `proceed` finds."""
         work = self.ledger.of(member)
         compensated = member.state in (State.COMPENSATED, State.STRANDED)
-        if trouble is not None and not compensated:
+        called_off = member.state is State.STOPPED and self._ending is not None
+        if trouble is not None and not compensated and not called_off:
             self.offered.broken[member.offer.service] = trouble
             if work is not None and work.state is State.COMPLETED:
                 work.state, work.note = State.FAILED, trouble  # its report was impossible
@@ -435,7 +436,9 @@ class Transaction:
         self.proceed(now)
 
     def _assumed(self, look: Look, problem: str | None, now: float) -> None:
-        if problem is not None:
+        if problem is None:
+            look.work.member.lost_at = self.setting.replica.version  # its own report, should it come after all, is news
+        else:
             self.tell_of(look.work, f"something else is known of {look.object} by now: {problem}", now)
 
     def _looked(self, pursuit: Pursuit, now: float) -> None:

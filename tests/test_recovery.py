@@ -1,0 +1,293 @@
+"""What the Task Manager does beyond giving a step to another: looking, undoing, and what was laid down; on virtual time."""
+
+from __future__ import annotations
+
+from somrs.app.virtual import Work
+from somrs.ontology.services import Handler, Occasion
+from somrs.protocol import frp
+from somrs.protocol.clients import CancelTask, Policy, TaskRecord, TaskView
+from somrs.protocol.frp import Outcome, State
+from somrs.service_manager.orders import Advance, Done, Order, ServiceFailed
+from virtual_system import Robot, Script, VirtualSystem, done
+
+WISH = "Jar002 isOn Platform001"
+BOTH = "Jar001 isOn Platform001 AND Jar002 isOn Platform001"
+
+
+def holding(name: str, seconds: float = 10.0) -> Script:
+    def works(order: Order) -> Work:
+        yield seconds, ServiceFailed("the drive is dead", f"{order.inputs['Object']} isHeldBy {name}")
+
+    return works
+
+
+def puts_back(order: Order, situation: str) -> Work:
+    yield 10.0, Done(situation=situation)
+
+
+def only(view: TaskView, state: State) -> list[str]:
+    return [work.service.partition(".")[0] for work in view.work if work.state is state]
+
+
+def until_one_is_done(system: VirtualSystem, task: str) -> None:
+    assert system.world.run(600, lambda: any(step.state is State.COMPLETED for step in system.view(task).steps))
+    system.world.run(1)
+
+
+# Undoing
+
+
+def test_what_was_done_is_undone_when_the_client_cancels() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, undoes=puts_back))
+    task = system.submit(BOTH)
+    until_one_is_done(system, task)
+    system.ask(CancelTask(task=task))
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.CANCELLED
+    assert [kind for kind, _ in system.said(task)][-6:] == ["Stop", "Stopped", "Compensate", "Compensated", "End", "End"]
+    assert system.map.holds("isOn", ("Jar001", "Cupboard002"))
+    assert system.map.holds("isOn", ("Jar002", "Cupboard001"))
+    assert "was undone" in view.explanation
+
+
+def test_steps_are_undone_in_the_reverse_of_the_order_in_which_they_were_done() -> None:
+    def dawdles(order: Order) -> Work:
+        yield 40.0 if order.inputs["Object"] != "Tin001" else 500.0, Done(situation=done(order))
+
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=dawdles, undoes=puts_back))
+    task = system.submit(f"{BOTH} AND Tin001 isOn Platform001")
+    assert system.world.run(600, lambda: sum(step.state is State.COMPLETED for step in system.view(task).steps) == 2)
+    system.ask(CancelTask(task=task))
+    (view,) = system.finish(task)
+    compensated = [m.header.participant for m in system.world.messages if isinstance(m.body, frp.Compensate)]
+    completed = [m.header.participant for m in system.world.messages if isinstance(m.body, frp.Completed)]
+    assert compensated == completed[::-1]
+    assert only(view, State.COMPENSATED)[:2] == ["Robot1", "Robot1"]
+
+
+def test_what_its_robot_cannot_undo_others_restore() -> None:
+    robots = Robot("Robot1", 10, 60), Robot("Robot2", 25, 60)
+    system = VirtualSystem(*robots)
+    task = system.submit(BOTH)
+    until_one_is_done(system, task)
+    system.ask(CancelTask(task=task))
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.CANCELLED
+    assert system.map.holds("isOn", ("Jar001", "Cupboard002"))
+    assert system.map.holds("isOn", ("Jar002", "Cupboard001"))
+    assert State.STRANDED not in {work.state for work in view.work}
+
+
+def test_what_nobody_can_undo_is_told_with_where_it_is() -> None:
+    """FRP, property 4."""
+
+    def once(order: Order) -> Work:
+        yield (
+            10.0,
+            Done(situation=done(order))
+            if order.inputs["Destination"] == "Platform001" and order.inputs["Object"] == first
+            else (ServiceFailed("the gripper is stuck", f"{order.inputs['Object']} isOn {'Floor001'}")),
+        )
+
+    first = "Jar001"
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=once))
+    (view,) = system.finish(system.submit(BOTH))
+    assert view.outcome is Outcome.FAILED
+    stranded = [work for work in view.work if work.state is State.STRANDED]
+    assert stranded
+    for work in stranded:
+        assert work.situation is not None
+        assert work.situation in view.explanation
+
+
+def test_what_a_failure_left_in_the_way_is_undone_and_the_step_begun_again() -> None:
+    """FRP, third rung: nobody takes a jar out of a broken robot's gripper, so that robot has to give it back."""
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=puts_back), Robot("Robot2", 25, 60))
+    task = system.submit(WISH)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    said = [pair for pair in system.said(task) if pair[1] == "Robot1"]
+    assert said[-3:] == [("Compensate", "Robot1"), ("Compensated", "Robot1"), ("End", "Robot1")]
+    assert view.steps[0].service == "Robot2.TransferObject"
+
+
+def test_a_robot_that_falls_silent_while_it_undoes_holds_nobody_up() -> None:
+    def never(order: Order, situation: str) -> Work:
+        yield 1e9, Done()
+
+    system = VirtualSystem(Robot("Robot1", 10, 60, undoes=never), Robot("Robot2", 25, 60))
+    task = system.submit(BOTH, policy=Policy.PRICE)
+    until_one_is_done(system, task)
+    system.ask(CancelTask(task=task))
+    assert system.world.run(600, lambda: any(isinstance(m.body, frp.Compensate) for m in system.world.messages))
+    system.world.run(1)
+    system.world.cut_off("devices/Robot1")
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.CANCELLED
+    assert view.ended_at is not None
+    assert view.ended_at - view.submitted_at < 1200
+
+
+# Looking
+
+
+def sees(where: str) -> Script:
+    def works(order: Order) -> Work:
+        object = order.inputs["Object"]
+        yield 5.0, Advance(fraction=0.5, note=f"looks for {object}")
+        yield 5.0, Done(situation=f"{object} isOn {where} AND {object}.Unknown = FALSE")
+
+    return works
+
+
+def patrolled(where: str, *robots: Robot) -> VirtualSystem:
+    system = VirtualSystem(*robots)
+    system.join(Robot("Robot3", 1, 10, works=sees(where)), service="RecognizeSituation")
+    system.world.run(2)
+    return system
+
+
+def goes_silent(system: VirtualSystem, task: str, robot: str = "Robot1") -> None:
+    assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
+    system.world.run(1)
+    system.world.remove(f"devices/{robot}")
+
+
+def test_a_patrol_robot_says_what_a_silent_robot_left() -> None:
+    system = patrolled("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    task = system.submit(WISH)
+    goes_silent(system, task)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert view.steps[0].service == "Robot2.TransferObject"
+    second = [m.body for m in system.world.messages if isinstance(m.body, frp.Execute)][-1]
+    assert second.precondition is not None
+    assert "Jar002 isOn Floor001" in second.precondition
+    assert ("Execute", "Robot3") in system.said(task)
+
+
+def test_what_the_silent_robot_had_finished_is_not_done_again() -> None:
+    robot2 = Robot("Robot2", 25, 60)
+    system = patrolled("Platform001", Robot("Robot1", 10, 600), robot2)
+    task = system.submit(WISH)
+    goes_silent(system, task)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert robot2.orders == []
+
+
+def test_with_nobody_to_look_nothing_is_assumed_and_another_jar_will_do() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    task = system.submit("?It: Jar isOn Platform001")
+    goes_silent(system, task)
+    jar = system.view(task).steps[0].inputs["Object"]
+    (view,) = system.finish(task)
+    assert system.map.objects[jar].values["Unknown"] is True
+    assert not list(system.map.facts_about(jar))
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert view.steps[0].inputs["Object"] != jar
+
+
+def test_with_nobody_to_look_and_no_other_jar_the_client_hears_what_is_not_known() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    task = system.submit(WISH)
+    goes_silent(system, task)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.FAILED
+    assert "nothing is known of Jar002" in view.explanation
+    assert "fell silent" in view.explanation
+
+
+def test_when_the_one_who_looks_falls_silent_too_another_looks() -> None:
+    system = patrolled("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    system.join(Robot("Robot4", 5, 10, works=sees("Floor001")), service="RecognizeSituation")
+    task = system.submit(WISH)
+    goes_silent(system, task)
+    assert system.world.run(200, lambda: ("Execute", "Robot3") in system.said(task))
+    system.world.remove("devices/Robot3")
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert ("Execute", "Robot4") in system.said(task)
+
+
+def test_a_robot_that_takes_far_longer_than_it_said_is_stopped() -> None:
+    def dawdles(order: Order) -> Work:
+        for _ in range(10_000):
+            yield 5.0, Advance(fraction=0.1)
+
+    system = VirtualSystem(Robot("Robot1", 1, 10, works=dawdles), Robot("Robot2", 25, 60))
+    task = system.submit(WISH)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert ("Stop", "Robot1") in system.said(task)
+    assert view.steps[0].service == "Robot2.TransferObject"
+
+
+# What was laid down
+
+
+def test_a_procedure_for_a_failure_goes_before_the_ladder() -> None:
+    """Whoever drops a jar: it is to be put on the cupboard first."""
+    tidy = Handler(on=Occasion.FAILURE, service_type="TransferObject", when="?Object isOn Floor001", effect="?Object isOn Cupboard001")
+
+    def slips(order: Order) -> Work:
+        yield 5.0, ServiceFailed("it slipped", f"{order.inputs['Object']} isOn Floor001")
+
+    system = VirtualSystem(Robot("Robot1", 1, 10, works=slips), Robot("Robot2", 25, 60))
+    (view,) = system.finish(system.submit(WISH, handlers=(tidy,)))
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert [work.inputs["Destination"] for work in view.work] == ["Platform001", "Cupboard001", "Platform001"]
+
+
+def test_a_procedure_for_undoing_goes_before_restoring() -> None:
+    aside = Handler(on=Occasion.COMPENSATION, effect="?Object isOn Floor001")
+    system = VirtualSystem(Robot("Robot1", 1, 10, undoes=puts_back))
+    task = system.submit(BOTH, handlers=(aside,))
+    until_one_is_done(system, task)
+    done_first = next(step.inputs["Object"] for step in system.view(task).steps if step.state is State.COMPLETED)
+    system.ask(CancelTask(task=task))
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.CANCELLED
+    assert system.map.holds("isOn", (done_first, "Floor001"))
+    assert not [m for m in system.world.messages if isinstance(m.body, frp.Compensate) and done_first in m.body.situation]
+
+
+def test_a_procedure_that_makes_no_sense_is_rejected_with_the_task() -> None:
+    wrong = Handler(on=Occasion.FAILURE, effect="?Objekt isOn Nowhere")
+    system = VirtualSystem(Robot("Robot1", 1, 10))
+    answer = system.rejected(WISH, handlers=(wrong,))
+    assert "Nowhere" in answer
+
+
+# What is kept
+
+
+def test_all_of_a_task_that_is_over_is_kept() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=puts_back), Robot("Robot2", 25, 60))
+    task = system.submit(WISH)
+    (view,) = system.finish(task)
+    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
+    assert (record.task, record.outcome, record.client) == (task, Outcome.ACCOMPLISHED, "client")
+    assert record.work == view.work
+    assert {contract.service for contract in record.contracts if contract.accepted} == {"Robot1.TransferObject", "Robot2.TransferObject"}
+    assert all(contract.price in (10, 25) for contract in record.contracts)
+    said = [message.type for message in record.messages]
+    sent = [type(m.body).__name__ for m in system.world.messages if m.header.transaction == task]
+    assert sorted(said) == sorted(sent)
+    assert [message.at for message in record.messages] == sorted(message.at for message in record.messages)
+
+
+def test_the_task_manager_may_be_killed_at_any_time() -> None:
+    """FRP, property 7: what goes on from its journal, or from a snapshot, ends as it would have without."""
+    for snapshot in (False, True):
+        system = patrolled("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60, undoes=puts_back))
+        task = system.submit(WISH)
+        goes_silent(system, task)
+        for number in range(400):
+            system.world.run(0.5)
+            system.restart_manager(snapshot=snapshot and number % 3 == 0)
+            if system.view(task).outcome is not None:
+                break
+        assert system.view(task).outcome is Outcome.ACCOMPLISHED
+        executes = {m.header.message_id for m in system.world.messages if isinstance(m.body, frp.Execute)}
+        assert len(executes) == 3, "Robot1, whoever looked, Robot2: nothing was done twice"
