@@ -29,8 +29,8 @@ READY_TIME = 30.0
 MOST_WAIT = 60.0
 """Seconds that a client is let wait for news at most."""
 
-REMEMBERED = 1000
-"""So many tasks are known; beyond that the oldest that are over are forgotten."""
+REMEMBERED = 200
+"""So many tasks are known; beyond that the oldest that are over are forgotten here. They stay readable: they were recorded."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -57,6 +57,7 @@ class TaskManager:
         self._until_ready: dict[str, Message] = {}
         self._watchers: dict[str, _Watcher] = {}
         self._previews: dict[str, Message] = {}
+        self._readers: dict[str, Message] = {}
         self._setting = Setting(
             address=address,
             effects=self._effects,
@@ -65,6 +66,11 @@ class TaskManager:
             when_known=self._when_known,
             busy=self._busy,
         )
+
+    @property
+    def open(self) -> list[str]:
+        """The tasks that are not over."""
+        return [id for id, transaction in self.transactions.items() if transaction.outcome is None]
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """What to do about the input."""
@@ -90,7 +96,7 @@ class TaskManager:
             case Rang(timer):
                 self._ring(timer, now)
             case Answered(question, value):
-                self._planned(question, value, now)
+                self._answered(question, value, now)
             case Undelivered(message, reason):
                 if not self._questions.undelivered(message, reason, now):
                     self._undelivered(message, reason, now)
@@ -131,6 +137,10 @@ class TaskManager:
                     self._effects.append(Wake(f"watch {id}", now + (min(max(wait, 0.0), MOST_WAIT) if math.isfinite(wait) else MOST_WAIT)))
             case clients.Preview():
                 self._preview(message, message.body, now)
+            case clients.ReadRecords():
+                question = f"records {message.header.message_id}"
+                self._readers[question] = message
+                self._effects.append(Ask(question, message.body))
             case frp.Fault():
                 pass  # a Fault is never answered
             case body if type(body) not in REQUESTS and not isinstance(body, FrpBody):
@@ -191,9 +201,12 @@ class TaskManager:
             if (transaction := self.transactions.get(task)) is not None:
                 _ring(transaction, what, now)
 
-    def _planned(self, question: str, value: object, now: float) -> None:
+    def _answered(self, question: str, value: object, now: float) -> None:
         if (asked := self._previews.pop(question, None)) is not None:
             self._reply(asked, previewed(value))
+        elif (reader := self._readers.pop(question, None)) is not None:
+            wrong = frp.Fault(code="env:Receiver", text=f"the records cannot be read: {value}")
+            self._reply(reader, value if isinstance(value, clients.Records) else wrong)
         elif (transaction := self.transactions.get(question.partition("/")[0])) is not None:
             transaction.planned(question, value, now)
 
