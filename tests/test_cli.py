@@ -12,7 +12,24 @@ import pytest
 REPOSITORY = Path(__file__).parent.parent
 SCENARIO = REPOSITORY / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
 OFFICE = REPOSITORY.parent / "shared" / "sites" / "office.building.yaml"
-COMMANDS = ["demo", "up", "task", "tasks", "cancel", "services", "plan", "check", "import", "schema", "fault", "picture", "map", "run"]
+COMMANDS = [
+    "demo",
+    "up",
+    "task",
+    "tasks",
+    "cancel",
+    "services",
+    "questions",
+    "answer",
+    "plan",
+    "check",
+    "import",
+    "schema",
+    "fault",
+    "picture",
+    "map",
+    "run",
+]
 
 
 def somrs(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

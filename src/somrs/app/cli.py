@@ -131,6 +131,29 @@ def services(
 
 
 @app.command()
+def questions(data: Data = HERE, json: Json = False) -> None:
+    """What the system asks people now, because nobody else can look."""
+    from somrs.app.answering import questions as run
+
+    _guarded(lambda: run(data, json=json))
+
+
+@app.command()
+def answer(
+    number: Annotated[int, typer.Argument(help="The question's number.")],
+    formula: Annotated[str | None, typer.Argument(help="What is so, as a formula, such as 'Jar002 isOn Table001'.")] = None,
+    cannot_tell: Annotated[bool, typer.Option("--cannot-tell", help="You do not know.")] = False,
+    data: Data = HERE,
+) -> None:
+    """Answer a question that the system asks a person."""
+    from somrs.app.answering import answer as run
+
+    if (formula is None) is not cannot_tell:
+        _fail("an answer is either a formula or --cannot-tell", 2)
+    _guarded(lambda: run(number, formula, data))
+
+
+@app.command()
 def plan(
     formula: Formula,
     precondition: Annotated[str | None, typer.Option(help="The initial situation, if it matters.")] = None,

@@ -82,6 +82,7 @@ class DeviceRunner:
 
     def __init__(self, device: Device, addresses: Addresses, data: Path, host: str = "127.0.0.1") -> None:
         self.device = device
+        device.data = data
         self._addresses = addresses
         self._journal = DeviceJournal(data / "devices" / f"{device.name}.sqlite")
         self._kept = self._journal.load()

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
 from typing import Any, ClassVar
 
 import msgspec
@@ -187,6 +188,8 @@ class Device:
     """Static features of its services, such as OperationRange, that clients can discover them by."""
     map: MapReader
     """Reads the Repository's map; there from `open` on."""
+    data: Path = Path(".somrs")
+    """The data folder of the running system, for what a device keeps; it may not be there yet."""
     capacity: int = 1
     """How many services it can perform at the same time."""
     heartbeat: float = 5.0

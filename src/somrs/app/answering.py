@@ -1,0 +1,61 @@
+"""What `somrs questions` and `somrs answer` do: people answer what their programs ask them (`devices/person.py`)."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from somrs.app import show
+from somrs.devices.questions import FILE, Questions
+from somrs.errors import RemoteError, UsageError
+
+TAKING = 10.0
+"""Seconds within which a person's program looks at an answer, if it runs."""
+
+
+def questions(data: Path, *, json: bool) -> None:
+    """List the open questions."""
+    kept = _kept(data)
+    try:
+        found = kept.open()
+    finally:
+        kept.close()
+    if json:
+        show.print_json(found)
+    elif not found:
+        print("nobody asks anything")
+    else:
+        rows = ((one.number, one.person, one.text, f"{max(0.0, one.until - time.time()):.0f} s") for one in found)
+        show.console().print(show.table("Open questions", ("number", "to", "question", "time left"), rows))
+        print("Answer with: somrs answer NUMBER FORMULA, such as `Jar002 isOn Table001`")
+
+
+def answer(number: int, formula: str | None, data: Path) -> None:
+    """Answer a question; None: the person cannot tell. Raises UsageError when the answer will not do, with what is wrong."""
+    if formula is not None and not formula.strip():
+        raise UsageError("an answer says what is so, such as `Jar002 isOn Table001`; with --cannot-tell, that you do not know")
+    kept = _kept(data)
+    try:
+        kept.answer(number, formula or "")
+        end, person = time.monotonic() + TAKING, ""
+        while time.monotonic() < end:
+            question = kept.read(number)
+            assert question is not None, "questions are kept"
+            person = question.person
+            if question.ended == "taken":
+                print("thank you")
+                return
+            if question.ended is not None:
+                raise UsageError(f"the answer came too late: {question.ended}")
+            if question.problem:
+                raise UsageError(f"{question.problem}\nthe question is still open; answer it again")
+            time.sleep(0.1)
+        raise RemoteError(f"nobody took the answer within {TAKING:.0f} s; is the program of {person} running?")
+    finally:
+        kept.close()
+
+
+def _kept(data: Path) -> Questions:
+    if not (data / FILE).exists():
+        raise UsageError(f"nobody was asked anything here: there is no {data / FILE}. Say where the system runs with --data")
+    return Questions(data)

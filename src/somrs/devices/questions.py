@@ -1,0 +1,92 @@
+"""Questions to people, and their answers: a small SQLite file in the data folder, through which the program that asks and
+the command with which somebody answers find each other (docs/decisions/0010).
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from msgspec import Struct
+
+from somrs.errors import UsageError
+
+FILE = "questions.sqlite"
+"""In the data folder of the system."""
+COLUMNS = "number, person, about, text, asked, until, answer, problem, ended"
+
+
+class Question(Struct, frozen=True, kw_only=True):
+    """A question to a person about an object. Times are seconds since 1970."""
+
+    number: int
+    person: str
+    about: str
+    text: str
+    asked: float
+    until: float
+    answer: str | None = None
+    """What was answered and is not judged yet; empty when the person cannot tell."""
+    problem: str = ""
+    """What was wrong with the answer before."""
+    ended: str | None = None
+    """How it came to an end: `taken`, or why nobody needs an answer any more."""
+
+
+class Questions:
+    """The questions of one data folder. Numbers are never used twice, so that nobody answers another question than meant."""
+
+    def __init__(self, folder: Path) -> None:
+        path = folder / FILE
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._db = sqlite3.connect(path, isolation_level=None, timeout=5.0)
+            self._db.execute("PRAGMA journal_mode=WAL")
+            self._db.execute(
+                "CREATE TABLE IF NOT EXISTS questions (number INTEGER PRIMARY KEY AUTOINCREMENT, person TEXT, about TEXT, text TEXT,"
+                " asked REAL, until REAL, answer TEXT, problem TEXT DEFAULT '', ended TEXT)"
+            )
+        except (sqlite3.Error, OSError) as error:
+            raise UsageError(f"{path}: the questions cannot be kept here: {error}") from None
+
+    def close(self) -> None:
+        self._db.close()
+
+    def ask(self, person: str, about: str, text: str, seconds: float) -> int:
+        """Put a question, open for so many seconds. Returns its number."""
+        now = time.time()
+        row = (person, about, text, now, now + seconds)
+        found = self._db.execute("INSERT INTO questions (person, about, text, asked, until) VALUES (?, ?, ?, ?, ?) RETURNING number", row)
+        return int(found.fetchone()[0])
+
+    def open(self) -> list[Question]:
+        """The questions that wait for an answer, the oldest first."""
+        return self._read("ended IS NULL AND until > ? ORDER BY number", (time.time(),))
+
+    def read(self, number: int) -> Question | None:
+        return next(iter(self._read("number = ?", (number,))), None)
+
+    def _read(self, where: str, values: Sequence[object]) -> list[Question]:
+        rows = self._db.execute(f"SELECT {COLUMNS} FROM questions WHERE {where}", values).fetchall()
+        return [Question(**dict(zip(COLUMNS.split(", "), row, strict=True))) for row in rows]
+
+    def answer(self, number: int, answer: str) -> None:
+        """Answer a question; what comes of it, `read` tells. Raises UsageError for one that is not open."""
+        updated = self._db.execute("UPDATE questions SET answer = ?, problem = '' WHERE number = ? AND ended IS NULL", (answer, number))
+        if not updated.rowcount:
+            question = self.read(number)
+            how = "there is no such question" if question is None else f"it is over: {question.ended}"
+            raise UsageError(f"question {number} cannot be answered: {how}; `somrs questions` lists those that are open")
+
+    def reject(self, number: int, problem: str) -> None:
+        """Ask again: the answer will not do."""
+        self._db.execute("UPDATE questions SET answer = NULL, problem = ? WHERE number = ?", (problem, number))
+
+    def end(self, number: int, how: str) -> None:
+        self._db.execute("UPDATE questions SET ended = ? WHERE number = ? AND ended IS NULL", (how, number))
+
+    def end_all(self, person: str, how: str) -> None:
+        """End what an earlier run left open."""
+        self._db.execute("UPDATE questions SET ended = ? WHERE person = ? AND ended IS NULL", (how, person))
