@@ -4,8 +4,11 @@ service is to recognise the situation), and what the map says when nobody can.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Protocol
 
 from somrs.entish import Name
 from somrs.entish.formula import Attribute, Comparison, Truth, substitute, variables
@@ -16,45 +19,109 @@ from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.planner.plan import Plan, Step
 from somrs.protocol.directory import Offer
 from somrs.protocol.knowledge import UpdateMap
+from somrs.task_manager.offered import Offered
+from somrs.task_manager.reports import Reports
 from somrs.task_manager.setting import Setting
 from somrs.task_manager.work import Work
-
-Found = Callable[["Look", float], None]
-"""Called when it is known who can look."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Look:
     """An object of which nothing is known since `work` was lost. `ways` are the plans by which it can be looked at, the next first.
 
-    `assume_nothing`: if nobody can say how it is, the map says that nothing is known of it.
+    `since` is the map's version from which on nothing is known. `assume_nothing`: if nobody can say how the object is, the map says
+    that nothing is known of it.
     """
 
     object: str
     work: Work
     since: int
-    """The map's version from which on nothing is known."""
     assume_nothing: bool
     ways: list[Plan] = field(default_factory=list)
-    offers: tuple[Offer, ...] = ()
 
-    def begin(self, setting: Setting, found: Found, now: float) -> None:
-        """Find out who can look."""
-        self._setting, self._found = setting, found
-        setting.questions.discover(self._discovered, now)
 
-    _setting: Setting = field(init=False)
-    _found: Found = field(init=False)
+class Owner(Protocol):
+    """The transaction that wants to know."""
 
-    def _discovered(self, offers: tuple[Offer, ...] | str, now: float) -> None:
+    setting: Setting
+    offered: Offered
+    reports: Reports
+
+    def tell_of(self, work: Work, text: str, now: float) -> None: ...
+
+    def look_by(self, plan: Plan, look: Look, now: float) -> None:
+        """Have it looked at so. `next_way` is called when nothing comes of that."""
+
+    def proceed(self, now: float) -> None: ...
+
+
+class Looks:
+    """What is to be looked at, one object after the other."""
+
+    def __init__(self, owner: Owner) -> None:
+        self._owner = owner
+        self._wanted: deque[tuple[str, Work, bool]] = deque()
+        self._asking: Look | None = None
+
+    @property
+    def wanted(self) -> bool:
+        """Whether something has to be looked at yet."""
+        return bool(self._wanted)
+
+    @property
+    def asking(self) -> bool:
+        """Whether it is being found out who can look."""
+        return self._asking is not None
+
+    def want(self, work: Work, *, assume_nothing: bool) -> None:
+        """Nobody knows what the work left."""
+        if work.service_type.kind is ServiceKind.PHYSICAL:
+            self._wanted += [(name, work, assume_nothing) for name in work.concerned]
+
+    def drop(self) -> None:
+        """It does not matter any more who can look at what is being asked for."""
+        if self._asking is not None:
+            self._wanted.appendleft((self._asking.object, self._asking.work, self._asking.assume_nothing))
+            self._asking = None
+
+    def begin(self, now: float) -> None:
+        """Find out who can look at the next object."""
+        object, work, assume_nothing = self._wanted.popleft()
+        since = work.member.lost_at if work.member.lost_at is not None else self._owner.setting.replica.version
+        self._asking = Look(object=object, work=work, since=since, assume_nothing=assume_nothing)
+        self._owner.setting.questions.discover(partial(self._discovered, self._asking), now)
+
+    def _discovered(self, look: Look, offers: tuple[Offer, ...] | str, now: float) -> None:
+        if look is not self._asking:
+            return
+        self._asking = None
+        replica = self._owner.setting.replica
         if not isinstance(offers, str):
-            replica = self._setting.replica
-            self.offers, self.ways = offers, ways(self.object, offers, replica.map, replica.ontology)
-        self._found(self, now)
+            self._owner.offered.discovered(offers)
+            look.ways = ways(look.object, offers, replica.map, replica.ontology)
+        self.next_way(look, now)
 
-    def unknown(self, map: Map, ontology: Ontology) -> UpdateMap:
-        """What the map is to say when nobody could look."""
-        return UpdateMap(changes=tuple(unknown(self.object, map, ontology)), author="nobody could look", expected_version=self.since)
+    def next_way(self, look: Look, now: float) -> None:
+        """Have it looked at in the next way; without any, nothing is assumed about the object."""
+        owner = self._owner
+        if look.ways:
+            plan = look.ways.pop(0)
+            owner.tell_of(look.work, f"{plan.steps[0].service_type}: somebody is to look at {look.object}", now)
+            owner.look_by(plan, look, now)
+            return
+        if look.assume_nothing and not look.work.member.reported:
+            replica = owner.setting.replica
+            changes = tuple(unknown(look.object, replica.map, replica.ontology))
+            owner.tell_of(look.work, f"nobody can look at {look.object}: nothing is assumed about it", now)
+            update = UpdateMap(changes=changes, author="nobody could look", expected_version=look.since)
+            owner.reports.put(update, partial(self._assumed, look), now)
+        owner.proceed(now)
+
+    def _assumed(self, look: Look, problem: str | None, now: float) -> None:
+        if problem is None:
+            look.work.member.lost_at = self._owner.setting.replica.version  # its own report, should it come after all, is news
+        else:
+            self._owner.tell_of(look.work, f"something else is known of {look.object} by now: {problem}", now)
 
 
 def ways(object: str, offers: Iterable[Offer], map: Map, ontology: Ontology) -> list[Plan]:

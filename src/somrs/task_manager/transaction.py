@@ -8,16 +8,12 @@ wanted (`compensation.py`).
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator
 from functools import partial
 
-from somrs.entish import Name
-from somrs.entish.formula import substitute
 from somrs.entish.parse import parse
-from somrs.errors import FormulaError
-from somrs.ontology.services import PROVIDER, Handler, Occasion, ServiceKind
-from somrs.ontology.truth import bindings
+from somrs.ontology.services import Handler, Occasion
+from somrs.planner.plan import Plan
 from somrs.protocol import frp
 from somrs.protocol.clients import Phase, Submit, TaskEvent
 from somrs.protocol.component import Record, Wake
@@ -25,7 +21,8 @@ from somrs.protocol.envelope import Message
 from somrs.protocol.frp import Outcome, State
 from somrs.protocol.knowledge import UpdateMap
 from somrs.task_manager.compensation import Undoing
-from somrs.task_manager.looking import Look
+from somrs.task_manager.handlers import fitting
+from somrs.task_manager.looking import Look, Looks
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.participants import Member, Participants
 from somrs.task_manager.pursuit import Purpose, Pursuit
@@ -53,13 +50,12 @@ class Transaction:
         self.ledger = Ledger()
         self.participants = Participants(id, setting, self.tell, self._note)
         self.offered = Offered(replica=setting.replica)
-        self._reports = Reports(setting, self.proceed)
+        self.reports = Reports(setting, self.proceed)
         self._numbers = 1
         self.wish = Pursuit(1, task.effect, Purpose.WISH, self)
         self._aside: list[Pursuit] = []
         """What is pursued before the wish is gone on with; the last one is what goes on."""
-        self._to_look: deque[tuple[str, Work, bool]] = deque()
-        self._look: Look | None = None
+        self._looks = Looks(self)
         self._undoing: Undoing | None = None
         self._blocked = ""
         """Why there is no plan, while what failures left is undone."""
@@ -73,7 +69,7 @@ class Transaction:
             return Phase.ENDED
         if self._undoing is not None:
             return Phase.COMPENSATING
-        if self._ending is not None or self._aside or self._look is not None:
+        if self._ending is not None or self._aside or self._looks.asking:
             return Phase.RECOVERING
         return self.wish.phase
 
@@ -145,12 +141,12 @@ class Transaction:
 
     def proceed(self, now: float) -> None:
         """Do whatever comes next. Nothing does while a report is on its way to the map (FRP, property 5)."""
-        if self.outcome is not None or self._reports.pending or self._look is not None:
+        if self.outcome is not None or self.reports.pending or self._looks.asking:
             return
         if self._ending is not None and self._undoing is None and self.participants.working:
             return
-        if self._to_look:
-            self._begin_look(now)
+        if self._looks.wanted:
+            self._looks.begin(now)
         elif self._aside:
             self._aside[-1].proceed(now)
         elif self._undoing is not None:
@@ -197,8 +193,8 @@ class Transaction:
         self._aside.remove(pursuit)
         self.tell(now, f"{pursuit.purpose} for {pursuit.work.label if pursuit.work else 'the task'}: {why}")
         match pursuit.purpose:
-            case Purpose.LOOK:
-                self._not_seen(pursuit, now)
+            case Purpose.LOOK if pursuit.look is not None:
+                self._looks.next_way(pursuit.look, now)
             case Purpose.UNDO if self._undoing is not None:
                 if pursuit.work is not None:
                     pursuit.work.note = pursuit.work.note or why
@@ -234,21 +230,7 @@ class Transaction:
     # What undoing says
 
     def handlers(self, work: Work, on: Occasion) -> list[Handler]:
-        """The procedures that were laid down for the work and fit the situation, the task's own first, bound to its step."""
-        laid_down = [h for h in self.task.handlers if h.service_type in (None, work.step.service_type)] + [*work.service_type.handlers]
-        bound = {**work.step.bindings, PROVIDER: Name(work.member.offer.provider)}
-        fitting: list[Handler] = []
-        replica = self.setting.replica
-        for handler in laid_down:
-            if handler.on is not on:
-                continue
-            try:
-                when = substitute(parse(handler.when), bound) if handler.when is not None else None
-                if when is None or next(iter(bindings(when, replica.map, replica.ontology)), None) is not None:
-                    fitting.append(Handler(on=on, effect=str(substitute(parse(handler.effect), bound))))
-            except FormulaError:  # the map may have lost what the procedure speaks of
-                continue
-        return fitting
+        return fitting(self.task.handlers, work, on, self.setting.replica)
 
     def restore(self, goal: str, work: Work, now: float) -> None:
         self._pursue(goal, Purpose.UNDO, work, now)
@@ -348,7 +330,7 @@ class Transaction:
 
     def _put_on_map(self, member: Member, situation: str, then: partial[None], now: float) -> None:
         update = UpdateMap(situation=situation, author=member.offer.service, expected_version=member.lost_at)
-        self._reports.put(update, then, now)
+        self.reports.put(update, then, now)
 
     def _noted(self, member: Member, problem: str | None, now: float) -> None:
         if problem is not None:
@@ -375,7 +357,7 @@ class Transaction:
         if pursuit is not None and run is not None and run.progress is Progress.REPORTING:
             pursuit.over(run, situation, trouble)
         if work is not None and trouble is not None and situation is None and not compensated and self._ending is None:
-            self._have_looked_at(work, assume_nothing=False)
+            self._looks.want(work, assume_nothing=False)
 
     def _heard_late(self, member: Member, message: Message, now: float) -> None:
         """One that was given up, and has had its End, says what became of its work: the map has to know that, too."""
@@ -384,6 +366,25 @@ class Transaction:
                 if not member.reported:
                     member.reported = True
                     self._put_on_map(member, situation, partial(self._noted, member), now)
+
+    def look_by(self, plan: Plan, look: Look, now: float) -> None:
+        self._numbers += 1
+        pursuit = Pursuit(self._numbers, str(plan.steps[0].effect), Purpose.LOOK, self, look.work, look)
+        self._aside.append(pursuit)
+        pursuit.begin(now, plan)
+
+    def _looked(self, pursuit: Pursuit, now: float) -> None:
+        """The finding is on the map, as every report is; the step that was lost begins where it says."""
+        assert pursuit.look is not None, "whoever looks knows for what"
+        labels = {run.label for run in pursuit}
+        finding = next((work.situation for work in reversed(self.ledger.works) if work.label in labels), None)
+        lost = pursuit.look.work
+        lost.situation = finding or lost.situation
+        self.tell_of(lost, f"seen: {finding}", now)
+        for other in self.pursuits:
+            for run in other:
+                if run.step is lost.step and run.failure is not None and finding is not None:
+                    run.reported = parse(finding)
 
     # Silence
 
@@ -395,67 +396,11 @@ class Transaction:
         self.offered.broken[member.offer.service] = reason
         if (work := self.ledger.of(member)) is not None:
             work.state, work.note = State.UNREACHABLE, reason
-            self._have_looked_at(work, assume_nothing=True)
+            self._looks.want(work, assume_nothing=True)
         if pursuit is not None and run is not None:
             run.excluded[member.offer.service] = reason
             run.lose(reason)
         self.proceed(now)
-
-    def _have_looked_at(self, work: Work, *, assume_nothing: bool) -> None:
-        if work.service_type.kind is ServiceKind.PHYSICAL:
-            self._to_look += [(name, work, assume_nothing) for name in work.concerned]
-
-    def _begin_look(self, now: float) -> None:
-        object, work, assume_nothing = self._to_look.popleft()
-        since = work.member.lost_at if work.member.lost_at is not None else self.setting.replica.version
-        self._look = Look(object=object, work=work, since=since, assume_nothing=assume_nothing)
-        self._look.begin(self.setting, self._who_can_look, now)
-
-    def _who_can_look(self, look: Look, now: float) -> None:
-        if look is not self._look:
-            return  # it is not wanted any more
-        self._look = None
-        if look.offers:
-            self.offered.discovered(look.offers)
-        self._look_on(look, now)
-
-    def _look_on(self, look: Look, now: float) -> None:
-        """Have the next way tried; without any, nothing is assumed about the object."""
-        if look.ways:
-            self._numbers += 1
-            plan = look.ways.pop(0)
-            pursuit = Pursuit(self._numbers, str(plan.steps[0].effect), Purpose.LOOK, self, look.work, look)
-            self._aside.append(pursuit)
-            self.tell_of(look.work, f"{plan.steps[0].service_type}: somebody is to look at {look.object}", now)
-            pursuit.begin(now, plan)
-            return
-        if look.assume_nothing and not look.work.member.reported:
-            replica = self.setting.replica
-            self.tell_of(look.work, f"nobody can look at {look.object}: nothing is assumed about it", now)
-            self._reports.put(look.unknown(replica.map, replica.ontology), partial(self._assumed, look), now)
-        self.proceed(now)
-
-    def _assumed(self, look: Look, problem: str | None, now: float) -> None:
-        if problem is None:
-            look.work.member.lost_at = self.setting.replica.version  # its own report, should it come after all, is news
-        else:
-            self.tell_of(look.work, f"something else is known of {look.object} by now: {problem}", now)
-
-    def _looked(self, pursuit: Pursuit, now: float) -> None:
-        """The finding is on the map, as every report is; the step that was lost begins where it says."""
-        look = pursuit.look
-        assert look is not None, "whoever looks knows for what"
-        found = next((work.situation for work in reversed(self.ledger.works) if work.label in {run.label for run in pursuit}), None)
-        look.work.situation = found or look.work.situation
-        self.tell_of(look.work, f"seen: {found}", now)
-        for other in self.pursuits:
-            for run in other:
-                if run.step is look.work.step and run.failure is not None and found is not None:
-                    run.reported = parse(found)
-
-    def _not_seen(self, pursuit: Pursuit, now: float) -> None:
-        assert pursuit.look is not None, "whoever looks knows for what"
-        self._look_on(pursuit.look, now)
 
     # Ending
 
@@ -466,7 +411,8 @@ class Transaction:
         for pursuit in self.pursuits:
             pursuit.abandon()
         self._aside.clear()
-        self._look = self._undoing = None
+        self._undoing = None
+        self._looks.drop()
         self._wake("deadline", None)
         self.participants.stop(reason, now)
         self._wake("stop", now + STOP_TIME)
@@ -485,7 +431,7 @@ class Transaction:
         self.participants.end(outcome, now)
         self.outcome, self.ended_at = outcome, now
         if outcome is not Outcome.ACCOMPLISHED:
-            self.explanation += "".join(f"; {_what_became_of(work)}" for work in self.ledger if not work.taken_over and not work.undoes)
+            self.explanation += "".join(f"; {work.in_words()}" for work in self.ledger if not work.taken_over and not work.undoes)
         for timer in ("deadline", "stop"):
             self._wake(timer, None)
         self.tell(now, f"{outcome}{f': {self.explanation}' if self.explanation else ''}")
@@ -505,18 +451,3 @@ class Transaction:
 
     def _wake(self, timer: str, at: float | None) -> None:
         self.setting.effects.append(Wake(f"{self.id}/{timer}", at))
-
-
-def _what_became_of(work: Work) -> str:
-    """In words, for the client of a task that was not accomplished."""
-    done = f"{work.step.service_type} by {work.service}"
-    match work.state:
-        case State.COMPENSATED:
-            return f"{done} was undone: {work.before}"
-        case State.STRANDED:
-            left = f"it left {work.situation}" if work.situation else f"nothing is known of {', '.join(work.concerned)}"
-            return f"{done} could not be undone, and {left}"
-        case State.COMPLETED:
-            return f"{done} was done: {work.situation}"
-        case _:
-            return f"{done} was interrupted: {work.situation or work.note}"

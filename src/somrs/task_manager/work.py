@@ -61,6 +61,20 @@ class Work:
             note=self.note,
         )
 
+    def in_words(self) -> str:
+        """What became of it, for the client of a task that was not accomplished."""
+        did = f"{self.step.service_type} by {self.service}"
+        match self.state:
+            case State.COMPENSATED:
+                return f"{did} was undone: {self.before}"
+            case State.STRANDED:
+                left = f"it left {self.situation}" if self.situation else f"nothing is known of {', '.join(self.concerned)}"
+                return f"{did} could not be undone, and {left}"
+            case State.COMPLETED:
+                return f"{did} was done: {self.situation}"
+            case _:
+                return f"{did} was interrupted: {self.situation or self.note}"
+
 
 @dataclass(slots=True)
 class Ledger:

@@ -1,0 +1,33 @@
+"""The procedures that were laid down for failures and compensations (paper, "Protocol for failure handling and recovery": a concrete
+plan should contain them), with a task or with a service type.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from somrs.entish import Name
+from somrs.entish.formula import substitute
+from somrs.entish.parse import parse
+from somrs.errors import FormulaError
+from somrs.ontology.services import PROVIDER, Handler, Occasion
+from somrs.ontology.truth import bindings
+from somrs.protocol.replica import Replica
+from somrs.task_manager.work import Work
+
+
+def fitting(of_task: Iterable[Handler], work: Work, on: Occasion, replica: Replica) -> list[Handler]:
+    """Those for the work that fit the situation, the task's own first, bound to its step."""
+    laid_down = [handler for handler in of_task if handler.service_type in (None, work.step.service_type)] + [*work.service_type.handlers]
+    bound = {**work.step.bindings, PROVIDER: Name(work.member.offer.provider)}
+    found: list[Handler] = []
+    for handler in laid_down:
+        if handler.on is not on:
+            continue
+        try:
+            when = substitute(parse(handler.when), bound) if handler.when is not None else None
+            if when is None or next(iter(bindings(when, replica.map, replica.ontology)), None) is not None:
+                found.append(Handler(on=on, effect=str(substitute(parse(handler.effect), bound))))
+        except FormulaError:  # the map may have lost what the procedure speaks of
+            continue
+    return found
