@@ -206,9 +206,9 @@ class Transaction:
         work = next((work for work in reversed(self.ledger.works) if work.step is run.step), None)
         if work is None or self._ending is not None:
             return False
-        for number, handler in enumerate(self.handlers(work, Occasion.FAILURE)):
-            if number not in run.handled:
-                run.handled.add(number)
+        for handler in self.handlers(work, Occasion.FAILURE):
+            if handler.effect not in run.handled:
+                run.handled.add(handler.effect)
                 self.tell(now, f"the step failed, and for that was laid down: {handler.effect}", run)
                 self._pursue(handler.effect, Purpose.HANDLER, work, now)
                 return True
@@ -304,7 +304,7 @@ class Transaction:
         member.last_word = reason
         work = self.ledger.of(member)
         if work is not None and work.state is State.EXECUTING:
-            self.ledger.works.remove(work)  # its terms had run out before it was told to start
+            self.ledger.drop(work)  # its terms had run out before it was told to start
         pursuit, _ = self._at(member)
         if pursuit is not None:
             pursuit.left(member, reason, now)

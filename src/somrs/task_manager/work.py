@@ -43,6 +43,7 @@ class Work:
     """It is part of an undoing, which is not undone itself."""
     taken_over: bool = False
     """It was interrupted, and other work began where it ended; undoing that restores what was before both."""
+    took_over: Work | None = None
 
     @property
     def service(self) -> str:
@@ -109,8 +110,14 @@ class Ledger:
         for earlier in reversed(self.works):
             if earlier.concerned == work.concerned and earlier.before is not None:
                 if earlier.state in INTERRUPTED and not earlier.undoes and not work.undoes:
-                    work.before, earlier.taken_over = earlier.before, True
+                    work.before, earlier.taken_over, work.took_over = earlier.before, True, earlier
                 return
+
+    def drop(self, work: Work) -> None:
+        """It was never begun."""
+        self.works.remove(work)
+        if work.took_over is not None:
+            work.took_over.taken_over = False
 
     def of(self, member: Member) -> Work | None:
         return next((work for work in self.works if work.member is member), None)

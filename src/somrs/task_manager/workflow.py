@@ -44,8 +44,8 @@ class StepRun:
     """Services not to be asked again for this step, and why."""
     lapsed: set[str] = field(default_factory=set)
     """Services whose terms ran out once before the step could begin."""
-    handled: set[int] = field(default_factory=set)
-    """The handlers that were tried when it failed, by their number."""
+    handled: set[str] = field(default_factory=set)
+    """What was laid down for its failure and has been tried, by its effect."""
     failure: str | None = None
     """It was begun, and is nobody's now; something has to be done about that before it is arranged again."""
     start: float = 0.0
