@@ -1,11 +1,13 @@
-"""Keeps a simulated world in step with the Repository: it is built from the map, and what is added to the map appears in it."""
+"""Keeps a simulated world in step with the Repository: it is built from the map, what is added to the map appears in it, and doors
+open and close as the map says. Where things are, the physics decides: what robots measure does not move them.
+"""
 
 from __future__ import annotations
 
 import asyncio
 
 from somrs.devices.simulator.simulation import Simulation
-from somrs.ontology.objects import ObjectAdded, ObjectRemoved
+from somrs.ontology.objects import ObjectAdded, ObjectRemoved, ValueSet
 from somrs.protocol.component import Effect, Input, Started
 from somrs.protocol.replica import Replica
 
@@ -36,4 +38,6 @@ class Follower:
                         self.simulation.add(object)
                     case ObjectRemoved(name):
                         self.simulation.remove(name)
+                    case ValueSet(name, "Open") if (door := self.replica.map.objects.get(name)) is not None:
+                        self.simulation.renew(door)
         return news.effects

@@ -345,6 +345,13 @@ class Simulation:
         if solid is not None and solid.role not in (Role.ROBOT, Role.THING, Role.CAMERA):
             self._renew_navigators()
 
+    def renew(self, object: Object) -> None:
+        """A part of the building, such as a door, is otherwise than before."""
+        solid = self.scene.world.solids.get(object.name)
+        if solid is not None and solid.role is Role.DOOR:
+            self.remove(object.name)
+            self.add(object)
+
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
         """Somebody takes a thing away and puts it elsewhere."""
         solid = self.scene.world.solids.get(thing)
