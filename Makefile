@@ -4,7 +4,7 @@ SCENARIO ?= 1b
 RUNS ?= 20
 BIN := .venv/bin
 
-.PHONY: setup demo test lint scenarios benchmarks docs clean
+.PHONY: setup demo test lint scenarios benchmarks bench-coordination docs clean
 
 setup: .venv/.ready
 
@@ -29,6 +29,10 @@ scenarios: setup
 
 benchmarks: setup
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+# Conversations per second, beside SPADE and DBOS where they are installed: pip install -e '.[rivals]'
+bench-coordination: setup
+	@$(BIN)/python benchmarks/coordination.py
 
 # What is generated: the state diagrams and the JSON Schema.
 docs: setup

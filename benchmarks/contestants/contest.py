@@ -1,0 +1,85 @@
+"""What every contestant has to be able to do, and the loop in which its process measures it when it is told to."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+import msgspec
+
+BIDDERS = 10
+AT_ONCE = 16
+"""The most conversations that are held at the same time."""
+
+MESSAGES = 3 * BIDDERS + 3
+"""Arrange and Terms with each, Accept with one, Cancel with the others, Execute, Completed and End."""
+
+
+class Contestant(Protocol):
+    """`line` tells the conversations apart that are held at the same time; one line holds one after the other."""
+
+    async def start(self, data: Path) -> None: ...
+
+    async def converse(self, line: int) -> None:
+        """A whole conversation, from asking for the work to knowing that it is done and over."""
+        ...
+
+    async def stop(self) -> None: ...
+
+
+class Round(msgspec.Struct, frozen=True, kw_only=True):
+    """What is to be measured: for so many seconds, so many conversations at a time."""
+
+    seconds: float
+    at_once: int
+
+
+class Measured(msgspec.Struct, frozen=True, kw_only=True):
+    """How long all of it took, and each conversation in it; in seconds."""
+
+    elapsed: float
+    latencies: list[float]
+
+
+class Ready(msgspec.Struct, frozen=True, kw_only=True):
+    """It is up; conversations can begin."""
+
+    name: str
+
+
+async def measure(contestant: Contestant, round: Round) -> Measured:
+    """Hold conversations until the time is over; those that have begun by then are finished, and count."""
+    latencies: list[float] = []
+    began = time.perf_counter()
+    end = began + round.seconds
+
+    async def hold(line: int) -> None:
+        while (start := time.perf_counter()) < end:
+            await contestant.converse(line)
+            latencies.append(time.perf_counter() - start)
+
+    async with asyncio.TaskGroup() as group:
+        for line in range(round.at_once):
+            group.create_task(hold(line))
+    return Measured(elapsed=time.perf_counter() - began, latencies=latencies)
+
+
+async def take_part(name: str, make: Callable[[], Contestant], data: Path) -> None:
+    """Be measured as the lines on standard input say, until there are no more."""
+    contestant = make()
+    loop = asyncio.get_running_loop()
+    try:
+        await contestant.start(data)
+        say(Ready(name=name))
+        while line := await loop.run_in_executor(None, sys.stdin.readline):
+            say(await measure(contestant, msgspec.json.decode(line, type=Round)))
+    finally:
+        await contestant.stop()
+
+
+def say(what: msgspec.Struct) -> None:
+    print(msgspec.json.encode(what).decode(), flush=True)

@@ -1,0 +1,139 @@
+"""DBOS on its SQLite system database: a durable workflow for each conversation, in one process, in two forms.
+
+`Steps` is the fastest for DBOS: the bidders are functions that a workflow calls as steps, one after the other in a thread (that was
+faster than coroutines, and than all at the same time). A step is written once, when it is over, so two messages (Arrange and its
+Terms, Execute and its Completed) cost one write. `Messages` is
+what the other contestants do: the bidders are workflows of their own, and everything is said with `send` and `recv`; what goes to all
+of them goes in one transaction. Both on a write-ahead log with `synchronous=FULL`, which DBOS does not choose by itself, and which
+makes it faster.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import uuid
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import sqlalchemy
+from dbos import DBOS, DBOSConfig, SendMessage, SetWorkflowID
+
+from contestants.contest import BIDDERS
+from contestants.talk import Bidder, Negotiation, Note, Speaker
+
+COORDINATOR = "task-manager"
+NAMES = tuple(f"robot-{number}" for number in range(BIDDERS))
+POLL = 0.001
+"""Seconds between two looks for messages: on SQLite DBOS polls, and this is the shortest that it takes."""
+
+Record = dict[str, Any]
+"""A note, as DBOS writes it."""
+
+bidders = {name: Bidder(name, number) for number, name in enumerate(NAMES)}
+speaker = Speaker(COORDINATOR)
+
+
+def _record(note: Note) -> Record:
+    record: Record = msgspec.structs.asdict(note)
+    return record
+
+
+def _launch(data: Path) -> None:
+    engine = sqlalchemy.create_engine(f"sqlite:///{data / 'dbos.sqlite'}", pool_size=20, max_overflow=0, pool_timeout=30)
+
+    @sqlalchemy.event.listens_for(engine, "connect")
+    def prepare(connection: Any, record: Any) -> None:
+        connection.isolation_level = "IMMEDIATE"  # so, too, DBOS's own connections
+        for setting in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=30000", "foreign_keys=ON"):
+            connection.execute(f"PRAGMA {setting}")
+
+    config: DBOSConfig = {
+        "name": "coordination",
+        "system_database_engine": engine,
+        "log_level": "ERROR",
+        "notification_listener_polling_interval_sec": POLL,
+    }
+    DBOS(config=config)
+    DBOS.launch()
+
+
+# Steps
+
+
+@DBOS.step()
+def ask(record: Record) -> Record | None:
+    """Tell a bidder something; its answer."""
+    answer = bidders[record["recipient"]].answer(Note(**record))
+    return _record(answer) if answer is not None else None
+
+
+@DBOS.workflow()
+def contract(transaction: str) -> str:
+    negotiation = Negotiation(speaker, transaction, NAMES)
+    said = negotiation.open()
+    while said:
+        answers = [ask(_record(note)) for note in said]
+        said = [note for answer in answers if answer is not None for note in negotiation.hear(Note(**answer))]
+    return "accomplished"
+
+
+class Steps:
+    async def start(self, data: Path) -> None:
+        _launch(data)
+
+    async def converse(self, line: int) -> None:
+        await asyncio.to_thread(contract, uuid.uuid4().urn)
+
+    async def stop(self) -> None:
+        DBOS.destroy()
+
+
+# Messages
+
+
+def _mailbox(name: str, transaction: str) -> str:
+    """The id of a party's workflow in a conversation."""
+    return f"{transaction}/{name}"
+
+
+async def _tell(notes: list[Note]) -> None:
+    await DBOS.send_bulk_async([SendMessage(_mailbox(note.recipient, note.transaction), _record(note)) for note in notes])
+
+
+@DBOS.workflow()
+async def bid(name: str) -> str:
+    """A bidder's part in one conversation: until it is told that it is over for it."""
+    while True:
+        note = Note(**await DBOS.recv_async())
+        answer = bidders[name].answer(note)
+        if answer is not None:
+            await DBOS.send_async(_mailbox(answer.recipient, answer.transaction), _record(answer))
+        if note.kind in ("Cancel", "End"):
+            return note.kind
+
+
+@DBOS.workflow()
+async def negotiate(transaction: str) -> str:
+    negotiation = Negotiation(speaker, transaction, NAMES)
+    await _tell(negotiation.open())
+    while not negotiation.over:
+        if said := negotiation.hear(Note(**await DBOS.recv_async())):
+            await _tell(said)
+    return "accomplished"
+
+
+class Messages:
+    async def start(self, data: Path) -> None:
+        _launch(data)
+
+    async def converse(self, line: int) -> None:
+        transaction = uuid.uuid4().urn
+        for name in NAMES:
+            with SetWorkflowID(_mailbox(name, transaction)):
+                await DBOS.start_workflow_async(bid, name)
+        with SetWorkflowID(_mailbox(COORDINATOR, transaction)):
+            await negotiate(transaction)
+
+    async def stop(self) -> None:
+        DBOS.destroy()

@@ -1,0 +1,72 @@
+"""The least that such a conversation can cost in Python: calls within one process, msgpack, and a journal. No addresses, no
+sessions, nothing that could fail, nothing that is sent again."""
+
+from __future__ import annotations
+
+import asyncio
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from contestants.contest import BIDDERS
+from contestants.durable import Journal
+from contestants.talk import Bidder, Negotiation, Note, Speaker
+
+_ENCODER = msgspec.msgpack.Encoder()
+_DECODER = msgspec.msgpack.Decoder(Note)
+
+Hear = Callable[[Note], list[Note]]
+
+
+class Floor:
+    """Every message is encoded, handed over, decoded, and on disk before anything is answered."""
+
+    async def start(self, data: Path) -> None:
+        self._journal = Journal(data / "floor.sqlite")
+        self._speaker = Speaker("task-manager")
+        self._open: dict[str, tuple[Negotiation, asyncio.Future[None]]] = {}
+        self._running: set[asyncio.Task[None]] = set()
+        bidders = {f"robot-{number}": Bidder(f"robot-{number}", number) for number in range(BIDDERS)}
+        self._names = tuple(bidders)
+        self._ears: dict[str, Hear] = {"task-manager": self._hear, **{name: _answers(bidder) for name, bidder in bidders.items()}}
+
+    async def converse(self, line: int) -> None:
+        transaction = uuid.uuid4().urn
+        over: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        negotiation = Negotiation(self._speaker, transaction, self._names)
+        self._open[transaction] = negotiation, over
+        for note in negotiation.open():
+            self._send(note)
+        await over
+
+    async def stop(self) -> None:
+        self._journal.close()
+
+    def _hear(self, note: Note) -> list[Note]:
+        negotiation, over = self._open[note.transaction]
+        answers = negotiation.hear(note)
+        if negotiation.over:
+            del self._open[note.transaction]
+            over.set_result(None)
+        return answers
+
+    def _send(self, note: Note) -> None:
+        task = asyncio.create_task(self._receive(note.recipient, _ENCODER.encode(note)))
+        self._running.add(task)
+        task.add_done_callback(self._running.discard)
+
+    async def _receive(self, recipient: str, document: bytes) -> None:
+        note = _DECODER.decode(document)
+        await self._journal.append(document)
+        for answer in self._ears[recipient](note):
+            self._send(answer)
+
+
+def _answers(bidder: Bidder) -> Hear:
+    def hear(note: Note) -> list[Note]:
+        answer = bidder.answer(note)
+        return [answer] if answer is not None else []
+
+    return hear

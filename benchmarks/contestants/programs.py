@@ -1,0 +1,71 @@
+"""Processes that a contestant starts besides its own, and ends."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import socket
+import sys
+from pathlib import Path
+
+START_TIME = 30.0
+"""Seconds that a process has to say that it is ready."""
+
+END_TIME = 5.0
+"""Seconds that it has to end by itself."""
+
+
+class Programs:
+    """Started one after the other, ended in the opposite order. Each ends, too, when its standard input is closed."""
+
+    def __init__(self, data: Path) -> None:
+        self._data = data
+        self._running: list[asyncio.subprocess.Process] = []
+
+    async def start(self, module: str, *arguments: str) -> str:
+        """Run `contestants.MODULE` with the arguments; what it says when it is ready."""
+        line = [sys.executable, "-m", f"contestants.{module}", *arguments]
+        process = await asyncio.create_subprocess_exec(
+            *line,
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            cwd=self._data,
+            env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1])},
+        )
+        self._running.append(process)
+        assert process.stdout is not None
+        said = await asyncio.wait_for(process.stdout.readline(), START_TIME)
+        if not said:
+            raise RuntimeError(f"{module} {' '.join(arguments)} ended at once; see the log")
+        return said.decode().strip()
+
+    async def end(self) -> None:
+        for process in reversed(self._running):
+            assert process.stdin is not None
+            process.stdin.close()
+            try:
+                await asyncio.wait_for(process.wait(), END_TIME)
+            except TimeoutError:
+                with contextlib.suppress(ProcessLookupError):
+                    process.kill()
+                await process.wait()
+
+
+async def until_told() -> None:
+    """Wait until whoever started it wants it to end, or is gone."""
+    reader = asyncio.StreamReader()
+    # Not in a thread: a process that is forked meanwhile could never close its copy of standard input.
+    await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+    await reader.read()
+
+
+def ready(word: str = "ready") -> None:
+    print(word, flush=True)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port

@@ -1,0 +1,158 @@
+"""SPADE: eleven agents that talk by XMPP over sockets, through SPADE's own server.
+
+SPADE hands a message over without XMPP when both agents are in one process. So the manager is in one process, the bidders in
+another, and the server in a third, which is also the fastest for SPADE here. What an agent receives is in the same journal as the
+floor's before it is answered: SPADE itself keeps nothing. The server does not keep its users on disk, which is in its favour.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import os
+import shutil
+import sys
+import uuid
+from collections.abc import Awaitable, Callable
+from importlib.util import find_spec
+from pathlib import Path
+
+import msgspec
+import uvloop
+
+from contestants.contest import BIDDERS
+from contestants.durable import Journal
+from contestants.programs import Programs, free_port, ready, until_told
+from contestants.talk import Bidder, Negotiation, Note, Speaker
+
+DOMAIN = "localhost"
+PATIENCE = 60.0
+"""Seconds that an agent waits for a message before it waits anew."""
+
+Hear = Callable[[Note], list[Note]]
+
+_ENCODER = msgspec.json.Encoder()
+_DECODER = msgspec.json.Decoder(Note)
+
+
+def _jid(name: str) -> str:
+    return f"{name}@{DOMAIN}"
+
+
+async def _agent(name: str, port: int, journal: Journal, hear: Hear) -> tuple[object, Callable[[list[Note]], Awaitable[None]]]:
+    """An agent that is connected, and what makes it send."""
+    from spade.agent import Agent
+    from spade.behaviour import CyclicBehaviour
+    from spade.message import Message
+
+    class Listening(CyclicBehaviour):
+        async def run(self) -> None:
+            message = await self.receive(timeout=PATIENCE)
+            if message is not None:
+                self.agent.submit(self.handle(message.body))  # the next one is not to wait for the disk
+
+        async def handle(self, text: str) -> None:
+            document = text.encode()
+            await journal.append(document)
+            await self.speak(hear(_DECODER.decode(document)))
+
+        async def speak(self, notes: list[Note]) -> None:
+            for note in notes:
+                await self.send(Message(to=note.recipient, body=_ENCODER.encode(note).decode(), metadata={"performative": note.kind}))
+
+    agent = Agent(_jid(name), "secret", port=port)
+    listening = Listening()
+    agent.add_behaviour(listening)
+    await agent.start(auto_register=True)
+    return agent, listening.speak
+
+
+class Spade:
+    """The manager's process; it starts the other two."""
+
+    async def start(self, data: Path) -> None:
+        self._programs = Programs(data)
+        port = free_port()
+        await self._programs.start("spade_agents", "server", str(port))
+        await self._programs.start("spade_agents", "bidders", str(port))
+        self._journal = Journal(data / "manager.sqlite")
+        self._open: dict[str, tuple[Negotiation, asyncio.Future[None]]] = {}
+        self._speaker = Speaker(_jid("manager"))
+        self._bidders = tuple(_jid(f"robot-{number}") for number in range(BIDDERS))
+        self._agent, self._speak = await _agent("manager", port, self._journal, self._hear)
+
+    async def converse(self, line: int) -> None:
+        transaction = uuid.uuid4().urn
+        over: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        negotiation = Negotiation(self._speaker, transaction, self._bidders)
+        self._open[transaction] = negotiation, over
+        await self._speak(negotiation.open())
+        await over
+
+    async def stop(self) -> None:
+        await self._agent.stop()  # type: ignore[attr-defined]  # SPADE has no types
+        self._journal.close()
+        await self._programs.end()
+
+    def _hear(self, note: Note) -> list[Note]:
+        negotiation, over = self._open[note.transaction]
+        answers = negotiation.hear(note)
+        if negotiation.over:
+            del self._open[note.transaction]
+            over.set_result(None)
+        return answers
+
+
+async def _bidders(port: int) -> None:
+    journal = Journal(Path("bidders.sqlite"))
+    agents = []
+    for number in range(BIDDERS):
+        bidder = Bidder(_jid(f"robot-{number}"), number)
+
+        def hear(note: Note, bidder: Bidder = bidder) -> list[Note]:
+            answer = bidder.answer(note)
+            return [answer] if answer is not None else []
+
+        agents.append(await _agent(f"robot-{number}", port, journal, hear))
+    ready()
+    await until_told()
+    for agent, _ in agents:
+        await agent.stop()  # type: ignore[attr-defined]  # SPADE has no types
+    journal.close()
+
+
+async def _server(port: int) -> None:
+    import loguru
+    from pyjabber.server import Server
+    from pyjabber.server_parameters import Parameters
+
+    loguru.logger.remove()
+    found = find_spec("pyjabber")
+    assert found is not None, "it was imported above"
+    assert found.origin is not None, "it has a file"
+    certificates = Path("certificates").resolve()
+    shutil.copytree(Path(found.origin).parent / "network" / "certs", certificates)  # it writes its own beside those
+    server = Server(
+        Parameters(
+            host=DOMAIN,
+            client_port=port,
+            server_port=free_port(),
+            database_in_memory=True,
+            cert_path=str(certificates),
+            connection_timeout=3600,
+        )
+    )
+    # On the loopback address only, and without its pages, which are served at a port that cannot be chosen.
+    server._public_ip = server._http_server = None
+    serving = asyncio.create_task(server.start())
+    await server.ready.wait()
+    ready()
+    await until_told()
+    serving.cancel()
+    for child in multiprocessing.active_children():  # it hashes passwords in processes of its own
+        child.kill()
+    os._exit(0)  # it catches the cancellation, and goes on
+
+
+if __name__ == "__main__":
+    uvloop.run((_server if sys.argv[1] == "server" else _bidders)(int(sys.argv[2])))

@@ -1,0 +1,126 @@
+"""The messages of a conversation, for contestants that have none of their own: as large as the protocol's, and as many."""
+
+from __future__ import annotations
+
+import uuid
+from itertools import count
+
+from msgspec import Struct
+
+Body = dict[str, str | float]
+
+
+class Note(Struct, frozen=True, kw_only=True):
+    """A message. What is in its header is what is in one of the Failure Recovery Protocol."""
+
+    kind: str
+    sender: str
+    recipient: str
+    id: str
+    relates_to: str | None
+    transaction: str
+    participant: str
+    body: Body
+
+
+WISH = "Jar002 isOn Platform001"
+BODIES: dict[str, Body] = {
+    "Arrange": {
+        "service_type": "TransferObject",
+        "object": "Jar002",
+        "destination": "Platform001",
+        "effect": WISH,
+        "precondition": "Jar002 isOn Cupboard001",
+        "earliest_start": 1767225600.0,
+        "reply_by": 1767225610.0,
+    },
+    "Terms": {
+        "effect": WISH,
+        "precondition": "Jar002 isOn Cupboard001",
+        "price": 4.0,
+        "currency": "EUR",
+        "duration": 1.0,
+        "start_from": 1767225600.0,
+        "valid_until": 1767225720.0,
+    },
+    "Accept": {"terms": "urn:uuid:6f1c9f0e-5a58-5b5e-9a36-50e4c0a0f5f1"},
+    "Cancel": {"reason": "another service was chosen by price"},
+    "Execute": {"object": "Jar002", "destination": "Platform001", "precondition": "Jar002 isOn Cupboard001"},
+    "Completed": {"situation": WISH},
+    "End": {"outcome": "accomplished"},
+}
+"""What each message says."""
+
+
+class Speaker:
+    """Writes the messages of one side. Ids are unique, and cheaper than those that say the same after a restart."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._life = uuid.uuid4().urn
+        self._said = count()
+
+    def say(self, kind: str, recipient: str, transaction: str, participant: str, to: Note | None = None, body: Body | None = None) -> Note:
+        return Note(
+            kind=kind,
+            sender=self.name,
+            recipient=recipient,
+            id=f"{self._life}-{next(self._said)}",
+            relates_to=to.id if to is not None else None,
+            transaction=transaction,
+            participant=participant,
+            body=body or BODIES[kind],
+        )
+
+
+class Bidder:
+    """What a bidder answers. It offers at a price that differs from one conversation to the next, so that each wins some."""
+
+    def __init__(self, name: str, number: int) -> None:
+        self._speaker, self._number = Speaker(name), number
+        self._offers = 0
+
+    def answer(self, note: Note) -> Note | None:
+        match note.kind:
+            case "Arrange":
+                self._offers += 1
+                price = float((self._offers + self._number) % 10)
+                return self._reply("Terms", note, {**BODIES["Terms"], "price": price})
+            case "Execute":
+                return self._reply("Completed", note)
+            case _:
+                return None
+
+    def _reply(self, kind: str, to: Note, body: Body | None = None) -> Note:
+        return self._speaker.say(kind, to.sender, to.transaction, to.participant, to, body)
+
+
+class Negotiation:
+    """The coordinator's side of one conversation: what it says first, and what it says to what it hears."""
+
+    def __init__(self, speaker: Speaker, transaction: str, bidders: tuple[str, ...]) -> None:
+        self._speaker, self._transaction, self._bidders = speaker, transaction, bidders
+        self._terms: list[Note] = []
+        self.over = False
+
+    def open(self) -> list[Note]:
+        return [self._say("Arrange", bidder) for bidder in self._bidders]
+
+    def hear(self, note: Note) -> list[Note]:
+        match note.kind:
+            case "Terms":
+                self._terms.append(note)
+                return self._award() if len(self._terms) == len(self._bidders) else []
+            case "Completed":
+                self.over = True
+                return [self._say("End", note.sender, note)]
+            case _:
+                return []
+
+    def _award(self) -> list[Note]:
+        best = min(self._terms, key=lambda terms: (terms.body["price"], terms.sender))
+        decided = [self._say("Accept" if terms is best else "Cancel", terms.sender, terms) for terms in self._terms]
+        return [*decided, self._say("Execute", best.sender, best)]
+
+    def _say(self, kind: str, bidder: str, to: Note | None = None) -> Note:
+        return self._speaker.say(kind, bidder, self._transaction, f"{bidder}.TransferObject#s1", to)

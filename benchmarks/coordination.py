@@ -1,0 +1,233 @@
+"""What coordination costs: one coordinator contracts one of ten bidders, durably, in SO-MRS and in others' systems.
+
+`python benchmarks/coordination.py` measures all of them in turns; names as arguments measure only those.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import msgspec
+from contestants.contest import AT_ONCE, BIDDERS, MESSAGES, Contestant, Measured, Ready, Round, take_part
+from msgspec import Struct
+
+WARM_UP = Round(seconds=1.0, at_once=AT_ONCE)
+START_TIME = 60.0
+"""Seconds that a contestant has to be ready."""
+
+STALL_TIME = 30.0
+"""Seconds after a round by which it has to have finished the last conversations."""
+
+END_TIME = 15.0
+"""Seconds that it has to end by itself."""
+
+
+class Entry(Struct, frozen=True, kw_only=True):
+    """A contestant: the class that it is, what it is in words, and the packages that it needs besides SO-MRS."""
+
+    module: str
+    kind: str
+    title: str
+    needs: tuple[str, ...] = ()
+
+
+ENTRIES: dict[str, Entry] = {
+    "floor": Entry(module="floor", kind="Floor", title="the floor: calls, msgpack, a journal"),
+    "spade": Entry(module="spade_agents", kind="Spade", title="SPADE over its XMPP server", needs=("spade",)),
+    "dbos": Entry(module="dbos_workflows", kind="Steps", title="DBOS on SQLite: steps", needs=("dbos",)),
+    "dbos-messages": Entry(module="dbos_workflows", kind="Messages", title="DBOS on SQLite: send and recv", needs=("dbos",)),
+}
+
+
+@dataclass(slots=True, kw_only=True)
+class Figures:
+    """What was measured of one contestant at one number of conversations at a time."""
+
+    rates: list[float] = field(default_factory=list)
+    """Conversations per second, one figure for each round."""
+    latencies: list[float] = field(default_factory=list)
+    cpu: float | None = 0.0
+    """Seconds of all its processes together; None where the operating system does not tell."""
+
+    def add(self, measured: Measured, cpu: float | None) -> None:
+        self.rates.append(len(measured.latencies) / measured.elapsed)
+        self.latencies += measured.latencies
+        self.cpu = self.cpu + cpu if self.cpu is not None and cpu is not None else None
+
+    @property
+    def rate(self) -> float:
+        return statistics.median(self.rates)
+
+
+class Failed(Exception):
+    """A contestant could not be measured."""
+
+
+class Child:
+    """The process of a contestant."""
+
+    def __init__(self, name: str, data: Path) -> None:
+        self.name = name
+        data.mkdir()
+        self.log = data / "log"
+        line = [sys.executable, str(Path(__file__).resolve()), "--contestant", name, "--data", str(data)]
+        with self.log.open("wb") as errors:
+            self._process = subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, cwd=data)
+
+    def ready(self) -> None:
+        msgspec.json.decode(self._heard(START_TIME), type=Ready)
+
+    def measure(self, round: Round) -> tuple[Measured, float | None]:
+        """What it measured, and the processor's seconds that it took."""
+        before = cpu_seconds(self._process.pid)
+        assert self._process.stdin is not None
+        self._process.stdin.write(msgspec.json.encode(round) + b"\n")
+        self._process.stdin.flush()
+        measured = msgspec.json.decode(self._heard(round.seconds + STALL_TIME), type=Measured)
+        after = cpu_seconds(self._process.pid)
+        return measured, after - before if before is not None and after is not None else None
+
+    def end(self) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        try:
+            self._process.wait(END_TIME)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _heard(self, seconds: float) -> bytes:
+        assert self._process.stdout is not None
+        late = threading.Timer(seconds, self._process.kill)
+        late.start()
+        try:
+            while line := self._process.stdout.readline():
+                if line.startswith(b"{"):  # libraries greet on standard output, too
+                    return line
+        finally:
+            late.cancel()
+        said = self.log.read_text(errors="replace").strip()[-2000:] or "nothing"
+        raise Failed(f"{ENTRIES[self.name].title}: it ended, or was ended after {seconds:g} s without a word; its log says:\n{said}")
+
+
+def cpu_seconds(root: int) -> float | None:
+    """Of a process and all that came of it, including those that have ended since, as far as they were waited for."""
+    if not Path("/proc").is_dir():
+        return None
+    tick = os.sysconf("SC_CLK_TCK")
+    times: dict[int, float] = {}
+    parents: dict[int, int] = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal():
+            try:
+                fields = (entry / "stat").read_text().rpartition(")")[2].split()
+            except OSError:  # it ended meanwhile
+                continue
+            parents[int(entry.name)] = int(fields[1])
+            times[int(entry.name)] = sum(map(int, fields[11:15])) / tick
+    return sum(seconds for pid, seconds in times.items() if root in _ancestors(pid, parents))
+
+
+def _ancestors(pid: int, parents: dict[int, int]) -> Iterator[int]:
+    """The process and those that it comes from."""
+    while pid:
+        yield pid
+        pid = parents.get(pid, 0)
+
+
+def compete(names: Sequence[str], rounds: int, seconds: float) -> dict[int, dict[str, Figures]]:
+    """Measure them in turns: in each round every contestant gets the same time, alone and in a crowd."""
+    results: dict[int, dict[str, Figures]] = {at_once: {name: Figures() for name in names} for at_once in (1, AT_ONCE)}
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="coordination-")))
+        children = {name: stack.enter_context(_running(name, folder / name)) for name in names}
+        for child in children.values():
+            child.ready()
+            child.measure(WARM_UP)
+        for _ in range(rounds):
+            for name, child in children.items():
+                for at_once, figures in results.items():
+                    figures[name].add(*child.measure(Round(seconds=seconds, at_once=at_once)))
+    return results
+
+
+@contextmanager
+def _running(name: str, data: Path) -> Iterator[Child]:
+    child = Child(name, data)
+    try:
+        yield child
+    finally:
+        child.end()
+
+
+def table(at_once: int, figures: dict[str, Figures]) -> None:
+    first = next(iter(figures.values()))
+    print(f"\n{_conversations(at_once):40} {'per second':>11} {'p50':>9} {'p99':>9} {'CPU each':>10} {'ratio':>8}")
+    for name, one in figures.items():
+        latencies = sorted(one.latencies)
+        cpu = f"{one.cpu / len(latencies) * 1000:.3g} ms" if one.cpu is not None else "-"
+        print(
+            f"  {ENTRIES[name].title:38} {one.rate:11.1f} {_ms(latencies, 0.5):>9} {_ms(latencies, 0.99):>9} {cpu:>10}"
+            f" {one.rate / first.rate:8.3f}"
+        )
+
+
+def _conversations(at_once: int) -> str:
+    return "one conversation at a time" if at_once == 1 else f"{at_once} conversations at a time"
+
+
+def _ms(latencies: list[float], part: float) -> str:
+    return f"{latencies[min(int(len(latencies) * part), len(latencies) - 1)] * 1000:.3g} ms"
+
+
+def present(entry: Entry) -> bool:
+    return all(find_spec(package) is not None for package in entry.needs)
+
+
+def contestant(entry: Entry) -> Callable[[], Contestant]:
+    make: Callable[[], Contestant] = getattr(import_module(f"contestants.{entry.module}"), entry.kind)
+    return make
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").strip().splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"who takes part: {', '.join(ENTRIES)} (all of them, if none is named)")
+    parser.add_argument("--rounds", type=int, default=3, help="how often each gets its turn")
+    parser.add_argument("--seconds", type=float, default=3.0, help="how long a turn is")
+    parser.add_argument("--contestant", choices=ENTRIES, help=argparse.SUPPRESS)
+    parser.add_argument("--data", type=Path, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.contestant is not None:
+        asyncio.run(take_part(arguments.contestant, contestant(ENTRIES[arguments.contestant]), arguments.data))
+        return
+    if unknown := [name for name in arguments.names if name not in ENTRIES]:
+        parser.error(f"there is no contestant {', '.join(unknown)}; there are {', '.join(ENTRIES)}")
+    if arguments.rounds < 1 or not 0 < arguments.seconds <= 600:
+        parser.error("--rounds is 1 or more, and --seconds more than 0 and at most 600")
+    wanted = arguments.names or [*ENTRIES]
+    for name in wanted:
+        if not present(ENTRIES[name]):
+            print(f"{ENTRIES[name].title}: left out, because it is not installed; pip install -e '.[rivals]' brings it")
+    taking_part = [name for name in wanted if present(ENTRIES[name])]
+    print(
+        f"One coordinator, {BIDDERS} bidders, {MESSAGES} messages a conversation; {arguments.rounds} rounds of {arguments.seconds:g} s each"
+    )
+    for at_once, figures in compete(taking_part, arguments.rounds, arguments.seconds).items():
+        table(at_once, figures)
+
+
+if __name__ == "__main__":
+    main()
