@@ -111,13 +111,40 @@ class TaskView(Struct, frozen=True, kw_only=True):
 
 
 class ReadTasks(Struct, frozen=True, kw_only=True, tag=True):
-    """All tasks this Task Manager knows, newest first, up to `limit`."""
+    """The tasks that this Task Manager knows, newest first, up to `limit`: all, or those that are not over yet (`running`).
+    `behind`: those behind this one in that order."""
 
     limit: int = 50
+    running: bool = False
+    behind: str | None = None
 
 
 class Tasks(Struct, frozen=True, kw_only=True, tag=True):
+    """`more`: there are older ones. A page ends early when it becomes too long for a message."""
+
     tasks: tuple[TaskView, ...]
+    more: bool = False
+
+
+class EventKind(StrEnum):
+    """What an event is in the life of a task."""
+
+    NEWS = "news"
+    """It goes on."""
+    SETBACK = "setback"
+    """Something went wrong."""
+    HANDLER = "handler"
+    """A procedure that was laid down for a failure is begun."""
+    REPLACE = "replace"
+    """The ladder's first rung: another service takes the step."""
+    REPLAN = "replan"
+    """Its second rung: a new plan, from how things are now."""
+    LOOK = "look"
+    """A cognitive service is to find out, or found out, what a failure left."""
+    UNDO = "undo"
+    """Its third and its last rung: what was done, or left, is undone."""
+    END = "end"
+    """The task is over."""
 
 
 class TaskEvent(Struct, frozen=True, kw_only=True):
@@ -127,6 +154,7 @@ class TaskEvent(Struct, frozen=True, kw_only=True):
     at: float
     text: str
     step: str | None = None
+    kind: EventKind = EventKind.NEWS
 
 
 class WatchTask(Struct, frozen=True, kw_only=True, tag=True):
@@ -138,8 +166,11 @@ class WatchTask(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class TaskNews(Struct, frozen=True, kw_only=True, tag=True):
+    """`more`: there are events behind these already."""
+
     view: TaskView
     events: tuple[TaskEvent, ...]
+    more: bool = False
 
 
 class Preview(Struct, frozen=True, kw_only=True, tag=True):

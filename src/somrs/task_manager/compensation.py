@@ -15,6 +15,7 @@ from typing import Protocol
 from somrs.errors import FormulaError
 from somrs.ontology.services import Handler, Occasion
 from somrs.ontology.truth import holds
+from somrs.protocol.clients import EventKind
 from somrs.protocol.frp import State
 from somrs.task_manager.participants import Participants
 from somrs.task_manager.setting import Setting
@@ -36,7 +37,7 @@ class Owner(Protocol):
     setting: Setting
     participants: Participants
 
-    def tell_of(self, work: Work, text: str, now: float) -> None: ...
+    def tell_of(self, work: Work, text: str, now: float, kind: EventKind) -> None: ...
 
     def handlers(self, work: Work, on: Occasion) -> Iterable[Handler]:
         """The procedures that were laid down for it and fit the situation."""
@@ -87,15 +88,15 @@ class Undoing:
         match attempt:
             case _Attempt.HANDLER:
                 for handler in owner.handlers(work, Occasion.COMPENSATION):
-                    owner.tell_of(work, f"undoing it by what was laid down: {handler.effect}", now)
+                    owner.tell_of(work, f"undoing it by what was laid down: {handler.effect}", now, EventKind.UNDO)
                     self._pursue(handler.effect, work, now)
                     return
             case _Attempt.PARTICIPANT:
                 if owner.participants.compensate(work.member, str(work.before), now):
-                    owner.tell_of(work, f"{work.service} is to restore {work.before}", now)
+                    owner.tell_of(work, f"{work.service} is to restore {work.before}", now, EventKind.UNDO)
             case _Attempt.OTHERS:
                 if self._by_others:
-                    owner.tell_of(work, f"others are to restore {work.before}", now)
+                    owner.tell_of(work, f"others are to restore {work.before}", now, EventKind.UNDO)
                     self._pursue(str(work.before), work, now)
             case _Attempt.NONE:
                 if self._by_others:
@@ -111,7 +112,7 @@ class Undoing:
         if work.state is not state:
             work.state = state
         self.restored += state is State.COMPENSATED
-        self._owner.tell_of(work, text, now)
+        self._owner.tell_of(work, text, now, EventKind.UNDO if state is State.COMPENSATED else EventKind.SETBACK)
         self._work = None
 
     def _is_as_it_was(self, work: Work) -> bool:

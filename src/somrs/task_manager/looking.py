@@ -17,6 +17,7 @@ from somrs.ontology.objects import Change, Fact, FactRemoved, Map, ValueSet
 from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.planner.plan import Plan, Step
+from somrs.protocol.clients import EventKind
 from somrs.protocol.directory import Offer
 from somrs.protocol.knowledge import UpdateMap
 from somrs.task_manager.offered import Offered
@@ -47,7 +48,7 @@ class Owner(Protocol):
     offered: Offered
     reports: Reports
 
-    def tell_of(self, work: Work, text: str, now: float) -> None: ...
+    def tell_of(self, work: Work, text: str, now: float, kind: EventKind) -> None: ...
 
     def look_by(self, plan: Plan, look: Look, now: float) -> None:
         """Have it looked at so. `next_way` is called when nothing comes of that."""
@@ -106,13 +107,13 @@ class Looks:
         owner = self._owner
         if look.ways:
             plan = look.ways.pop(0)
-            owner.tell_of(look.work, f"{plan.steps[0].service_type}: somebody is to look at {look.object}", now)
+            owner.tell_of(look.work, f"{plan.steps[0].service_type}: somebody is to look at {look.object}", now, EventKind.LOOK)
             owner.look_by(plan, look, now)
             return
         if look.assume_nothing and not look.work.member.reported:
             replica = owner.setting.replica
             changes = tuple(unknown(look.object, replica.map, replica.ontology))
-            owner.tell_of(look.work, f"nobody can look at {look.object}: nothing is assumed about it", now)
+            owner.tell_of(look.work, f"nobody can look at {look.object}: nothing is assumed about it", now, EventKind.LOOK)
             update = UpdateMap(changes=changes, author="nobody could look", expected_version=look.since)
             owner.reports.put(update, partial(self._assumed, look), now)
         owner.proceed(now)
@@ -121,7 +122,7 @@ class Looks:
         if problem is None:
             look.work.member.lost_at = self._owner.setting.replica.version  # its own report, should it come after all, is news
         else:
-            self._owner.tell_of(look.work, f"something else is known of {look.object} by now: {problem}", now)
+            self._owner.tell_of(look.work, f"something else is known of {look.object} by now: {problem}", now, EventKind.LOOK)
 
 
 def ways(object: str, offers: Iterable[Offer], map: Map, ontology: Ontology) -> list[Plan]:

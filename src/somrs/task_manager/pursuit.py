@@ -19,7 +19,7 @@ from somrs.ontology.services import ServiceKind
 from somrs.ontology.truth import holds
 from somrs.planner.plan import NoPlan, Plan
 from somrs.protocol import frp
-from somrs.protocol.clients import Phase, Submit
+from somrs.protocol.clients import EventKind, Phase, Submit
 from somrs.protocol.component import Wake
 from somrs.protocol.frp import State
 from somrs.task_manager.draft import Draft
@@ -59,7 +59,7 @@ class Owner(Protocol):
     def latest(self) -> float | None:
         """When all has to be done."""
 
-    def tell(self, now: float, text: str, run: StepRun | None = None) -> None: ...
+    def tell(self, now: float, text: str, run: StepRun | None = None, kind: EventKind = EventKind.NEWS) -> None: ...
 
     def proceed(self, now: float) -> None:
         """Do whatever comes next, in this pursuit or another."""
@@ -315,7 +315,7 @@ class Pursuit:
         harmless = owner.offered.type_of(run.step).kind is not ServiceKind.PHYSICAL
         match next_rung(others, possible, known=run.reported is not None or harmless):
             case Rung.REPLACE:
-                self._tell(now, "replacing the service", run)
+                self._tell(now, "replacing the service", run, EventKind.REPLACE)
                 owner.proceed(now)
             case Rung.REPLAN:
                 if not others:
@@ -345,7 +345,7 @@ class Pursuit:
             self._replan_because, self.phase = reason, Phase.RECOVERING
             return
         self._replan_because = None
-        self._tell(now, f"planning anew: {reason}")
+        self._tell(now, f"planning anew: {reason}", kind=EventKind.REPLAN)
         self._plan(now)
 
     # Ending
@@ -366,5 +366,5 @@ class Pursuit:
                 self._owner.participants.halt(run.member, "the plan was given up", now)
         self._owner.failed(self, why, now)
 
-    def _tell(self, now: float, text: str, run: StepRun | None = None) -> None:
-        self._owner.tell(now, text, run)
+    def _tell(self, now: float, text: str, run: StepRun | None = None, kind: EventKind = EventKind.NEWS) -> None:
+        self._owner.tell(now, text, run, kind)

@@ -15,7 +15,7 @@ from somrs.entish.parse import parse
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.plan import Plan
 from somrs.protocol import frp
-from somrs.protocol.clients import Phase, Submit, TaskEvent
+from somrs.protocol.clients import EventKind, Phase, Submit, TaskEvent
 from somrs.protocol.component import Record, Wake
 from somrs.protocol.envelope import Message
 from somrs.protocol.frp import Outcome, State
@@ -48,7 +48,7 @@ class Transaction:
         self.messages: list[tuple[float, Message]] = []
         """Of the protocol, until the end: then they are recorded."""
         self.ledger = Ledger()
-        self.participants = Participants(id, setting, self.tell, self._note)
+        self.participants = Participants(id, setting, partial(self.tell, kind=EventKind.SETBACK), self._note)
         self.offered = Offered(replica=setting.replica)
         self.reports = Reports(setting, self.proceed)
         self._numbers = 1
@@ -191,7 +191,7 @@ class Transaction:
             self.give_up(now, why)
             return
         self._aside.remove(pursuit)
-        self.tell(now, f"{pursuit.purpose} for {pursuit.work.label if pursuit.work else 'the task'}: {why}")
+        self.tell(now, f"{pursuit.purpose} for {pursuit.work.label if pursuit.work else 'the task'}: {why}", kind=EventKind.SETBACK)
         match pursuit.purpose:
             case Purpose.LOOK if pursuit.look is not None:
                 self._looks.next_way(pursuit.look, now)
@@ -209,7 +209,7 @@ class Transaction:
         for handler in self.handlers(work, Occasion.FAILURE):
             if handler.effect not in run.handled:
                 run.handled.add(handler.effect)
-                self.tell(now, f"the step failed, and for that was laid down: {handler.effect}", run)
+                self.tell(now, f"the step failed, and for that was laid down: {handler.effect}", run, EventKind.HANDLER)
                 self._pursue(handler.effect, Purpose.HANDLER, work, now)
                 return True
         return False
@@ -221,7 +221,7 @@ class Transaction:
             return False
         if self.wish.workflow is not None and self.wish.workflow.busy:
             return False
-        self.tell(now, f"{why}; undoing what failed")
+        self.tell(now, f"{why}; undoing what failed", kind=EventKind.UNDO)
         self._blocked = why
         self._undoing = Undoing(works, self, by_others=False)
         self.proceed(now)
@@ -235,8 +235,8 @@ class Transaction:
     def restore(self, goal: str, work: Work, now: float) -> None:
         self._pursue(goal, Purpose.UNDO, work, now)
 
-    def tell_of(self, work: Work, text: str, now: float) -> None:
-        self.events.append(TaskEvent(number=len(self.events) + 1, at=now, text=text, step=work.label))
+    def tell_of(self, work: Work, text: str, now: float, kind: EventKind) -> None:
+        self.events.append(TaskEvent(number=len(self.events) + 1, at=now, text=text, step=work.label, kind=kind))
 
     def _pursue(self, goal: str, purpose: Purpose, work: Work, now: float) -> None:
         self._numbers += 1
@@ -269,24 +269,24 @@ class Transaction:
                 self.tell(now, f"{name} completed: {situation}", run)
                 self._reported(member, situation, None, now)
             case frp.Failed(description=description, situation=situation):
-                self.tell(now, f"{name} failed: {description}", run)
+                self.tell(now, f"{name} failed: {description}", run, EventKind.SETBACK)
                 self._reported(member, situation, f"failed: {description}", now)
             case frp.Stopped(situation=situation):
                 self.tell(now, f"{name} stopped", run)
                 self._reported(member, situation, "stopped", now)
             case frp.Compensated(situation=situation):
-                self.tell(now, f"{name} compensated: {situation}", run)
+                self.tell(now, f"{name} compensated: {situation}", run, EventKind.UNDO)
                 self._reported(member, situation, None, now)
             case frp.Stranded(description=description, situation=situation):
-                self.tell(now, f"{name} could not undo it: {description}", run)
+                self.tell(now, f"{name} could not undo it: {description}", run, EventKind.SETBACK)
                 self._reported(member, situation, description, now)
             case frp.Fault(text=text) if member.state is State.ENDED:
                 self._left(member, text, now)
             case frp.Fault(text=text) if member.state in (State.FAILED, State.STRANDED):
-                self.tell(now, f"{name}: {text}", run)
+                self.tell(now, f"{name}: {text}", run, EventKind.SETBACK)
                 self._reported(member, None, text, now)
             case frp.Status() if member.state is State.FAILED:
-                self.tell(now, f"{name} has forgotten its contract", run)
+                self.tell(now, f"{name} has forgotten its contract", run, EventKind.SETBACK)
                 self._reported(member, None, "it has forgotten its contract", now)
 
     def _progressed(self, member: Member, run: StepRun | None, progress: frp.Progress, now: float) -> None:
@@ -335,7 +335,7 @@ class Transaction:
     def _noted(self, member: Member, problem: str | None, now: float) -> None:
         if problem is not None:
             _, run = self._at(member)
-            self.tell(now, f"the Repository rejects what {member.offer.service} reports: {problem}", run)
+            self.tell(now, f"the Repository rejects what {member.offer.service} reports: {problem}", run, EventKind.SETBACK)
 
     def _settled(self, member: Member, situation: str, trouble: str | None, problem: str | None, now: float) -> None:
         self._noted(member, problem, now)
@@ -380,7 +380,7 @@ class Transaction:
         finding = next((work.situation for work in reversed(self.ledger.works) if work.label in labels), None)
         lost = pursuit.look.work
         lost.situation = finding or lost.situation
-        self.tell_of(lost, f"seen: {finding}", now)
+        self.tell_of(lost, f"seen: {finding}", now, EventKind.LOOK)
         for other in self.pursuits:
             for run in other:
                 if run.step is lost.step and run.failure is not None and finding is not None:
@@ -392,7 +392,7 @@ class Transaction:
         """It may do anything now. Its own limits see to it that it has stopped; what it left has to be found out."""
         pursuit, run = self._at(member)
         reason = f"{member.offer.service} {reason}"
-        self.tell(now, reason, run)
+        self.tell(now, reason, run, EventKind.SETBACK)
         self.offered.broken[member.offer.service] = reason
         if (work := self.ledger.of(member)) is not None:
             work.state, work.note = State.UNREACHABLE, reason
@@ -434,16 +434,16 @@ class Transaction:
             self.explanation += "".join(f"; {work.in_words()}" for work in self.ledger if not work.taken_over and not work.undoes)
         for timer in ("deadline", "stop"):
             self._wake(timer, None)
-        self.tell(now, f"{outcome}{f': {self.explanation}' if self.explanation else ''}")
+        self.tell(now, f"{outcome}{f': {self.explanation}' if self.explanation else ''}", kind=EventKind.END)
         self.setting.effects.append(Record(record(self)))
         self.messages.clear()
         self.participants.forget()
 
     # Noting
 
-    def tell(self, now: float, text: str, run: StepRun | None = None) -> None:
+    def tell(self, now: float, text: str, run: StepRun | None = None, kind: EventKind = EventKind.NEWS) -> None:
         """Something happened that the client wants to know."""
-        self.events.append(TaskEvent(number=len(self.events) + 1, at=now, text=text, step=run.label if run else None))
+        self.events.append(TaskEvent(number=len(self.events) + 1, at=now, text=text, step=run.label if run else None, kind=kind))
 
     def _note(self, now: float, message: Message) -> None:
         if self.outcome is None:
