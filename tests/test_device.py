@@ -10,7 +10,7 @@ import pytest
 from lab import contents
 from somrs.app.client import Addresses
 from somrs.app.device import DeviceJournal, DeviceRunner, load
-from somrs.app.node import Host
+from somrs.app.host import Host
 from somrs.errors import DeviceError, UsageError
 from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol import frp

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lab import CLIENT, REPOSITORY, lab, records, request, sent, tell
-from somrs.app.store import APPLICATION, FORMAT, RepositoryStore
+from somrs.app.store import KIND, RepositoryStore
 from somrs.app.virtual import World, at_once
 from somrs.errors import UsageError
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
@@ -289,7 +289,7 @@ def test_one_process_at_a_time_has_the_file(store: RepositoryStore) -> None:
 def test_a_file_that_is_no_database_is_refused_and_left_alone(path: Path) -> None:
     path.write_text("objects:\n  Jar1: {type: Jar}\n" * 100)
     before = path.read_bytes()
-    with pytest.raises(UsageError, match="no Repository's file"):
+    with pytest.raises(UsageError, match="not a Repository's file"):
         RepositoryStore.open(path)
     assert path.read_bytes() == before
 
@@ -307,10 +307,10 @@ def test_a_database_of_somebody_else_is_refused_and_left_alone(path: Path) -> No
 def test_a_file_of_another_format_is_refused(path: Path) -> None:
     RepositoryStore.open(path).close()
     with sqlite3.connect(path) as other:
-        assert other.execute("PRAGMA application_id").fetchone() == (APPLICATION,)
-        other.execute(f"PRAGMA user_version = {FORMAT + 1}")
+        assert other.execute("PRAGMA application_id").fetchone() == (KIND.application,)
+        other.execute(f"PRAGMA user_version = {KIND.version + 1}")
     other.close()
-    with pytest.raises(UsageError, match=f"has format {FORMAT + 1}"):
+    with pytest.raises(UsageError, match=f"has format {KIND.version + 1}"):
         RepositoryStore.open(path)
 
 

@@ -23,8 +23,9 @@ from lab import contents
 from somrs.app.client import Addresses
 from somrs.app.device import DeviceRunner
 from somrs.app.engines import plan_in_process
+from somrs.app.host import Host
 from somrs.app.http import Server
-from somrs.app.node import Host, Report
+from somrs.app.node import Report
 from somrs.protocol import frp, soap, wsdl
 from somrs.protocol.bodies import REQUESTS
 from somrs.protocol.component import Effect, Input, Received

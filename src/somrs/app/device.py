@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import functools
 import importlib
 import importlib.util
 import logging
@@ -20,9 +21,11 @@ from urllib.parse import urlsplit
 import msgspec
 
 from somrs.app.client import Addresses
-from somrs.app.node import Host, Node, Report
+from somrs.app.disk import Disk, Kind
+from somrs.app.host import Host
+from somrs.app.node import Node, Report
 from somrs.app.programs import run_program, say_ready, until_stopped
-from somrs.errors import DeviceError, InputError, RemoteError, UsageError
+from somrs.errors import DeviceError, InputError, RemoteError
 from somrs.protocol.bodies import Body
 from somrs.protocol.component import Rang
 from somrs.protocol.envelope import ANONYMOUS, Header, Message
@@ -41,40 +44,49 @@ LEAVE_TIME = 5.0
 """Seconds that a device has to come to rest when its program is to end."""
 
 
-class DeviceJournal:
-    """What a device promised and reported: the latest record of each participant, in a SQLite file of the device's own.
+_KIND = Kind(
+    owner="a device's",
+    holds="record of a participant",
+    rival="another program of the same device",
+    application=0x534F4D44,  # `SOMD` in ASCII
+    version=1,
+    tables="""
+    CREATE TABLE kept (number INTEGER PRIMARY KEY, "transaction" TEXT, participant TEXT, entry BLOB, UNIQUE ("transaction", participant));
+    """,
+)
 
-    Write-ahead log with `synchronous=FULL`: when `keep` returns, the record survives a kill and a power cut.
-    """
+
+class DeviceJournal:
+    """What a device promised and reported: the latest record of each participant, in a file of the device's own."""
 
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            self._db = sqlite3.connect(path, isolation_level=None, timeout=1.0)
-            for statement in (
-                "PRAGMA locking_mode=EXCLUSIVE",
-                "PRAGMA journal_mode=WAL",
-                "PRAGMA synchronous=FULL",
-                'CREATE TABLE IF NOT EXISTS kept (number INTEGER PRIMARY KEY, "transaction" TEXT, participant TEXT, entry BLOB,'
-                ' UNIQUE ("transaction", participant))',
-            ):
-                self._db.execute(statement)
-            self._db.execute("DELETE FROM kept WHERE number <= (SELECT max(number) FROM kept) - ?", (REMEMBERED,))
-        except sqlite3.Error as error:
-            raise UsageError(f"{path}: {error}; is another program of the same device running, or is it no journal?") from None
+        self.disk = Disk(path, _KIND)
 
     def load(self) -> list[Kept]:
-        rows = self._db.execute("SELECT entry FROM kept ORDER BY number").fetchall()
-        return [msgspec.msgpack.decode(entry, type=Kept) for (entry,) in rows]
+        """The latest record of each participant, as far as they are remembered."""
+
+        def read(db: sqlite3.Connection) -> list[Kept]:
+            db.execute("DELETE FROM kept WHERE number <= (SELECT max(number) FROM kept) - ?", (REMEMBERED,))
+            rows = db.execute("SELECT entry FROM kept ORDER BY number").fetchall()
+            return [msgspec.msgpack.decode(entry, type=Kept) for (entry,) in rows]
+
+        return self.disk.do(read)
 
     def keep(self, entry: object) -> None:
+        """Have a record on disk, soon."""
         assert isinstance(entry, Kept), f"a Service Manager keeps participants, not {type(entry).__name__}"
-        self._db.execute(
-            'INSERT OR REPLACE INTO kept ("transaction", participant, entry) VALUES (?, ?, ?)', (*entry.key, msgspec.msgpack.encode(entry))
-        )
+        # Encoded by the disk's thread: a record is a value, which stays as it is.
+        self.disk.write(functools.partial(_put, entry))
 
     def close(self) -> None:
-        self._db.close()
+        """Write what is to be written, and close the file."""
+        self.disk.close()
+
+
+def _put(entry: Kept, db: sqlite3.Connection) -> None:
+    values = (*entry.key, msgspec.msgpack.encode(entry))
+    db.execute('INSERT OR REPLACE INTO kept ("transaction", participant, entry) VALUES (?, ?, ?)', values)
 
 
 class DeviceRunner:
@@ -100,7 +112,9 @@ class DeviceRunner:
         profile = self.device.profile()
         self.manager = ServiceManager(profile, repository=self._addresses.repository, registry=self._addresses.registry, kept=self._kept)
         path = f"/devices/{self.device.name}"
-        self._node = rim.add(path, lambda address: self.manager, carry_out=self._carry_out, keep=self._journal.keep)
+        self._node = rim.add(
+            path, lambda address: self.manager, carry_out=self._carry_out, keep=self._journal.keep, disk=self._journal.disk
+        )
         try:
             await asyncio.wait_for(asyncio.shield(self._joined), JOIN_TIME)
         except TimeoutError:

@@ -49,6 +49,10 @@ NONE = "http://www.w3.org/2005/08/addressing/none"
 """WS-Addressing 1.0 Core, 2.1: what is sent there is thrown away."""
 
 
+class NotTaken(RemoteError):
+    """Nobody has taken the message: whoever sends it again is to go on doing so."""
+
+
 class Server:
     """Serves `parts`, handlers by path, at one port. Runs in the event loop that is there already."""
 
@@ -119,8 +123,7 @@ class Server:
         except TimeoutError:
             return PlainTextResponse(f"the message was not here within {self.body_time:g} s\n", 408, headers=HANG_UP)
         except RemoteError as error:
-            # No Fault: nobody has taken the message, and its sender sends it again.
-            return PlainTextResponse(f"{error}\n", 503, headers=HANG_UP)
+            return _not_taken(error)
         if document is None:
             return PlainTextResponse(f"the message has more than {soap.MOST_BYTES} bytes, which are the most\n", 413, headers=HANG_UP)
         return await self._answer(handler, document)
@@ -135,6 +138,8 @@ class Server:
             return _fault(error, message)
         except InputError as error:
             return _fault(WireError(soap.SENDER, str(error)), message)
+        except NotTaken as error:
+            return _not_taken(error)
         except RemoteError as error:
             return _fault(WireError(soap.RECEIVER, str(error)), message)
         except Exception:  # a defect here must not end the server, nor show the sender its stack trace
@@ -179,6 +184,11 @@ class _Quiet(uvicorn.Server):
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
         yield
+
+
+def _not_taken(error: RemoteError) -> Response:
+    """No Fault: that would be an answer, and the sender is to send the message again."""
+    return PlainTextResponse(f"{error}\n", 503, headers=HANG_UP)
 
 
 def _xml(document: bytes | None) -> Response:

@@ -1,7 +1,7 @@
-"""The rim of one process: the sockets, the one clock, and the loop that feeds components and carries out their effects.
+"""The rim of one component: feeds it, one input at a time, and carries out its effects on sockets, timers, disks and devices.
 
-A `Host` listens at one port and holds the components of its process, each at a path. A component's inputs are handled one
-at a time; its effects are carried out in order, a `Record` being on disk before anything behind it.
+Effects are carried out in order, each when all that it may depend on is on disk, and so is the sender of a message acknowledged.
+With nothing to wait for, nothing waits. All nodes of a process have one `Host`, with the sockets and the one clock.
 """
 
 from __future__ import annotations
@@ -9,17 +9,17 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import time
 from collections import deque
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from msgspec import structs
-
-from somrs.app.http import Server, Wire
-from somrs.errors import InputError, RemoteError
-from somrs.protocol import frp
-from somrs.protocol.bodies import REPORTS, REQUESTS
+from somrs.app.disk import Disk
+from somrs.app.http import NotTaken
+from somrs.app.journal import Journal
+from somrs.app.outbox import Letter, Outbox
+from somrs.app.output import Output
+from somrs.app.requesters import Requesters, in_session, is_waited_for
+from somrs.errors import RemoteError
 from somrs.protocol.component import (
     Answered,
     Ask,
@@ -36,292 +36,322 @@ from somrs.protocol.component import (
     Withdraw,
 )
 from somrs.protocol.envelope import ANONYMOUS, Message
+from somrs.protocol.pending import DELIVERY_TIME, WITHDRAWN, Journaled
+
+if TYPE_CHECKING:
+    from somrs.app.host import Host
 
 log = logging.getLogger(__name__)
 
-DELIVERY_TIME = 30.0
-"""Seconds for which a message without a time limit of its own is sent again."""
-
-FIRST_PAUSE = 0.05
-"""Seconds before a message is sent again the first time; each time as long again, up to a second."""
-
 ANSWER_TIME = 120.0
 """Seconds for which an anonymous requester's connection is kept open for the answer."""
+
+QUIET = 0.05
+"""Seconds without an input after which a snapshot that is due is taken."""
+
+DISK_TIME = 5.0
+"""Seconds that a disk has to write what is to be written, when its node stops."""
 
 Report = Callable[[object], None]
 CarryOut = Callable[[object, Report], Awaitable[object]]
 """Does what an `Ask` wants. Values reported on the way, and the result, come back as `Answered`."""
 
 Keep = Callable[[object], None]
-"""Has a `Record` on disk when it returns."""
+"""Has a `Record` on disk when it returns; or, when the node is given the disk, when all that was asked for by then is on it."""
 
 Watch = Callable[[Message, float], None]
 """Sees each message of the Failure Recovery Protocol that a component sends or receives, once."""
 
 
-class Clock:
-    """Seconds since 1970 that never go back while the process lives."""
-
-    def __init__(self) -> None:
-        self._offset = time.time() - time.monotonic()
-
-    def now(self) -> float:
-        return time.monotonic() + self._offset
-
-
-async def _nothing_to_do(task: object, report: Report) -> object:
-    raise RemoteError(f"this node cannot do {type(task).__name__}")
-
-
-def _no_disk(entry: object) -> None:
+def no_disk(entry: object) -> None:
     raise RemoteError(f"this node keeps nothing, and was asked to keep {type(entry).__name__}")
 
 
-@dataclass(slots=True, kw_only=True)
-class _Outbox:
-    """What waits to be sent to one address, in order, and who sends it."""
-
-    waiting: deque[tuple[Send, float]] = field(default_factory=deque)
-    sender: asyncio.Task[None] | None = None
+def _answered_once(partial: object) -> None:
+    raise TypeError("a component whose inputs are kept is answered once: what is reported on the way would be lost with the process")
 
 
 class Node:
-    """One component at its address: inputs in, effects out."""
+    """One component at its address: inputs in, effects out.
 
-    def __init__(self, host: Host, address: str, component: Component, carry_out: CarryOut, keep: Keep, watch: Watch | None) -> None:
+    With `journaled`, each input is in its journal before anything that comes of it is seen outside. Without, the records among
+    the effects are: what is behind one of them waits for it, and so does what comes of later inputs.
+    """
+
+    def __init__(
+        self,
+        host: Host,
+        address: str,
+        component: Component,
+        carry_out: CarryOut,
+        *,
+        keep: Keep = no_disk,
+        disk: Disk | None = None,
+        journal: Journal | None = None,
+        journaled: Journaled | None = None,
+        watch: Watch | None = None,
+    ) -> None:
         self.address, self.component = address, component
-        self._host, self._carry_out, self._keep, self._watch = host, carry_out, keep, watch
+        self._host, self._carry_out, self._keep, self._disk, self._watch = host, carry_out, keep, disk, watch
+        self._journal, self._journaled = journal, journaled
         self._inputs: deque[Input] = deque()
-        self._handling = False
-        self._broken = False
+        self._handling = self._closed = self._broken = False
         self._timers: dict[str, asyncio.TimerHandle] = {}
         self._asked: dict[str, asyncio.Task[None]] = {}
-        self._outboxes: dict[str, _Outbox] = {}
-        self._waiting: dict[asyncio.Future[Message], Message] = {}
+        self._outboxes: dict[str, Outbox] = {}
+        self._requesters = Requesters()
+        self._snapshot: asyncio.TimerHandle | None = None
+        self._last_input = 0.0
+        self.output = Output(disk, self._do, self._break)
+
+    # Inputs
 
     def feed(self, event: Input) -> None:
         """Have the component handle an input, after those that wait already.
 
-        A component whose record could not be kept is ahead of its disk: it takes no more inputs. Raises RemoteError then.
+        A component that is ahead of its disk, because something could not be kept, takes no more inputs. Raises RemoteError then.
         """
+        if self._closed:
+            raise NotTaken(f"{self.address} is stopping")
         if self._broken:
-            raise RemoteError(f"{self.address} stopped, because it could not keep what it had to; see its log")
+            raise NotTaken(f"{self.address} stopped, because it could not keep what it had to; see its log")
         self._inputs.append(event)
         if self._handling:
             return
         self._handling = True
         try:
             while self._inputs:
-                for effect in self.component.handle(self._inputs.popleft(), self._host.clock.now()):
-                    self._do(effect)
+                self._handle(self._inputs.popleft())
         finally:
             self._handling = False
+            if self._inputs:  # behind one that met a defect
+                asyncio.get_running_loop().call_soon(self._go_on)
+
+    def _go_on(self) -> None:
+        if self._inputs and not self._closed and not self._broken:
+            self.feed(self._inputs.popleft())
+
+    def _handle(self, event: Input) -> None:
+        now = self._host.clock.now()
+        if self._journaled is None or self._journal is None:
+            for effect in self.component.handle(event, now):
+                self._come(effect, 0)
+            return
+        entry = self._journaled.entry(event, now)
+        self._journal.append(entry)
+        try:
+            effects = self._journaled.handle(entry)
+        finally:
+            self._journal.note(self.component)
+            self.output.position = self._journal.disk.position
+        for effect, _ in effects:
+            if isinstance(effect, Record):
+                self._come(effect, 0)
+        for effect, number in effects:
+            if not isinstance(effect, Record):
+                self._come(effect, number)
+        self._last_input = now
+        if self._journal.due and self._snapshot is None:
+            self._snapshot = asyncio.get_running_loop().call_later(QUIET, self._take_snapshot)
 
     async def receive(self, message: Message) -> Message | None:
         """A message from the wire; the answer, when the sender waits for it on the same connection."""
         self._seen(message)
         if message.header.reply_to != ANONYMOUS:
             self.feed(Received(message))
+            await self.output.on_disk()
             return None
-        wanted: asyncio.Future[Message] = asyncio.get_running_loop().create_future()
-        self._waiting[wanted] = message
-        try:
-            self.feed(Received(message))
-            if not wanted.done() and not _is_waited_for(message):
-                return None
-            return await asyncio.wait_for(wanted, ANSWER_TIME)
-        except TimeoutError:
-            raise RemoteError(f"no answer to {type(message.body).__name__} within {ANSWER_TIME:.0f} s") from None
-        finally:
-            del self._waiting[wanted]
+        with self._requesters.waiting(message) as wanted:
+            try:
+                self.feed(Received(message))
+                await self.output.on_disk()
+                if not wanted.done() and not is_waited_for(message):
+                    return None
+                return await asyncio.wait_for(wanted, ANSWER_TIME)
+            except TimeoutError:
+                raise RemoteError(f"no answer to {type(message.body).__name__} within {ANSWER_TIME:.0f} s") from None
+            except NotTaken as error:
+                if self._closed:
+                    raise
+                raise RemoteError(str(error)) from None  # who waits for an answer is told at once
+
+    # From start to stop
+
+    def start(self, *, again: bool) -> None:
+        """Start the component; `again`, after it took up what it had under way when its process ended."""
+        if again and self._journaled is not None:
+            self._resume(self._journaled)
+        self.feed(Started(self.address))
+
+    def _resume(self, journaled: Journaled) -> None:
+        loop, now, pending = asyncio.get_running_loop(), self._host.clock.now(), journaled.pending
+        for number, sent in [*pending.messages.items()]:
+            letter = Letter(sent.message, sent.until, number)
+            if sent.until <= now:
+                loop.call_soon(self.given_up, letter, "its time was over while its sender was away")
+            else:
+                self._post(letter)
+        for timer, at in pending.timers.items():
+            self._set(timer, at)
+        for question, task in pending.questions.items():
+            if question in pending.withdrawn:
+                loop.call_soon(self._answer, question, WITHDRAWN)
+            else:
+                self._ask(question, task)
 
     async def close(self) -> None:
         """Stop everything under way. Nothing more is fed to the component."""
-        for timer in self._timers.values():
+        self._closed = True
+        timers = [*self._timers.values(), *([self._snapshot] if self._snapshot is not None else [])]
+        for timer in timers:
             timer.cancel()
         running = [*self._asked.values(), *(box.sender for box in self._outboxes.values() if box.sender)]
         for task in running:
             task.cancel()
         await asyncio.gather(*running, return_exceptions=True)
+        if self._journal is not None and self._journaled is not None and not self._broken:
+            self._journal.snapshot(self._journaled)
+            self.output.position = self._journal.disk.position
+        with contextlib.suppress(RemoteError, TimeoutError):  # whoever waits for it hears it, and there is nobody else to tell
+            await asyncio.wait_for(self.output.on_disk(), DISK_TIME)
 
     async def flush(self, seconds: float) -> None:
         """Wait until what was sent is delivered, but no longer than this."""
+        with contextlib.suppress(RemoteError, TimeoutError):
+            await asyncio.wait_for(self.output.on_disk(), seconds)
+        await self._host.delivered()
         senders = [box.sender for box in self._outboxes.values() if box.sender]
         if senders:
             await asyncio.wait(senders, timeout=seconds)
 
-    def _seen(self, message: Message) -> None:
-        if self._watch is not None and message.header.transaction is not None:
-            self._watch(message, self._host.clock.now())
+    def _take_snapshot(self) -> None:
+        self._snapshot = None
+        if self._journal is None or self._journaled is None or self._closed or self._broken:
+            return
+        if self._journal.overdue or self._host.clock.now() - self._last_input >= QUIET / 2:
+            self._journal.snapshot(self._journaled)
+            self.output.position = self._journal.disk.position
+        else:
+            self._snapshot = asyncio.get_running_loop().call_later(QUIET, self._take_snapshot)
 
-    def _do(self, effect: Effect) -> None:
+    # Effects
+
+    def _come(self, effect: Effect, number: int) -> None:
+        """Carry an effect out, now or when all that it may depend on is on disk."""
         match effect:
-            case Send(message):
-                self._send(effect, message)
             case Wake(timer, at):
-                if (old := self._timers.pop(timer, None)) is not None:
-                    old.cancel()
-                if at is not None:
-                    delay = max(0.0, at - self._host.clock.now())
-                    self._timers[timer] = asyncio.get_running_loop().call_later(delay, self._ring, timer)
-            case Ask(question, task):
-                self._asked[question] = asyncio.create_task(self._carry(question, task))
+                self._set(timer, at)  # seen by nobody; what its ringing comes to waits in its turn
+            case Record(entry):
+                self._record(entry)
+            case _:
+                self.output.put(effect, number)
+
+    def _record(self, entry: object) -> None:
+        try:
+            self._keep(entry)
+        except Exception as error:
+            raise self._break(error) from error
+        if self._disk is not None:
+            self.output.position = self._disk.position
+
+    def _break(self, error: Exception) -> RemoteError:
+        """Something could not be kept. What is behind it never leaves, and whoever waits for it hears why."""
+        # It is this node that was given a bad disk, not the sender that is wrong.
+        told = NotTaken(f"{self.address} could not keep what it had to: {error}")
+        if not self._broken:
+            log.critical("%s; nothing more is taken", told, exc_info=error)
+        self._broken = True
+        self.output.drop(told)
+        self._requesters.disappoint(told)
+        return told
+
+    def _do(self, effect: Effect, number: int) -> None:
+        match effect:
+            case Send(message, until):
+                self._seen(message)
+                if message.header.recipient == ANONYMOUS:
+                    self._requesters.answer(message)
+                elif not self._closed:
+                    self._post(Letter(message, until if until is not None else self._host.clock.now() + DELIVERY_TIME, number))
+            case Ask(question, task) if not self._closed:
+                self._ask(question, task)
             case Withdraw(question):
                 if (asked := self._asked.get(question)) is not None:
                     asked.cancel()
-            case Record(entry):
-                try:
-                    self._keep(entry)
-                except BaseException as error:
-                    log.critical("%s: a record could not be kept; nothing more is taken", self.address, exc_info=True)
-                    self._broken = True
-                    if isinstance(error, InputError):  # it is this node that was given a bad disk, not the sender that is wrong
-                        raise RemoteError(f"{self.address} could not keep what it had to: {error}") from error
-                    raise
+
+    def _set(self, timer: str, at: float | None) -> None:
+        if (old := self._timers.pop(timer, None)) is not None:
+            old.cancel()
+        if at is not None:
+            delay = max(0.0, at - self._host.clock.now())
+            self._timers[timer] = asyncio.get_running_loop().call_later(delay, self._ring, timer)
 
     def _ring(self, timer: str) -> None:
         self._timers.pop(timer, None)
-        self.feed(Rang(timer))
+        self._feed_late(Rang(timer))
+
+    def _ask(self, question: str, task: object) -> None:
+        self._asked[question] = asyncio.create_task(self._carry(question, task))
 
     async def _carry(self, question: str, task: object) -> None:
         value: object
+        report = _answered_once if self._journaled is not None else lambda partial: self.feed(Answered(question, partial))
         try:
-            value = await self._carry_out(task, lambda partial: self.feed(Answered(question, partial)))
+            value = await self._carry_out(task, report)
         except asyncio.CancelledError as error:
             value = error
         except Exception as error:  # whatever went wrong is the answer; the component says what it means
             log.debug("%s: %s failed", self.address, question, exc_info=True)
             value = error
-        self._asked.pop(question, None)
-        self.feed(Answered(question, value))
+        if self._asked.get(question) is asyncio.current_task():
+            del self._asked[question]
+            self._answer(question, value)
 
-    def _send(self, effect: Send, message: Message) -> None:
-        self._seen(message)
-        recipient = message.header.recipient
-        if recipient == ANONYMOUS:
-            waiting = [one for one, asked in self._waiting.items() if not one.done() and _answers(message, asked)]
-            for one in waiting:
-                one.set_result(message)
-            if not waiting:
-                log.debug("%s: nobody waits for this %s any more", self.address, type(message.body).__name__)
+    def _answer(self, question: str, value: object) -> None:
+        self._feed_late(Answered(question, value))
+
+    def _feed_late(self, event: Input) -> None:
+        """Feed what nobody waits for. A component that takes nothing more misses it; one with a journal gets it when it is back."""
+        try:
+            self.feed(event)
+        except RemoteError as error:
+            log.debug("%s: %s", self.address, error)
+
+    # Messages
+
+    def _seen(self, message: Message) -> None:
+        if self._watch is not None and message.header.transaction is not None:
+            self._watch(message, self._host.clock.now())
+
+    def _post(self, letter: Letter) -> None:
+        recipient = letter.message.header.recipient
+        box = self._outboxes.get(recipient)
+        if (box is None or box.sender is None) and (local := self._host.local(recipient)) is not None:
+            self._host.hand_over(self, local, letter)
+        else:
+            self.post_again(letter)
+
+    def post_again(self, letter: Letter) -> None:
+        """Send the message until it is acknowledged or its time is over, behind those that wait already."""
+        if self._closed:
             return
-        until = effect.until if effect.until is not None else self._host.clock.now() + DELIVERY_TIME
-        box = self._outboxes.setdefault(recipient, _Outbox())
-        box.waiting.append((effect, until))
-        if box.sender is None:
-            box.sender = asyncio.create_task(self._deliver(recipient, box))
+        recipient = letter.message.header.recipient
+        box = self._outboxes.get(recipient)
+        if box is None:
+            box = self._outboxes[recipient] = Outbox(self._host.post, self._host.clock.now, self.taken, self.given_up)
+        box.put(letter)
 
-    async def _deliver(self, recipient: str, box: _Outbox) -> None:
-        """Send what waits, in order. While nobody answers, whatever has run out of time is given up, wherever it stands."""
-        pause = FIRST_PAUSE
-        while box.waiting:
-            effect, until = box.waiting[0]
+    def taken(self, letter: Letter, answer: Message | None = None) -> None:
+        """The message was acknowledged, and perhaps answered on the same connection."""
+        if self._journaled is not None:
+            self._journaled.arrived(letter.number)
+        if answer is not None:
             try:
-                await self._host.post(recipient, effect.message, min(max(until - self._host.clock.now(), 1.0), 10.0))
-            except RemoteError as error:
-                await asyncio.sleep(pause)
-                pause = min(pause * 2, 1.0)
-                self._give_up_late(box, str(error))
-            except Exception as error:  # a defect in one message must not hold back those behind it
-                log.exception("%s: a %s could not be sent", self.address, type(effect.message.body).__name__)
-                box.waiting.popleft()
-                self.feed(Undelivered(effect.message, f"{type(error).__name__}: {error}"))
-            else:
-                pause = FIRST_PAUSE
-                box.waiting.popleft()
-        box.sender = None
+                self.feed(Received(in_session(answer, letter.message)))
+            except Exception:  # the message was taken, whatever its answer does here
+                log.exception("%s: a %s could not be handled", self.address, type(answer.body).__name__)
 
-    def _give_up_late(self, box: _Outbox, reason: str) -> None:
-        now = self._host.clock.now()
-        late = [effect.message for effect, until in box.waiting if until <= now]
-        box.waiting = deque((effect, until) for effect, until in box.waiting if until > now)
-        for message in late:
-            self.feed(Undelivered(message, reason))
-
-
-def _is_waited_for(message: Message) -> bool:
-    """Whether the connection of a message without ReplyTo is kept open: for the answer to a request, or a participant's report
-    to a coordinator that has no address."""
-    kind = type(message.body)
-    return kind in REQUESTS or (kind in REPORTS and message.header.sender == ANONYMOUS)
-
-
-def _answers(answer: Message, asked: Message) -> bool:
-    """Whether it is what the one who asked waits for. Signs of life are not; a report that is sent again relates to what was
-    told first, and answers those who told it since."""
-    if answer.header.relates_to == asked.header.message_id:
-        return not isinstance(answer.body, frp.Progress)
-    session, other = ((header.transaction, header.participant) for header in (answer.header, asked.header))
-    return session == other and type(answer.body) in REPORTS.get(type(asked.body), ())
-
-
-def _in_session(answer: Message, message: Message) -> Message:
-    """The answer, related to the message and in its session: the Fault of a node that could not read it does not know either."""
-    asked, answered = message.header, answer.header
-    header = structs.replace(
-        answered,
-        relates_to=answered.relates_to or asked.message_id,
-        transaction=answered.transaction or asked.transaction,
-        participant=answered.participant or asked.participant,
-    )
-    return structs.replace(answer, header=header)
-
-
-class Host:
-    """The components of one process behind one port. Binds the loopback address unless told otherwise."""
-
-    def __init__(self, host: str = "127.0.0.1", port: int = 0, watch: Watch | None = None) -> None:
-        self.clock = Clock()
-        self.wire = Wire()
-        self._nodes: dict[str, Node] = {}
-        self._server = Server(host, port, {})
-        self._watch = watch
-
-    @property
-    def url(self) -> str:
-        return self._server.url
-
-    async def start(self) -> None:
-        await self._server.start()
-
-    def add(
-        self,
-        path: str,
-        make: Callable[[str], Component],
-        *,
-        carry_out: CarryOut = _nothing_to_do,
-        keep: Keep = _no_disk,
-    ) -> Node:
-        """Put a component, made for its address, at a path such as `/repository`, and start it."""
-        address = f"{self.url}{path}"
-        node = Node(self, address, make(address), carry_out, keep, self._watch)
-        self._nodes[address] = node
-        self._server.parts[path] = node.receive
-        node.feed(Started(address))
-        return node
-
-    async def post(self, recipient: str, message: Message, seconds: float) -> None:
-        """Hand a message to whoever is at the address, in this process or another."""
-        if (local := self._nodes.get(recipient)) is not None:
-            local.feed(Received(message))
-        else:
-            answer = await self.wire.post(message, timeout=seconds)
-            if answer is not None and (sender := self._nodes.get(message.header.sender)) is not None:
-                sender.feed(Received(_in_session(answer, message)))
-
-    async def request(self, message: Message, timeout: float = 30.0) -> Message:
-        """Ask and wait for the answer on the same connection. Raises RemoteError."""
-        if (local := self._nodes.get(message.header.recipient)) is not None:
-            answer = await local.receive(message)
-        else:
-            answer = await self.wire.post(message, timeout=timeout)
-        if answer is None:
-            raise RemoteError(f"{message.header.recipient} did not answer {type(message.body).__name__}")
-        return answer
-
-    async def stop(self) -> None:
-        for node in self._nodes.values():
-            await node.close()
-        with contextlib.suppress(RemoteError):
-            await self._server.stop()
-        await self.wire.close()
+    def given_up(self, letter: Letter, reason: str) -> None:
+        if self._journaled is not None:
+            self._journaled.arrived(letter.number)
+        self._feed_late(Undelivered(letter.message, reason))

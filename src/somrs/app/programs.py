@@ -11,20 +11,24 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 import msgspec
 
 from somrs.app.client import Addresses
-from somrs.app.node import Host, Report
+from somrs.app.host import Host
+from somrs.app.node import Report, Watch
 from somrs.app.trace import Trace
 from somrs.errors import RemoteError, UsageError
 
 if TYPE_CHECKING:
+    from somrs.app.journal import Journal
     from somrs.devices.simulator.simulation import Simulation
     from somrs.ontology.files import Loaded
 
@@ -33,6 +37,9 @@ MAP_TIME = 60.0
 
 PARENT_CHECK = 1.0
 """Seconds between two looks whether the parent process is still there."""
+
+SWITCH_TIME = 0.0005
+"""Seconds after which a thread that waits for the interpreter gets it."""
 
 
 class Ready(msgspec.Struct, frozen=True, kw_only=True):
@@ -84,7 +91,6 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
     """The Repository. A store that is there is gone on with; otherwise the site's files are the beginning."""
     from somrs.app.store import RepositoryStore
     from somrs.repository.component import Repository
-    from somrs.repository.entries import Handled, Subscription
 
     data.mkdir(parents=True, exist_ok=True)
     store = RepositoryStore.open(data / "repository.sqlite")
@@ -97,17 +103,11 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
             kept = store.load()
         assert kept is not None, "what was initialised can be loaded"
         contents = kept
-
-        async def carry_out(task: object, report: Report) -> object:
-            return store.answer(task)
-
-        def keep(entry: object) -> None:
-            assert isinstance(entry, Handled | Subscription), f"a Repository does not record {type(entry).__name__}"
-            store.record(entry)
-
         rim = Host(host, port)
         await rim.start()
-        node = rim.add("/repository", lambda address: Repository(address, contents), carry_out=carry_out, keep=keep)
+        node = rim.add(
+            "/repository", lambda address: Repository(address, contents), carry_out=store.carry_out, keep=store.keep, disk=store.disk
+        )
         say_ready("repository", node.address)
         await until_stopped()
         await rim.stop()
@@ -129,30 +129,57 @@ async def run_registry(addresses: Addresses, host: str, port: int) -> None:
 
 
 async def run_task_manager(data: Path, addresses: Addresses, host: str, port: int) -> None:
-    """The Task Manager, with the planner in a process beside it, so that planning holds nothing up."""
+    """The Task Manager, with the planner in a process beside it, so that planning holds nothing up. What it had under way when
+    its process ended, it goes on with, at the address that it had."""
     from somrs.app.engines import plan_in_process
+    from somrs.app.journal import Journal
+    from somrs.protocol.clients import ReadRecords
     from somrs.task_manager.manager import TaskManager
 
-    trace = Trace(data / "messages.jsonl")
-    rim = Host(host, port, watch=trace)
-    await rim.start()
-    # Spawned, not forked: a fork would keep the sockets of this process open when it is killed.
-    spawned = multiprocessing.get_context("spawn")
-    with concurrent.futures.ProcessPoolExecutor(max_workers=1, mp_context=spawned, initializer=end_with_parent) as planners:
+    data.mkdir(parents=True, exist_ok=True)
+    journal = Journal(data / "task-manager.sqlite", f"the Repository at {addresses.repository}, the Registry at {addresses.registry}")
+    try:
+        trace = Trace(data / "messages.jsonl")
+        rim = await _where_it_was(journal, host, port, trace)
+        # Spawned, not forked: a fork would keep the sockets of this process open when it is killed.
+        spawned = multiprocessing.get_context("spawn")
+        with concurrent.futures.ProcessPoolExecutor(max_workers=1, mp_context=spawned, initializer=end_with_parent) as planners:
 
-        async def carry_out(task: object, report: Report) -> object:
-            return await asyncio.get_running_loop().run_in_executor(planners, plan_in_process, task)
+            async def carry_out(task: object, report: Report) -> object:
+                if isinstance(task, ReadRecords):
+                    return await journal.answer(task)
+                return await asyncio.get_running_loop().run_in_executor(planners, plan_in_process, task)
 
-        trace.coordinator = f"{rim.url}/task-manager"
-        node = rim.add(
-            "/task-manager",
-            lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
-            carry_out=carry_out,
-        )
-        say_ready("task-manager", node.address)
-        await until_stopped()
-        await rim.stop()
-    trace.close()
+            trace.coordinator = f"{rim.url}/task-manager"
+            node = rim.add_journaled(
+                "/task-manager",
+                lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
+                journal,
+                carry_out=carry_out,
+            )
+            say_ready("task-manager", node.address)
+            await until_stopped()
+            await rim.stop()
+        trace.close()
+    finally:
+        journal.close()
+
+
+async def _where_it_was(journal: Journal, host: str, port: int, watch: Watch) -> Host:
+    """Listen at the port, or where the journal's owner was reached before: participants know that address only."""
+    before = urlsplit(journal.address).port or 0
+    rim = Host(host, port or before, watch)
+    try:
+        await rim.start()
+    except UsageError as error:
+        if port or not before:
+            raise
+        if journal.open:
+            known = f"whoever works for one of the {len(journal.open)} open tasks knows the Task Manager at {journal.address} only"
+            raise UsageError(f"{error}; but {known}: stop what listens there") from None
+        rim = Host(host, 0, watch)
+        await rim.start()
+    return rim
 
 
 def speed_of(text: str) -> float | None:
@@ -211,6 +238,9 @@ async def _serve_robots(simulation: Simulation, host: str, port: int, speed: flo
 
 def run_program(main: Coroutine[Any, Any, None]) -> None:
     """Run a program's coroutine, on the fast event loop where it is to be had."""
+    # The thread that writes to disk needs the interpreter for moments only, but often; by default a busy loop makes it wait 5 ms
+    # for each, and a commit takes several.
+    sys.setswitchinterval(SWITCH_TIME)
     try:
         import uvloop
     except ImportError:

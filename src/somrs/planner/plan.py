@@ -54,7 +54,7 @@ class Link(Struct, frozen=True):
     keeps: bool = False
 
 
-class Plan(Struct, frozen=True, dict=True):
+class Plan(Struct, frozen=True, dict=True, tag=True):
     """The steps in an order in which they can be done one by one, and the links that say which order is needed."""
 
     steps: tuple[Step, ...] = ()
@@ -99,7 +99,7 @@ class Plan(Struct, frozen=True, dict=True):
         return "\n".join(map(line, self.steps)) if self.steps else "nothing to do"
 
 
-class NoPlan(Struct, frozen=True):
+class NoPlan(Struct, frozen=True, tag=True):
     """Why there is no plan.
 
     `explanation` is for people. `unreachable` are the parts of the goal that no service on offer can bring about,

@@ -1,0 +1,234 @@
+"""A SQLite file with one writer: a thread of its own, which puts all that was asked for since its last commit on disk at once.
+
+Write-ahead log with `synchronous=FULL`: what is `durable` survives a kill and a power cut. One process at a time has the file
+open. What is in the file is its owner's: a journal, a device's records, the Repository's store.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import queue
+import sqlite3
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from somrs.errors import UsageError
+
+T = TypeVar("T")
+
+Job = Callable[[sqlite3.Connection], T]
+"""Something to be done in the file, by its thread."""
+
+MOST_JOBS = 2000
+"""So many writes go in one transaction at most, so that the first of them does not wait for long."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kind:
+    """A kind of file. `owner`: whose it is (`a Repository's`); `holds`: what is in it; `rival`: who else may have it open.
+
+    `application` is SQLite's application_id, by which the file is known; `version` is that of the `tables`.
+    """
+
+    owner: str
+    holds: str
+    rival: str
+    application: int
+    version: int
+    tables: str
+
+
+class Disk:
+    """An open file. Its methods raise UsageError for a file that is damaged, is somebody else's, or cannot be written.
+
+    `position` counts the writes that were asked for, `durable` those that are on disk. When one fails, it and all behind it are
+    not done, and `failed` says why: the owner is ahead of its disk then, and must not go on.
+    """
+
+    def __init__(self, path: Path, kind: Kind) -> None:
+        """Open the file, or make it; its folder must be there."""
+        if not path.parent.is_dir():
+            raise UsageError(f"{path}: there is no folder {path.parent}; make it first")
+        self.path, self.kind = path, kind
+        self.position = self.durable = 0
+        self.failed: UsageError | None = None
+        self._jobs: queue.SimpleQueue[_Write | _Now | None] = queue.SimpleQueue()
+        self._listeners: list[tuple[asyncio.AbstractEventLoop, Callable[[], None]]] = []
+        opened: Future[None] = Future()
+        self._thread = threading.Thread(target=self._run, args=(opened,), name=f"disk {path.name}", daemon=True)
+        self._thread.start()
+        opened.result()
+
+    # What others ask for
+
+    def write(self, job: Job[None]) -> int:
+        """Have something written, soon, together with what else is asked for. Its position."""
+        self.position += 1
+        self._jobs.put(_Write(job, self.position))
+        return self.position
+
+    def do(self, job: Job[T]) -> T:
+        """Have something written at once, wholly or not at all, and wait for it: for starts and tools, not for an event loop."""
+        return self._now(job, writes=True).result()
+
+    def read(self, job: Job[T]) -> Future[T]:
+        """Have something read; all that was asked to be written before is in it."""
+        return self._now(job, writes=False)
+
+    def listen(self, told: Callable[[], None]) -> None:
+        """Have the function called in the running event loop whenever `durable` or `failed` changed."""
+        self._listeners.append((asyncio.get_running_loop(), told))
+
+    def close(self) -> None:
+        """Write what is to be written, and close the file."""
+        self._jobs.put(None)
+        self._thread.join()
+
+    def _now(self, job: Job[T], *, writes: bool) -> Future[T]:
+        if not self._thread.is_alive():
+            raise UsageError(f"{self.path}: is closed")
+        asked: Future[T] = Future()
+        self._jobs.put(_Now(job, asked, writes))
+        return asked
+
+    # The thread
+
+    def _run(self, opened: Future[None]) -> None:
+        try:
+            db = self._open()
+        except BaseException as error:  # noqa: BLE001  # it is raised where the file was to be opened
+            opened.set_exception(error)
+            return
+        opened.set_result(None)
+        going_on = True
+        while going_on:
+            writes, others, going_on = self._collect()
+            if writes:
+                self._write(db, writes)
+            for one in others:
+                one.carry_out(self, db)
+        db.close()
+
+    def _collect(self) -> tuple[list[_Write], list[_Now], bool]:
+        """All that is asked for by now; whether there will be more."""
+        writes: list[_Write] = []
+        others: list[_Now] = []
+        job = self._jobs.get()
+        while job is not None:
+            if isinstance(job, _Write):
+                writes.append(job)
+            else:
+                others.append(job)
+            # A read sees what was written before it was asked for, and no harm is done when it sees more.
+            if others or len(writes) >= MOST_JOBS:
+                return writes, others, True
+            try:
+                job = self._jobs.get_nowait()
+            except queue.Empty:
+                return writes, others, True
+        return writes, others, False
+
+    def _write(self, db: sqlite3.Connection, writes: list[_Write]) -> None:
+        if self.failed is not None:
+            return
+        try:
+            with self.transaction(db):
+                for write in writes:
+                    write.job(db)
+        except UsageError as error:
+            self.failed = error
+        except BaseException as error:  # noqa: BLE001  # a defect of the owner: it must hear of it, and the thread goes on
+            self.failed = UsageError(f"{self.path}: {type(error).__name__}: {error}")
+        else:
+            self.durable = writes[-1].position
+        for loop, told in self._listeners:
+            with contextlib.suppress(RuntimeError):  # the loop was closed: nobody waits there any more
+                loop.call_soon_threadsafe(told)
+
+    def _open(self) -> sqlite3.Connection:
+        with self.explained():
+            db = sqlite3.connect(self.path, isolation_level=None, timeout=1.0)
+        try:
+            with self.explained():
+                self._prepare(db)
+        except BaseException:
+            db.close()
+            raise
+        return db
+
+    def _prepare(self, db: sqlite3.Connection) -> None:
+        kind = self.kind
+        (application,) = db.execute("PRAGMA application_id").fetchone()
+        (version,) = db.execute("PRAGMA user_version").fetchone()
+        (tables,) = db.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+        new = application == 0 and tables == 0
+        if not new and application != kind.application:
+            raise UsageError(f"{self.path}: is a database, but not {kind.owner}; give it a file of its own")
+        if not new and version != kind.version:
+            raise UsageError(f"{self.path}: has format {version}, this program reads {kind.version}; run the SO-MRS that wrote it")
+        # Exclusive: two that write the same file would both be wrong.
+        for pragma in ("locking_mode=EXCLUSIVE", "journal_mode=WAL", "synchronous=FULL"):
+            db.execute(f"PRAGMA {pragma}")
+        db.execute("BEGIN IMMEDIATE")  # takes the lock now, not at the first write
+        db.execute("COMMIT")
+        if new:
+            db.executescript(f"BEGIN; {kind.tables} PRAGMA application_id={kind.application}; PRAGMA user_version={kind.version}; COMMIT;")
+
+    @contextlib.contextmanager
+    def transaction(self, db: sqlite3.Connection) -> Iterator[None]:
+        with self.explained():
+            db.execute("BEGIN IMMEDIATE")
+            try:
+                yield
+                db.execute("COMMIT")
+            except BaseException:
+                if db.in_transaction:
+                    db.execute("ROLLBACK")
+                raise
+
+    @contextlib.contextmanager
+    def explained(self) -> Iterator[None]:
+        """What SQLite says, as something that a person can act on."""
+        try:
+            yield
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorname in ("SQLITE_BUSY", "SQLITE_LOCKED"):
+                raise UsageError(f"{self.path}: is in use by {self.kind.rival}; stop that one, or take another file") from None
+            raise UsageError(f"{self.path}: cannot be used: {error}; see to the disk's space and the file's rights") from None
+        except sqlite3.DatabaseError as error:
+            raise UsageError(
+                f"{self.path}: is not {self.kind.owner} file, or is damaged ({error}); take another file, or put a copy back"
+            ) from None
+        except (msgspec.MsgspecError, KeyError) as error:
+            raise UsageError(f"{self.path}: holds something that is no {self.kind.holds} ({error}); put a copy back") from None
+
+
+@dataclass(frozen=True, slots=True)
+class _Write:
+    job: Job[None]
+    position: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Now:
+    """Something that somebody waits for: a read, or a write in a transaction of its own."""
+
+    job: Job[Any]
+    asked: Future[Any]
+    writes: bool
+
+    def carry_out(self, disk: Disk, db: sqlite3.Connection) -> None:
+        try:
+            with disk.transaction(db) if self.writes else disk.explained():
+                value = self.job(db)
+        except BaseException as error:  # noqa: BLE001  # it is raised where the result is waited for
+            self.asked.set_exception(error)
+        else:
+            self.asked.set_result(value)
