@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import argparse
-import asyncio
 import os
 import statistics
 import subprocess
@@ -23,6 +22,8 @@ from pathlib import Path
 import msgspec
 from contestants.contest import AT_ONCE, BIDDERS, MESSAGES, Contestant, Measured, Ready, Round, take_part
 from msgspec import Struct
+
+from somrs.app.programs import run_program
 
 WARM_UP = Round(seconds=1.0, at_once=AT_ONCE)
 START_TIME = 60.0
@@ -46,6 +47,8 @@ class Entry(Struct, frozen=True, kw_only=True):
 
 ENTRIES: dict[str, Entry] = {
     "floor": Entry(module="floor", kind="Floor", title="the floor: calls, msgpack, a journal"),
+    "here": Entry(module="somrs_here", kind="Here", title="SO-MRS in one process"),
+    "wire": Entry(module="somrs_wire", kind="OverHttp", title="SO-MRS, SOAP over HTTP"),
     "spade": Entry(module="spade_agents", kind="Spade", title="SPADE over its XMPP server", needs=("spade",)),
     "dbos": Entry(module="dbos_workflows", kind="Steps", title="DBOS on SQLite: steps", needs=("dbos",)),
     "dbos-messages": Entry(module="dbos_workflows", kind="Messages", title="DBOS on SQLite: send and recv", needs=("dbos",)),
@@ -211,7 +214,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.contestant is not None:
-        asyncio.run(take_part(arguments.contestant, contestant(ENTRIES[arguments.contestant]), arguments.data))
+        run_program(take_part(arguments.contestant, contestant(ENTRIES[arguments.contestant]), arguments.data))
         return
     if unknown := [name for name in arguments.names if name not in ENTRIES]:
         parser.error(f"there is no contestant {', '.join(unknown)}; there are {', '.join(ENTRIES)}")

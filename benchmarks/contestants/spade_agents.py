@@ -18,12 +18,12 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import msgspec
-import uvloop
 
 from contestants.contest import BIDDERS
 from contestants.durable import Journal
 from contestants.programs import Programs, free_port, ready, until_told
 from contestants.talk import Bidder, Negotiation, Note, Speaker
+from somrs.app.programs import run_program
 
 DOMAIN = "localhost"
 PATIENCE = 60.0
@@ -155,4 +155,4 @@ async def _server(port: int) -> None:
 
 
 if __name__ == "__main__":
-    uvloop.run((_server if sys.argv[1] == "server" else _bidders)(int(sys.argv[2])))
+    run_program((_server if sys.argv[1] == "server" else _bidders)(int(sys.argv[2])))

@@ -1,0 +1,82 @@
+"""SO-MRS with all its parts in one process: messages go from one to the next without leaving it, and everything is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, map_of, one_step, site_loaded
+from somrs.app.device import DeviceJournal
+from somrs.app.host import Host
+from somrs.app.journal import Journal
+from somrs.app.node import CarryOut, Report
+from somrs.app.store import RepositoryStore
+from somrs.planner.problem import Problem
+from somrs.protocol.bodies import Body
+from somrs.registry.component import Registry
+from somrs.repository.component import Repository
+from somrs.repository.entries import Contents
+from somrs.service_manager.orders import Halt, Perform, Quote, Undo
+from somrs.service_manager.participant import ServiceManager
+from somrs.service_manager.work import carry_out
+from somrs.task_manager.manager import TaskManager
+
+
+class Here:
+    """One Host with Repository, Registry, Task Manager and ten Service Managers."""
+
+    async def start(self, data: Path) -> None:
+        self._host = host = Host()
+        await host.start()
+        loaded = site_loaded()
+        self._store = store = RepositoryStore.open(data / "repository.sqlite")
+        store.initialise(loaded.ontology, map_of(loaded))
+
+        contents = Contents(ontology=loaded.ontology, map=map_of(loaded))
+        repository = host.add(
+            "/repository", lambda address: Repository(address, contents), carry_out=store.carry_out, keep=store.keep, disk=store.disk
+        ).address
+        registry = host.add("/registry", lambda address: Registry(address, loaded.ontology, repository)).address
+        self._journals = [DeviceJournal(folder(data, "devices") / f"{name}.sqlite") for name in CARRIERS]
+        for name, journal in zip(CARRIERS, self._journals, strict=True):
+            device = Carrier(name)
+            manager = ServiceManager(device.profile(), repository=repository, registry=registry)
+            host.add(f"/devices/{name}", _given(manager), carry_out=_work(device), keep=journal.keep, disk=journal.disk)
+        self._journal = Journal(data / "task-manager.sqlite")
+        task_manager = host.add_journaled(
+            "/task-manager",
+            lambda address: TaskManager(address, repository=repository, registry=registry),
+            self._journal,
+            carry_out=_plan,
+        ).address
+        self._lines = Lines(host.request, task_manager)
+        await self._lines.until_offered(registry)
+
+    async def converse(self, line: int) -> None:
+        await self._lines.converse(line)
+
+    async def stop(self) -> None:
+        await self._host.stop()
+        for journal in self._journals:
+            journal.close()
+        self._journal.close()
+        self._store.close()
+
+
+async def _plan(task: object, report: Report) -> object:
+    assert isinstance(task, Problem), task
+    return one_step(task)
+
+
+def _given(manager: ServiceManager) -> Callable[[str], ServiceManager]:
+    return lambda address: manager
+
+
+def _work(device: Carrier) -> CarryOut:
+    async def ask(body: Body) -> Body:
+        raise AssertionError("a Carrier asks the Repository nothing")
+
+    async def work(task: object, report: Report) -> object:
+        return await carry_out(device, task, ask, report) if isinstance(task, Quote | Perform | Halt | Undo) else None
+
+    return work

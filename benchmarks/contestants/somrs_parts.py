@@ -1,0 +1,150 @@
+"""What both ways of running SO-MRS in `coordination.py` have in common: a site, its carriers, and plans without a search."""
+
+from __future__ import annotations
+
+import asyncio
+import uuid
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+from contestants.contest import AT_ONCE, BIDDERS
+from somrs.entish.formula import Name, Relation, Term, substitute
+from somrs.entish.parse import parse
+from somrs.ontology.files import Loaded, load_text
+from somrs.ontology.objects import Map
+from somrs.planner.plan import Plan, Step
+from somrs.planner.problem import Problem
+from somrs.protocol.bodies import Body
+from somrs.protocol.clients import Submit, Submitted, TaskNews, WatchTask
+from somrs.protocol.directory import Discover, Discovered
+from somrs.protocol.envelope import ANONYMOUS, Header, Message
+from somrs.protocol.frp import Outcome
+from somrs.service_manager.device import Device, Situation, Task, service
+
+CARRIERS = tuple(f"Robot{number + 1}" for number in range(BIDDERS))
+PLACES = ("Cupboard001", "Platform001")
+ALL = 1_000_000
+"""More events than a task has: whoever has seen so many waits for its end."""
+
+
+def site() -> str:
+    """A room with a jar for each conversation that is held at the same time, and the carriers."""
+    jars = "\n".join(f"  Jar{line}: {{type: Jar, at: [1, {line / 10}, 0.8]}}" for line in range(AT_ONCE))
+    robots = "\n".join(f"  {name}: {{type: PioneerP3DX, at: [{number / 2 + 2}, 3]}}" for number, name in enumerate(CARRIERS))
+    there = "\n".join(f"  - Jar{line} isOn {PLACES[0]}" for line in range(AT_ONCE))
+    return f"""
+map: Test
+objects:
+  Building001:
+    type: Building
+    parts:
+      Storey001:
+        type: Storey
+        parts:
+          Floor001: {{type: Floor, at: [0, 0, -0.1], Shape: {{Form: Box, Width: 20, Depth: 20, Height: 0.1}}}}
+  Cupboard001: {{type: Cupboard, at: [1, 1, 0], Shape: {{Form: Box, Width: 0.5, Depth: 3, Height: 0.8}}}}
+  Platform001: {{type: Platform, at: [8, 2, 0], Shape: {{Form: Box, Width: 3, Depth: 3, Height: 0.3}}}}
+{jars}
+{robots}
+facts:
+{there}
+"""
+
+
+def site_loaded() -> Loaded:
+    loaded = load_text(site(), "site.yaml")
+    assert loaded.map is not None, "there are objects in it"
+    return loaded
+
+
+class Carrier(Device):
+    """Carries a jar in no time. Its price differs from one order to the next, so that each wins some."""
+
+    type = "PioneerP3DX"
+    capacity = AT_ONCE
+    lease = 600.0
+
+    def __init__(self, name: str, simulator: str | None = None) -> None:
+        super().__init__(name, simulator)
+        self._quoted = int(name.removeprefix("Robot"))
+
+    def cost(self, task: Task) -> float:
+        self._quoted += 1
+        return float(self._quoted % 10)
+
+    @service("TransferObject", price=cost, duration=1.0)
+    async def carry(self, task: Task) -> Situation:
+        return None
+
+    @carry.stopping
+    async def put_down(self, task: Task) -> Situation:
+        return None
+
+
+def one_step(problem: Problem) -> Plan:
+    """The plan that a search would find: to carry the jar to where it is wanted."""
+    assert isinstance(problem.goal, Relation), problem.goal
+    jar, place = problem.goal.arguments
+    service_type = next(one.service_type for one in problem.services if one.service_type.name == "TransferObject")
+    inputs: dict[str, Term] = {"Object": jar, "Destination": place}
+    there = Name(_other(str(place)))
+    assert service_type.precondition is not None, "the thing has to be somewhere"
+    return Plan(
+        steps=(
+            Step(
+                id="s1",
+                service_type=service_type.name,
+                inputs=inputs,
+                effect=substitute(parse(service_type.effect), inputs),
+                precondition=substitute(parse(service_type.precondition), {**inputs, "Source": there}),
+            ),
+        )
+    )
+
+
+def _other(place: str) -> str:
+    return PLACES[1 - PLACES.index(place)]
+
+
+Ask = Callable[[Message], Awaitable[Message]]
+"""Has a message answered by whoever is at its address."""
+
+
+class Lines:
+    """The clients: each has a jar of its own, and wishes it where it is not, again and again."""
+
+    def __init__(self, ask: Ask, task_manager: str) -> None:
+        self._ask, self._task_manager = ask, task_manager
+        self._next = [1] * AT_ONCE
+
+    async def converse(self, line: int) -> None:
+        place = PLACES[self._next[line]]
+        self._next[line] = 1 - self._next[line]
+        submitted = await self._answer(self._task_manager, Submit(effect=f"Jar{line} isOn {place}"))
+        assert isinstance(submitted, Submitted), submitted
+        news = await self._answer(self._task_manager, WatchTask(task=submitted.task, after=ALL, wait=60.0))
+        assert isinstance(news, TaskNews), news
+        assert news.view.outcome is Outcome.ACCOMPLISHED, news.view
+
+    async def until_offered(self, registry: str) -> None:
+        """Return when all carriers have joined."""
+        while True:
+            found = await self._answer(registry, Discover())
+            if isinstance(found, Discovered) and len(found.offers) == len(CARRIERS):
+                return
+            await asyncio.sleep(0.05)
+
+    async def _answer(self, recipient: str, body: Body) -> Body:
+        header = Header(sender=ANONYMOUS, recipient=recipient, message_id=uuid.uuid4().urn)
+        return (await self._ask(Message(header=header, body=body))).body
+
+
+def map_of(loaded: Loaded) -> Map:
+    assert loaded.map is not None, "there are objects in it"
+    return loaded.map
+
+
+def folder(data: Path, name: str) -> Path:
+    made = data / name
+    made.mkdir(exist_ok=True)
+    return made

@@ -1,0 +1,122 @@
+"""SO-MRS as it is on one machine: each part in a process of its own, and SOAP over HTTP between them; five devices share a process."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+from collections.abc import Coroutine
+from pathlib import Path
+
+from contestants.contest import BIDDERS
+from contestants.programs import Programs, free_port, ready, until_told
+from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, one_step, site
+from somrs.app.client import Addresses
+from somrs.app.device import DeviceRunner
+from somrs.app.host import Host
+from somrs.app.http import Wire
+from somrs.app.journal import Journal
+from somrs.app.node import Report
+from somrs.app.programs import run_program, run_registry, run_repository, until_stopped
+from somrs.planner.problem import Problem
+from somrs.protocol.envelope import Message
+from somrs.task_manager.manager import TaskManager
+
+HOST = "127.0.0.1"
+GROUP = BIDDERS // 2
+"""So many devices are in one process."""
+
+
+class OverHttp:
+    """The clients' process; it starts the others."""
+
+    async def start(self, data: Path) -> None:
+        self._programs, self._wire = Programs(data), Wire()
+        (data / "site.yaml").write_text(site())
+        ports = [free_port() for _ in range(3)]
+        addresses = Addresses(
+            repository=f"http://{HOST}:{ports[0]}/repository",
+            registry=f"http://{HOST}:{ports[1]}/registry",
+            task_manager=f"http://{HOST}:{ports[2]}/task-manager",
+        )
+        addresses.write(data)
+        for part, port in zip(("repository", "registry", "task-manager"), ports, strict=True):
+            await self._programs.start("somrs_wire", part, str(port))
+        for first in range(0, BIDDERS, GROUP):
+            await self._programs.start("somrs_wire", "devices", str(first))
+        self._lines = Lines(self._ask, addresses.task_manager)
+        await self._lines.until_offered(addresses.registry)
+
+    async def converse(self, line: int) -> None:
+        await self._lines.converse(line)
+
+    async def stop(self) -> None:
+        await self._wire.close()
+        await self._programs.end()
+
+    async def _ask(self, message: Message) -> Message:
+        answer = await self._wire.post(message, timeout=90.0)
+        assert answer is not None, "a request is answered"
+        return answer
+
+
+async def _task_manager(data: Path, port: int) -> None:
+    """As `somrs.app.programs` has it, but for the plans."""
+    addresses = Addresses.read(data)
+    journal = Journal(data / "task-manager.sqlite")
+    host = Host(HOST, port)
+    await host.start()
+
+    async def plan(task: object, report: Report) -> object:
+        assert isinstance(task, Problem), task
+        return one_step(task)
+
+    host.add_journaled(
+        "/task-manager",
+        lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
+        journal,
+        carry_out=plan,
+    )
+    ready()
+    await until_stopped()
+    await host.stop()
+    journal.close()
+
+
+async def _devices(data: Path, first: int) -> None:
+    addresses = Addresses.read(data)
+    runners = [DeviceRunner(Carrier(name), addresses, data, HOST) for name in CARRIERS[first : first + GROUP]]
+    for runner in runners:
+        await runner.start()
+    ready()
+    await until_stopped()
+    for runner in runners:
+        await runner.stop()
+
+
+def _part(name: str, number: int) -> Coroutine[None, None, None]:
+    data = Path.cwd()
+    match name:
+        case "repository":
+            return run_repository(folder(data, "repository"), [data / "site.yaml"], HOST, number)
+        case "registry":
+            return run_registry(Addresses.read(data), HOST, number)
+        case "task-manager":
+            return _task_manager(data, number)
+        case _:
+            return _devices(data, number)
+
+
+async def _run(name: str, number: int) -> None:
+    running = asyncio.create_task(_part(name, number))
+    told = asyncio.create_task(until_told())
+    await asyncio.wait((running, told), return_when=asyncio.FIRST_COMPLETED)
+    if not running.done():
+        os.kill(os.getpid(), signal.SIGTERM)
+    told.cancel()
+    await running
+
+
+if __name__ == "__main__":
+    run_program(_run(sys.argv[1], int(sys.argv[2])))
