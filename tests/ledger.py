@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from msgspec import Struct
-
-from somrs.protocol.clients import CancelTask
+from somrs.protocol.clients import CancelTask, TaskRecord
 from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Wake
 from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id, reply
+from somrs.protocol.frp import Outcome
 
 LONG = 1e6
 """Seconds for which everything is said again."""
-
-
-class Booked(Struct, frozen=True):
-    """A record: this was told, and counts."""
-
-    id: str
-    amount: int
 
 
 def told(number: int, amount: int, to: str = "ledger", sender: str = "teller", reply_to: str = ANONYMOUS) -> Message:
@@ -35,13 +27,14 @@ class Ledger:
     `booked` are the records of an earlier life; what was booked counts, and is said again from the start.
     """
 
-    def __init__(self, sink: str = "sink", address: str = "ledger", booked: list[object] | None = None) -> None:
+    def __init__(self, sink: str = "sink", address: str = "ledger", booked: list[object] | None = None, patience: float = 5.0) -> None:
         self.sink, self.address = sink, address
         self.amounts: dict[str, int] = {}
         self.doubled: dict[str, str] = {}
         self.reminded: set[str] = set()
         self.starts = 0
-        self._booked = [entry for entry in booked or () if isinstance(entry, Booked)]
+        self.patience = patience
+        self._booked = [entry for entry in booked or () if isinstance(entry, TaskRecord)]
 
     @property
     def total(self) -> int:
@@ -70,12 +63,15 @@ class Ledger:
     def _received(self, message: Message, now: float) -> list[Effect]:
         assert isinstance(message.body, CancelTask)
         id = message.header.message_id
-        return [] if id in self.amounts else self._book(Booked(id, int(message.body.task)), now)
+        if id in self.amounts:
+            return []
+        record = TaskRecord(task=id, client="", effect=message.body.task, submitted_at=now, ended_at=now, outcome=Outcome.ACCOMPLISHED)
+        return self._book(record, now)
 
-    def _book(self, entry: Booked, now: float) -> list[Effect]:
-        self.amounts[entry.id] = entry.amount
-        said = self._say("receipt", entry.id, str(entry.amount), now)
-        return [Wake(entry.id, now + 5.0), Record(entry), said, Ask(entry.id, entry.amount)]
+    def _book(self, entry: TaskRecord, now: float) -> list[Effect]:
+        self.amounts[entry.task] = int(entry.effect)
+        said = self._say("receipt", entry.task, entry.effect, now)
+        return [Wake(entry.task, now + self.patience), Record(entry), said, Ask(entry.task, entry.effect)]
 
     def _say(self, kind: str, id: str, text: str, now: float) -> Send:
         header = Header(sender=self.address, recipient=self.sink, message_id=message_id(kind, id))

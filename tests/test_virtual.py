@@ -117,7 +117,7 @@ def test_whenever_it_is_killed_the_sums_are_right_and_everything_is_said(steps: 
     assert books.ledger.total == sum(told)
     assert books.heard() == expected(told)
     if journaled:
-        assert [*books.ledger.amounts.values()] == [entry.amount for entry in books.world.records["ledger"]]  # type: ignore[attr-defined]
+        assert [*books.ledger.amounts.values()] == [int(entry.effect) for entry in books.world.records["ledger"]]  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("journaled", [True, False])
@@ -165,7 +165,7 @@ def test_a_journal_keeps_timers_and_questions_and_starts_neither_anew() -> None:
     books.world.run(0.5)
     books.revive()
     books.world.run(0.499)
-    assert asked == [4], "it was answered"
+    assert asked == ["4"], "it was answered"
     assert not books.ledger.reminded
     books.world.run(0.01)
     assert books.ledger.reminded, f"5 s after it was told, not after {begun}"
@@ -174,7 +174,7 @@ def test_a_journal_keeps_timers_and_questions_and_starts_neither_anew() -> None:
     books.world.kill("ledger")
     books.revive()
     books.world.run(10.0)
-    assert asked == [4, 5, 5]
+    assert asked == ["4", "5", "5"]
     assert books.ledger.starts == 3
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
 
+from somrs.app.entries import batch, decoded, encoded
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.component import (
     Answered,
@@ -31,7 +32,7 @@ from somrs.protocol.component import (
     Withdraw,
 )
 from somrs.protocol.envelope import Message
-from somrs.protocol.pending import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, WITHDRAWN, Entry, Journaled
+from somrs.protocol.pending import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, WITHDRAWN, Journaled
 
 LATENCY = 0.001
 """Seconds that a message takes."""
@@ -75,7 +76,7 @@ class _Place:
 
     carry_out: CarryOut
     journaled: bool
-    entries: list[Entry] = field(default_factory=list)
+    entries: list[bytes] = field(default_factory=list)
     snapshot: bytes | None = None
 
 
@@ -175,7 +176,7 @@ class World:
             return
         journaled = Journaled(make()) if place.snapshot is None else pickle.loads(place.snapshot)
         known = self.records[address]
-        known += [record.entry for record in journaled.replay(place.entries) if record.entry not in known]
+        known += [record.entry for record in journaled.replay(decoded(batch(place.entries))) if record.entry not in known]
         life = _Life(address, journaled.component, journaled)
         self._lives[address], self.components[address] = life, journaled.component
         self._resume(address, life, journaled)
@@ -259,7 +260,7 @@ class World:
             return False
         if (journaled := life.journaled) is not None:
             entry = journaled.entry(event, self.now)
-            self._places[address].entries.append(entry)
+            self._places[address].entries.append(encoded(entry))
             effects = journaled.handle(entry)
         else:
             effects = [(effect, 0) for effect in life.component.handle(event, self.now)]
