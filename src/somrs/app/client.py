@@ -143,12 +143,35 @@ class Client:
         while True:
             news = await self.ask(self.addresses.task_manager, clients.WatchTask(task=task, after=after), clients.TaskNews, timeout=60)
             yield news
-            if news.view.phase is clients.Phase.ENDED:
+            if news.view.phase is clients.Phase.ENDED and not news.more:
                 return
             after += len(news.events)
 
-    async def tasks(self) -> tuple[clients.TaskView, ...]:
-        return (await self.ask(self.addresses.task_manager, clients.ReadTasks(), clients.Tasks)).tasks
+    async def events(self, task: str) -> tuple[clients.TaskView, tuple[clients.TaskEvent, ...]]:
+        """The task as it is now, and all that happened to it."""
+        events: tuple[clients.TaskEvent, ...] = ()
+        while True:
+            watch = clients.WatchTask(task=task, after=len(events), wait=0)
+            news = await self.ask(self.addresses.task_manager, watch, clients.TaskNews)
+            events += news.events
+            if not news.more:
+                return news.view, events
+
+    async def tasks(self, *, running: bool = False, limit: int | None = None) -> tuple[clients.TaskView, ...]:
+        """The tasks that the Task Manager has in mind, newest first: all, or those that are not over."""
+        found: list[clients.TaskView] = []
+        question = clients.ReadTasks(running=running)
+        while limit is None or len(found) < limit:
+            page = await self.ask(self.addresses.task_manager, question, clients.Tasks)
+            found += page.tasks
+            if not page.more:
+                break
+            question = msgspec.structs.replace(question, behind=page.tasks[-1].task)
+        return tuple(found[:limit])
+
+    async def records(self, wanted: clients.ReadRecords) -> clients.Records:
+        """A page of what is kept of tasks that are over."""
+        return await self.ask(self.addresses.task_manager, wanted, clients.Records)
 
     async def cancel(self, task: str, reason: str) -> None:
         await self.ask(self.addresses.task_manager, clients.CancelTask(task=task, reason=reason), clients.Cancelling)

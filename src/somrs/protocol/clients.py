@@ -236,16 +236,26 @@ class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class ReadRecords(Struct, frozen=True, kw_only=True, tag=True):
-    """Tasks that are over, the latest first: those that ended before `before`, if that is given, up to `limit`; or the one
-    named."""
+    """Tasks that are over, the latest first, up to `limit`: those that ended at `since` or later, with this `outcome`, whose id is
+    `task` or begins so (without `urn:uuid:`, if one likes). `behind`: those behind this one in that order. `brief`: without
+    contracts, events and messages. `after`: of a record's steps, work, contracts, events and messages, in this order, those behind
+    the first so many."""
 
-    before: float | None = None
-    limit: int = 20
+    since: float | None = None
+    outcome: Outcome | None = None
     task: str | None = None
+    behind: str | None = None
+    limit: int = 20
+    brief: bool = False
+    after: int = 0
 
 
 class Records(Struct, frozen=True, kw_only=True, tag=True):
-    """`more`: there are older ones. A page ends early when it becomes too long for a message."""
+    """`more`: there is more. A page ends early when it becomes too long for a message. `rest`: the last record is too long for one
+    by itself; ask for that task again, `after` so many of its parts. `total`: how many there are in all; not said of those
+    `behind` another."""
 
     records: tuple[TaskRecord, ...]
     more: bool = False
+    rest: int | None = None
+    total: int | None = None

@@ -39,6 +39,7 @@ from somrs.protocol.directory import (
 from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
 from somrs.protocol.frp import Fault
 from somrs.protocol.leases import granted
+from somrs.protocol.paging import PAGE_BYTES
 from somrs.protocol.replica import Replica
 
 LEASES = "leases"
@@ -46,9 +47,6 @@ LEASES = "leases"
 
 REMEMBERED = 10_000
 """So many publications, renewals and retractions are remembered: one that comes late a second time must not undo a newer one."""
-
-PAGE_BYTES = 40_000
-"""Offers as JSON that go into one message; as XML they are up to five times as long, and a node accepts 256 kB."""
 
 
 @dataclass(slots=True, kw_only=True)

@@ -40,8 +40,9 @@ from somrs.protocol.knowledge import (
     by_kind,
 )
 from somrs.protocol.leases import granted
+from somrs.protocol.paging import PAGE_BYTES, fitting, size
 from somrs.repository.entries import REMEMBERED, Answer, Contents, Handled, HistoryOf, Subscription
-from somrs.repository.pages import PAGE_BYTES, MapPages, fitting, ontology_page, size
+from somrs.repository.pages import MapPages, ontology_page
 from somrs.repository.update import Outcome, is_name, outcome, rejected
 
 LEASES = "leases"

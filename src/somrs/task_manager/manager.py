@@ -13,6 +13,7 @@ from somrs.protocol.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
 from somrs.protocol.directory import Offer
 from somrs.protocol.envelope import Message, message_id, reply
+from somrs.protocol.paging import fitting
 from somrs.protocol.replica import Replica
 from somrs.task_manager.participants import sent_home
 from somrs.task_manager.questions import Questions
@@ -127,9 +128,8 @@ class TaskManager:
                 if (transaction := self._known(message, task)) is not None:
                     transaction.cancel(now, reason)
                     self._reply(message, clients.Cancelling(task=task))
-            case clients.ReadTasks(limit=limit):
-                newest = sorted(self.transactions.values(), key=lambda t: t.submitted_at, reverse=True)
-                self._reply(message, clients.Tasks(tasks=tuple(view(transaction) for transaction in newest[: max(limit, 0)])))
+            case clients.ReadTasks():
+                self._reply(message, self._tasks(message.body))
             case clients.WatchTask(task=task, after=after, wait=wait):
                 if self._known(message, task) is not None:
                     id = message.header.message_id
@@ -178,6 +178,15 @@ class TaskManager:
             self._reply(message, previewed(error))
         else:
             self._previews[question] = message
+
+    def _tasks(self, wanted: clients.ReadTasks) -> clients.Tasks:
+        found = [each for each in self.transactions.values() if each.outcome is None or not wanted.running]
+        newest = sorted(found, key=lambda each: (each.submitted_at, each.id), reverse=True)
+        if wanted.behind is not None:
+            last = self.transactions.get(wanted.behind)
+            newest = [each for each in newest if last is not None and (each.submitted_at, each.id) < (last.submitted_at, last.id)]
+        page = tuple(fitting((view(each) for each in newest), max(wanted.limit, 0)))
+        return clients.Tasks(tasks=page, more=len(page) < len(newest))
 
     def _known(self, message: Message, task: str) -> Transaction | None:
         transaction = self.transactions.get(task)
@@ -262,7 +271,9 @@ class TaskManager:
 
     def _tell(self, watcher: _Watcher) -> None:
         transaction = self.transactions[watcher.task]
-        self._reply(watcher.request, clients.TaskNews(view=view(transaction), events=tuple(transaction.events[watcher.after :])))
+        events = tuple(fitting(transaction.events[watcher.after :]))
+        more = watcher.after + len(events) < len(transaction.events)
+        self._reply(watcher.request, clients.TaskNews(view=view(transaction), events=events, more=more))
 
     def _forget(self) -> None:
         """The oldest tasks that are over, beyond so many. Whoever watched them was told."""
