@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import math
+import re
+import textwrap
+from pathlib import Path
 
 import pytest
 
-from looking_lab import after, carrying, lab, looking
+from looking_lab import SITE, after, carrying, lab, looking
 from robot_lab import run
+from somrs.app.device import load
 from somrs.devices.simulator.commands import Fault
+from somrs.entish.formula import Formula
+from somrs.ontology.files import load_text, upper
+from somrs.service_manager.device import Device, Task, service
 from somrs.service_manager.orders import Done, Halt, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
 
 
@@ -179,3 +186,40 @@ def test_a_robot_that_fell_silent_is_said_to_have_failed_and_nothing_is_claimed_
             assert failed.value.situation == "Robot1.Working = FALSE"
 
     run(test())
+
+
+def test_the_documentation_shows_how_to_offer_it_oneself() -> None:
+    page = (Path(__file__).parent.parent / "docs" / "cognitive-services.md").read_text()
+    python, *_ = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+
+    async def in_view(device: Device, task: Task) -> None:
+        return None
+
+    names: dict[str, object] = {"service": service, "in_view": in_view, "Task": Task, "Situation": object, "Formula": Formula}
+    names["Device"] = Device
+    exec(
+        f"from __future__ import annotations\nclass Lookout(Device):\n    type = 'StationaryDevice'\n{textwrap.indent(python, '    ')}",
+        names,
+    )
+    kind = names["Lookout"]
+    assert isinstance(kind, type)
+    assert issubclass(kind, Device)
+
+    async def test() -> None:
+        async with lab() as at:
+            device = kind("Robot1")
+            assert isinstance(await at.do(device, Quote(looking("Jar1"))), Quoted)
+            assert await at.found(device, "Jar1") == "Jar1 isOn Table001 AND Jar1.Unknown = FALSE"
+            assert isinstance(await at.do(device, Undo(looking("Jar1"), "Jar1.Unknown = TRUE")), Done)
+
+    run(test())
+
+
+def test_what_the_documentation_puts_on_a_map_is_a_map() -> None:
+    page = (Path(__file__).parent.parent / "docs" / "cognitive-services.md").read_text()
+    (text,) = [block for block in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if "Anna" in block]
+    site = SITE.replace("Patrol1", "Patrol9").replace("facts:", textwrap.indent(text, "  ") + "facts:")
+    loaded = load_text(site, base=upper())
+    assert loaded.map is not None
+    drivers = {name: loaded.ontology.driver(loaded.map.objects[name].type) for name in ("Patrol1", "Camera001", "Anna")}
+    assert all(load(driver or "").__name__ in ("PatrolRobot", "FixedCamera", "Person") for driver in drivers.values())
