@@ -188,7 +188,8 @@ class Previewed(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class ContractView(Struct, frozen=True, kw_only=True):
-    """A participant of a task that is over: the service, the step, the terms that it gave, and how it ended."""
+    """A participant of a task that is over: the service, the step, the terms that it gave, whether they were accepted, and the state
+    it was in at the end; if it had left before (Ended), the reason."""
 
     participant: str
     service: str

@@ -48,6 +48,8 @@ class Member:
     """The version of the map when it was given up."""
     reported: bool = False
     """It said how its work ended."""
+    left_in: State | None = None
+    """Where it was when the transaction ended."""
 
     @property
     def state(self) -> State:
@@ -122,6 +124,7 @@ class Participants:
         for member in self:
             if member.state in WORKING:
                 self.give_up(member)
+            member.left_in = member.state
             if frp.End in COORDINATOR_SENDS.get(member.state, {}):
                 self._send(member, frp.End(outcome=outcome), now, GOODBYE_TIME)
             else:

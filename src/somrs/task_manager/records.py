@@ -8,6 +8,7 @@ import msgspec
 
 from somrs.protocol.clients import ContractView, MessageView, TaskRecord
 from somrs.protocol.envelope import Message
+from somrs.protocol.frp import State
 from somrs.task_manager.participants import Member
 from somrs.task_manager.views import view
 
@@ -45,13 +46,13 @@ def _contract(member: Member) -> ContractView:
         participant=member.id,
         service=member.offer.service,
         step=member.label,
-        state=session.state,
+        state=member.left_in or session.state,
         accepted="Accept" in session.said,
         price=terms.price if terms is not None else None,
         currency=terms.currency if terms is not None else "EUR",
         duration=terms.duration if terms is not None else None,
         valid_until=terms.valid_until if terms is not None else None,
-        reason=member.last_word or session.reason,
+        reason=member.last_word or (session.reason if member.left_in in (None, State.ENDED) else ""),
     )
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, Handler
@@ -69,7 +70,11 @@ def wrong_with(task: Submit, replica: Replica) -> str | None:
 
 def _check_handler(handler: Handler, replica: Replica) -> None:
     """Raises FormulaError. The variables are those of the steps that it is for, where that can be known."""
-    service_type = replica.ontology.services.get(handler.service_type or "")
+    known = replica.ontology.services
+    if handler.service_type is not None and handler.service_type not in known:
+        hint = nearest(handler.service_type, known) or "leave it out, and it is for every step"
+        raise FormulaError(handler.service_type, 0, f"there is no service type {handler.service_type}", hint)
+    service_type = known.get(handler.service_type or "")
     inputs = {parameter.name: parameter.type for parameter in service_type.inputs} if service_type is not None else {}
     for formula in (handler.when, handler.effect):
         if formula is not None:

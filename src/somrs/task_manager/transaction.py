@@ -431,7 +431,7 @@ class Transaction:
         self.participants.end(outcome, now)
         self.outcome, self.ended_at = outcome, now
         if outcome is not Outcome.ACCOMPLISHED:
-            self.explanation += "".join(f"; {work.in_words()}" for work in self.ledger if not work.taken_over and not work.undoes)
+            self.explanation += "".join(f"; {work.in_words()}" for work in self.ledger if work.matters)
         for timer in ("deadline", "stop"):
             self._wake(timer, None)
         self.tell(now, f"{outcome}{f': {self.explanation}' if self.explanation else ''}", kind=EventKind.END)

@@ -49,6 +49,11 @@ class Work:
     def service(self) -> str:
         return self.member.offer.service
 
+    @property
+    def matters(self) -> bool:
+        """Whether the client of a task that was not accomplished has to know what became of it."""
+        return self.service_type.kind is ServiceKind.PHYSICAL and not self.taken_over and not self.undoes
+
     def view(self) -> WorkView:
         return WorkView(
             step=self.label,
