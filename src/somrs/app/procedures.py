@@ -1,0 +1,40 @@
+"""Procedures for failures and compensations as they are written at the command line: `[SERVICE TYPE:] EFFECT [WHEN SITUATION]`.
+
+TransferObject: ?Object isOn Cupboard001 WHEN ?Object isOn Floor001
+"""
+
+from __future__ import annotations
+
+import re
+
+from somrs.entish.parse import parse
+from somrs.errors import FormulaError
+from somrs.ontology.services import Handler, Occasion
+
+_TYPE = re.compile(r"\s*(?P<name>[^\W\d]\w*(?:-\w+)*)\s*:")
+_WHEN = re.compile(r'"(?:[^"\\\n]|\\.)*"|(?P<when>\bWHEN\b)')
+
+
+def handler(on: Occasion, text: str) -> Handler:
+    """What the text says. Raises FormulaError, which shows the place in the whole of it."""
+    typed = _TYPE.match(text)
+    start = typed.end() if typed is not None else 0
+    words = [found for found in _WHEN.finditer(text, start) if found["when"] is not None]
+    if len(words) > 1:
+        raise FormulaError(text, words[1].start(), "WHEN is there twice", "join what has to hold with AND")
+    end = words[0].start() if words else len(text)
+    return Handler(
+        on=on,
+        service_type=typed["name"] if typed is not None else None,
+        effect=_formula(text, start, end),
+        when=_formula(text, words[0].end(), len(text)) if words else None,
+    )
+
+
+def _formula(whole: str, start: int, end: int) -> str:
+    text = whole[start:end]
+    try:
+        parse(text)
+    except FormulaError as error:
+        raise FormulaError(whole, start + error.position, error.problem, error.hint) from None
+    return text.strip()
