@@ -150,18 +150,19 @@ COORDINATOR: Table = _complete(COORDINATOR_STATES, TO_COORDINATOR, {
                    Status: again(), Fault: to(FAILED)},
     COMPLETED:    {Completed: again(), Status: again()},
     FAILED:       {Failed: again(), Status: again()},
-    # Completed, Failed: they crossed the Stop. Compensated, Stranded: see Unreachable.
+    # Completed, Failed: they crossed the Stop.
     STOPPING:     {Refuse: to(ENDED), Progress: to(STOPPING), Completed: to(COMPLETED), Failed: to(FAILED), Stopped: to(STOPPED),
-                   Compensated: to(COMPENSATED), Stranded: to(STRANDED), Status: again()},
+                   Status: again()},
     STOPPED:      {Stopped: again(), Status: again()},
     COMPENSATING: {Progress: to(COMPENSATING), Compensated: to(COMPENSATED), Stranded: to(STRANDED), Status: again(),
                    Fault: to(STRANDED)},
     COMPENSATED:  {Compensated: again(), Status: again()},
-    STRANDED:     {Stranded: again(), Status: again()},
+    # Compensated: it had been silent for too long.
+    STRANDED:     {Compensated: to(COMPENSATED), Stranded: again(), Status: again()},
     ENDED:        _OVER,
     # One that was given up came back. Its step may be another's by now, so if it works it must stop; its report is the truth.
     UNREACHABLE:  {Refuse: to(ENDED), Progress: to(STOPPING, Stop), Completed: to(COMPLETED), Failed: to(FAILED), Stopped: to(STOPPED),
-                   Compensated: to(COMPENSATED), Stranded: to(STRANDED), Status: again()},
+                   Status: again()},
 })
 
 # What a coordinator may say of its own accord; Query besides, once it has said anything.
@@ -176,12 +177,15 @@ COORDINATOR_SENDS: Sends = {
     STOPPED:      {Compensate: COMPENSATING, End: ENDED},
     COMPENSATED:  {End: ENDED},
     STRANDED:     {End: ENDED},
-    UNREACHABLE:  {Stop: STOPPING, End: ENDED},
+    UNREACHABLE:  {End: ENDED},
 }
 # fmt: on
 
-GIVES_UP: dict[State, State] = dict.fromkeys((COMMITTED, EXECUTING, STOPPING, COMPENSATING), UNREACHABLE)
-"""The coordinator's move, in the states in which it waits for a participant with a contract, when that one stays silent."""
+GIVES_UP: dict[State, State] = {**dict.fromkeys((COMMITTED, EXECUTING, STOPPING), UNREACHABLE), COMPENSATING: STRANDED}
+"""The coordinator's move, in the states in which it waits for a participant with a contract, when that one stays silent.
+
+An undoing of which nothing is heard counts as one that failed. Were it Unreachable, a late sign of life from the work before would
+have it told to stop, and it would be waited for, although it may never have begun to undo."""
 
 CONTRACTED = frozenset((COMMITTED, EXECUTING, STOPPING, COMPENSATING, UNREACHABLE))
 """The coordinator's states in which a participant owes it something."""
@@ -193,4 +197,5 @@ HOLDS = frozenset((COMMITTED, EXECUTING, STOPPING, COMPENSATING))
 """The coordinator's states in which the step is this participant's. While one is in them, no other is accepted for the step."""
 
 RESUMES: dict[State, Said] = {EXECUTING: Failed, STOPPING: Stopped, COMPENSATING: Stranded}
-"""What a participant reports that was restarted in the middle of its work, once its device is in a safe state."""
+"""What a participant reports that was restarted, or could reach nobody, in the middle of its work, once its device is in a safe
+state."""
