@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 from somrs.errors import InputError
 from somrs.protocol import frp
+from somrs.protocol.frp import State
 from somrs.protocol.session import ParticipantSession
+from somrs.protocol.states import RESUMES
 from somrs.service_manager.orders import Order, Refusal
 
 Key = tuple[str, str]
@@ -45,6 +47,14 @@ def failure(doing: str, description: str, situation: str | None) -> frp.Failed |
     if doing == "Undo":
         return frp.Stranded(description=description, situation=situation)
     return frp.Failed(description=description, situation=situation)
+
+
+def interrupted(state: State, reason: str) -> Verdict:
+    """What is reported of work that was brought to a stop in this state, for this reason."""
+    kind = RESUMES[state]
+    if kind is frp.Stopped:
+        return frp.Stopped()
+    return frp.Stranded(description=reason) if kind is frp.Stranded else frp.Failed(description=reason)
 
 
 def in_words(value: object) -> str:

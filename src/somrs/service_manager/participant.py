@@ -16,9 +16,9 @@ from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Receive
 from somrs.protocol.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.frp import State
 from somrs.protocol.session import NOT_ALLOWED, ParticipantBody, ParticipantSession, service_of
-from somrs.protocol.states import TO_COORDINATOR, TO_PARTICIPANT, WORKING
+from somrs.protocol.states import RESUMES, TO_COORDINATOR, TO_PARTICIPANT, WORKING
 from somrs.service_manager.calendar import Commitment, free_from
-from somrs.service_manager.job import Job, Key, Verdict, failure, in_words
+from somrs.service_manager.job import Job, Key, Verdict, failure, in_words, interrupted
 from somrs.service_manager.joining import TIMER, Joining
 from somrs.service_manager.orders import (
     Advance,
@@ -366,10 +366,8 @@ class ServiceManager:
         self._cut_off(job, "nobody could be told how the work goes, so it was stopped", now)
 
     def _cut_off(self, job: Job, reason: str, now: float) -> None:
-        if job.session.state is State.COMPENSATING:
-            self._interrupt(job, frp.Stranded(description=reason), now)
-        elif job.session.state is State.EXECUTING:
-            self._interrupt(job, frp.Failed(description=reason), now)
+        if (state := job.session.state) in (State.EXECUTING, State.COMPENSATING):
+            self._interrupt(job, interrupted(state, reason), now)
 
     # Coming and going
 
@@ -394,12 +392,8 @@ class ServiceManager:
         match session.state:
             case State.ARRANGING:
                 self._arrange(job, now)
-            case State.EXECUTING:
-                job.verdict = frp.Failed(description=reason)
-            case State.STOPPING:
-                job.verdict = frp.Stopped()
-            case State.COMPENSATING:
-                job.verdict = frp.Stranded(description=reason)
+            case state if state in RESUMES:
+                job.verdict = interrupted(state, reason)
             case State.OFFERED:
                 self._timer(job, "expire", session.terms.valid_until if session.terms else now)
             case State.COMMITTED:
