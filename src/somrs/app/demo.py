@@ -1,7 +1,8 @@
 """The paper's scenarios, played in the simulator by a whole system of separate processes (paper, "Experiments").
 
 Scenario 1: of two robots the cheaper one moves a jar from a cupboard to a platform. Scenario 1b: its drive breaks on the
-way, it puts the jar down and says where, and the other robot goes on from there.
+way, it puts the jar down and says where, and the other robot goes on from there. Scenario 2, which is not the paper's, is in
+`recovery_demo.py`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from somrs.app import show
+from somrs.app import recovery_demo, show
 from somrs.app.chart import SETBACKS, chart, said
 from somrs.app.client import Client
 from somrs.app.sheet import sheet
@@ -40,7 +41,7 @@ from somrs.ontology.types import Ontology
 from somrs.protocol.clients import Submit, TaskView
 from somrs.protocol.frp import Outcome
 
-SCENARIOS = ("1", "1b")
+SCENARIOS = ("1", "1b", "2")
 WISH = Submit(effect="Jar002 isOn Platform001", precondition="Jar002 isOn ?Shelf")
 CHEAP, DEAR, JAR, CUPBOARD, GOAL = "Robot1", "Robot2", "Jar002", "Cupboard001", "Platform001"
 STEPS = {
@@ -81,11 +82,13 @@ async def play(scenario: str, out: Path, seed: int | None, console: Console | No
     if out.exists():
         shutil.rmtree(out)
     out.mkdir(parents=True)
-    site, distance = prepare(out, seed)
-    system = System([site], out / "run", speed="max")
+    site, distance = prepare(scenario, out, seed)
+    system = System([site], out / "run", speed=recovery_demo.SPEED if scenario == "2" else "max")
     try:
-        with console.status("starting the Repository, the Registry, the Task Manager, the simulator and two Service Managers ..."):
+        with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the Service Managers ..."):
             await system.start()
+        if scenario == "2":
+            return await recovery_demo.perform(system, out, console)
         played = await perform(scenario, system, out, distance, console)
     finally:
         await system.stop()
@@ -93,9 +96,9 @@ async def play(scenario: str, out: Path, seed: int | None, console: Console | No
     return 0 if played.passed else 1
 
 
-def prepare(out: Path, seed: int | None) -> tuple[Path, float]:
+def prepare(scenario: str, out: Path, seed: int | None) -> tuple[Path, float]:
     """The scenario's site as a file, and after how many metres with the jar the drive breaks; varied when there is a seed."""
-    source = resources.files("somrs.app") / "data" / "scenario-1.yaml"
+    source = resources.files("somrs.app") / "data" / f"scenario-{scenario[0]}.yaml"
     with resources.as_file(source) as file:
         loaded = load([file])
     assert loaded.map is not None, "the scenario's site has a map"

@@ -126,14 +126,21 @@ class System:
             for program in (ends[one] for one in done):
                 tell(f"{program.name} ended ({_how(program.process.returncode)}; see {program.log}); starting it again")
                 await asyncio.sleep(min(0.2 * 2**program.restarts, MOST_PAUSE))
-                program.restarts += 1
-                program.process = await _process(program.line, program.log)
                 try:
-                    await _ready(program)
+                    await self.restart(program.name)
                 except SomrsError as error:
                     tell(str(error))
                 else:
                     tell(f"{program.name} is back")
+
+    async def restart(self, name: str) -> None:
+        """Start a program again that has ended, and wait until it is ready. Raises UsageError or RemoteError when it does not get so
+        far."""
+        program = self.programs[name]
+        await program.process.wait()
+        program.restarts += 1
+        program.process = await _process(program.line, program.log)
+        await _ready(program)
 
     async def stop(self) -> None:
         """End all programs, devices first, so that they can take their leave."""
