@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import time
 import uuid
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -9,15 +11,20 @@ from typing import TypeVar
 
 import msgspec
 
-from somrs.app.http import Wire
+from somrs.app.http import Unanswered, Wire
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol import clients, directory, frp, knowledge
 from somrs.protocol.bodies import Body
 from somrs.protocol.envelope import ANONYMOUS, Header, Message
+from somrs.protocol.pending import FIRST_PAUSE, LONGEST_PAUSE
 
 SYSTEM_FILE = "system.json"
+
+PATIENCE = 30.0
+"""Seconds for which a Task Manager that is started again is waited for by those who have a task with it."""
+
 Answer = TypeVar("Answer")
 
 
@@ -57,10 +64,13 @@ class Client:
     async def __aexit__(self, *exception: object) -> None:
         await self._wire.close()
 
-    async def ask(self, address: str, body: Body, expected: type[Answer], timeout: float = 30.0) -> Answer:
-        """The answer, which is of the expected type. Raises RemoteError when it is not, or none came."""
+    async def ask(self, address: str, body: Body, expected: type[Answer], timeout: float = 30.0, patience: float = 0.0) -> Answer:
+        """The answer, which is of the expected type. Raises RemoteError when it is not, or none came.
+
+        `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same.
+        """
         header = Header(sender=ANONYMOUS, recipient=address, message_id=uuid.uuid4().urn)
-        answer = await self._wire.post(Message(header=header, body=body), timeout=timeout)
+        answer = await self._answered(Message(header=header, body=body), timeout, time.monotonic() + patience)
         if answer is None:
             raise RemoteError(f"{address} took the {type(body).__name__} without an answer")
         if isinstance(answer.body, expected):
@@ -70,6 +80,17 @@ class Client:
         if isinstance(answer.body, knowledge.Rejected):
             raise RemoteError("\n".join(answer.body.problems))
         raise RemoteError(f"{address} answered {type(body).__name__} with {type(answer.body).__name__}")
+
+    async def _answered(self, message: Message, timeout: float, until: float) -> Message | None:
+        pause = FIRST_PAUSE
+        while True:
+            try:
+                return await self._wire.post(message, timeout=timeout)
+            except Unanswered:
+                if time.monotonic() + pause > until:
+                    raise
+            await asyncio.sleep(pause)
+            pause = min(pause * 2, LONGEST_PAUSE)
 
     # The Repository
 
@@ -124,9 +145,9 @@ class Client:
 
     # The Task Manager
 
-    async def submit(self, task: clients.Submit) -> str:
+    async def submit(self, task: clients.Submit, patience: float = 0.0) -> str:
         """The task's id. Raises UsageError, with the caret under the mistake, when it is no task."""
-        answer: object = await self.ask(self.addresses.task_manager, task, object)
+        answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience)
         match answer:
             case clients.Submitted(task=id):
                 return id
@@ -138,10 +159,11 @@ class Client:
                 raise RemoteError(f"the Task Manager answered {type(answer).__name__}")
 
     async def news(self, task: str) -> AsyncIterator[clients.TaskNews]:
-        """What happens to the task, until it ended."""
+        """What happens to the task, until it ended; a Task Manager that is started again meanwhile goes on telling it."""
         after = 0
         while True:
-            news = await self.ask(self.addresses.task_manager, clients.WatchTask(task=task, after=after), clients.TaskNews, timeout=60)
+            watch = clients.WatchTask(task=task, after=after)
+            news = await self.ask(self.addresses.task_manager, watch, clients.TaskNews, timeout=60, patience=PATIENCE)
             yield news
             if news.view.phase is clients.Phase.ENDED and not news.more:
                 return
@@ -174,7 +196,8 @@ class Client:
         return await self.ask(self.addresses.task_manager, wanted, clients.Records)
 
     async def cancel(self, task: str, reason: str) -> None:
-        await self.ask(self.addresses.task_manager, clients.CancelTask(task=task, reason=reason), clients.Cancelling)
+        wanted = clients.CancelTask(task=task, reason=reason)
+        await self.ask(self.addresses.task_manager, wanted, clients.Cancelling, patience=PATIENCE)
 
     async def preview(self, effect: str, precondition: str | None = None) -> clients.Previewed:
         return await self.ask(

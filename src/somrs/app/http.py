@@ -53,6 +53,10 @@ class NotTaken(RemoteError):
     """Nobody has taken the message: whoever sends it again is to go on doing so."""
 
 
+class Unanswered(RemoteError):
+    """Nobody was there, or went away before it answered. The same message, sent again, is taken once."""
+
+
 class Server:
     """Serves `parts`, handlers by path, at one port. Runs in the event loop that is there already."""
 
@@ -247,7 +251,8 @@ class Wire:
         self._session: aiohttp.ClientSession | None = None
 
     async def post(self, message: Message, timeout: float = 30.0) -> Message | None:
-        """Send the message; the answer that came back, or None when it was taken. Raises RemoteError.
+        """Send the message; the answer that came back, or None when it was taken. Raises RemoteError, and Unanswered when it is
+        worth while to send it again.
 
         A Fault that answers a request is an answer; a Fault because the message could not be processed is an error.
         """
@@ -273,10 +278,12 @@ class Wire:
             ) as response:
                 return await self._answer(response, message)
         except TimeoutError:
-            raise RemoteError(f"{message.header.recipient} did not answer within {timeout:g} s") from None
+            raise Unanswered(f"{message.header.recipient} did not answer within {timeout:g} s") from None
         except aiohttp.ClientConnectorError as error:
-            raise RemoteError(f"{message.header.recipient} cannot be reached: {error.os_error.strerror or 'no connection'}") from None
-        except (aiohttp.ClientError, ValueError) as error:
+            raise Unanswered(f"{message.header.recipient} cannot be reached: {error.os_error.strerror or 'no connection'}") from None
+        except aiohttp.ClientError as error:
+            raise Unanswered(f"{message.header.recipient} cannot be reached: {error}") from None
+        except ValueError as error:
             raise RemoteError(f"{message.header.recipient} cannot be reached: {error}") from None
 
     async def _answer(self, response: aiohttp.ClientResponse, message: Message) -> Message | None:
@@ -287,7 +294,8 @@ class Wire:
             return None
         if not document or response.content_type != soap.MEDIA_TYPE:
             said = document[:200].decode(errors="replace").strip()
-            raise RemoteError(f"{message.header.recipient} answered with HTTP {response.status}{': ' + said if said else ''}")
+            trouble = f"{message.header.recipient} answered with HTTP {response.status}{': ' + said if said else ''}"
+            raise Unanswered(trouble) if response.status == 503 else RemoteError(trouble)
         try:
             return soap.decode(document)
         except WireError as error:

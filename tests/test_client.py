@@ -1,0 +1,64 @@
+"""A client of a part that is away for a while."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from somrs.app.client import Addresses, Client
+from somrs.app.host import Host
+from somrs.app.system import free_ports
+from somrs.errors import RemoteError
+from somrs.protocol.directory import Discover, Discovered
+from somrs.registry.component import Registry
+
+HERE = "127.0.0.1"
+
+
+def addresses() -> Addresses:
+    (port,) = free_ports(HERE, 1)
+    return Addresses(repository="", registry=f"http://{HERE}:{port}/registry", task_manager="")
+
+
+async def registry_at(address: str) -> Host:
+    host = Host(HERE, int(address.rpartition(":")[2].partition("/")[0]))
+    await host.start()
+    host.add("/registry", Registry)
+    return host
+
+
+def test_a_patient_client_waits_for_a_part_that_is_started() -> None:
+    async def run() -> Discovered:
+        where = addresses()
+        async with Client(where) as client:
+            asked = asyncio.create_task(client.ask(where.registry, Discover(), Discovered, patience=20))
+            await asyncio.sleep(0.3)
+            assert not asked.done()
+            host = await registry_at(where.registry)
+            try:
+                return await asked
+            finally:
+                await host.stop()
+
+    assert asyncio.run(run()) == Discovered(offers=(), more=False)
+
+
+def test_other_clients_are_told_at_once_that_nobody_is_there() -> None:
+    async def run() -> None:
+        where = addresses()
+        async with Client(where) as client:
+            await asyncio.wait_for(client.ask(where.registry, Discover(), Discovered), 5)
+
+    with pytest.raises(RemoteError, match="cannot be reached"):
+        asyncio.run(run())
+
+
+def test_even_a_patient_client_gives_up() -> None:
+    async def run() -> None:
+        where = addresses()
+        async with Client(where) as client:
+            await asyncio.wait_for(client.ask(where.registry, Discover(), Discovered, patience=0.3), 10)
+
+    with pytest.raises(RemoteError, match="cannot be reached"):
+        asyncio.run(run())
