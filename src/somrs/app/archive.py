@@ -15,6 +15,9 @@ from somrs.protocol.clients import ReadRecords, Records, TaskRecord
 from somrs.protocol.envelope import normalised_id
 from somrs.protocol.paging import PAGE_BYTES, fitting, size
 
+FILE = "task-manager.sqlite"
+"""In the data folder: the Task Manager's journal, which has the archive in it."""
+
 TABLES = """
     CREATE TABLE records (task TEXT PRIMARY KEY, submitted_at REAL NOT NULL, ended_at REAL NOT NULL, outcome TEXT NOT NULL,
       effect TEXT NOT NULL, document TEXT NOT NULL);

@@ -16,31 +16,25 @@ import time
 import zlib
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future
 from pathlib import Path
 
 import msgspec
 from msgspec import Struct
 
 import somrs
+from somrs.app import archive
 from somrs.app.disk import Disk, Kind
+from somrs.app.entries import batch, decoded, encoded
 from somrs.errors import UsageError
-from somrs.planner.plan import NoPlan, Plan
 from somrs.protocol.clients import ReadRecords, Records, TaskRecord
-from somrs.protocol.component import Answered, Component, Rang, Received, Started, Trouble, Undelivered
+from somrs.protocol.component import Component
 from somrs.protocol.pending import Entry, Journaled
 
 SNAPSHOT_ENTRIES = 5000
 """After so many entries a snapshot is due: as many as are handled again in about a second."""
 
-MOST_RECORDS = 200
-"""So many records are read at once."""
-
 SNAPSHOT_SHARE = 0.02
 """Snapshots take this share of the event loop's time at most."""
-
-Answer = Plan | NoPlan | Records | TaskRecord | Trouble | str | None
-"""What the questions of a component with a journal come to."""
 
 KIND = Kind(
     owner="a journal's",
@@ -53,50 +47,9 @@ KIND = Kind(
       address TEXT NOT NULL, open TEXT NOT NULL);
     CREATE TABLE snapshot (number INTEGER NOT NULL, at REAL NOT NULL, sum INTEGER NOT NULL, state BLOB NOT NULL);
     CREATE TABLE entries (last INTEGER PRIMARY KEY, batch BLOB NOT NULL);
-    CREATE TABLE records (task TEXT PRIMARY KEY, submitted_at REAL NOT NULL, ended_at REAL NOT NULL, outcome TEXT NOT NULL,
-      effect TEXT NOT NULL, document TEXT NOT NULL);
-    CREATE INDEX records_by_end ON records (ended_at);
-    """,
+    """
+    + archive.TABLES,
 )
-
-
-class _Answered(Struct, frozen=True, tag="Answered"):
-    """`Answered` with what may be in it."""
-
-    question: str
-    value: Answer
-
-
-class _Entry(Struct, frozen=True, array_like=True):
-    """`Entry` with what may be in it."""
-
-    number: int
-    at: float
-    event: Started | Received | Rang | Undelivered | _Answered
-    delivered: tuple[int, ...] = ()
-
-    def entry(self) -> Entry:
-        event = Answered(self.event.question, self.event.value) if isinstance(self.event, _Answered) else self.event
-        return Entry(self.number, self.at, event, self.delivered)
-
-
-_BATCH = msgspec.msgpack.Decoder(list[_Entry])
-_RECORD = msgspec.json.Decoder(TaskRecord)
-
-
-def encoded(entry: Entry) -> bytes:
-    """An entry as it is in the file."""
-    return msgspec.msgpack.encode(entry)
-
-
-def batch(entries: list[bytes]) -> bytes:
-    """Encoded entries as one, which is kept in one row: a commit is then one insertion, however many inputs came."""
-    return msgspec.msgpack.encode([msgspec.Raw(entry) for entry in entries])
-
-
-def decoded(document: bytes) -> list[Entry]:
-    """The entries of a batch."""
-    return [one.entry() for one in _BATCH.decode(document)]
 
 
 def program() -> str:
@@ -209,7 +162,7 @@ class Journal:
     def keep(self, record: object) -> None:
         """Have a record in the archive, soon."""
         assert isinstance(record, TaskRecord), f"an archive is of tasks, not of {type(record).__name__}"
-        self.disk.write(functools.partial(_keep, record))
+        self.disk.write(functools.partial(archive.keep, record))
 
     def note(self, component: Component) -> None:
         """Have on disk what the component has not finished, if that changed."""
@@ -259,33 +212,9 @@ class Journal:
 
     # The archive
 
-    def record(self, task: str) -> Future[TaskRecord | None]:
-        """What is kept of a task that is over."""
-
-        def read(db: sqlite3.Connection) -> TaskRecord | None:
-            row = db.execute("SELECT document FROM records WHERE task = ?", (task,)).fetchone()
-            return _RECORD.decode(row[0]) if row is not None else None
-
-        return self.disk.read(read)
-
-    def records(self, before: float | None, limit: int) -> Future[Records]:
-        """The tasks that ended last, before `before` if that is given, the latest first."""
-        wanted = min(max(limit, 0), MOST_RECORDS)
-
-        def read(db: sqlite3.Connection) -> Records:
-            rows = db.execute(
-                "SELECT document FROM records WHERE ? IS NULL OR ended_at < ? ORDER BY ended_at DESC LIMIT ?", (before, before, wanted + 1)
-            ).fetchall()
-            return Records(records=tuple(_RECORD.decode(document) for (document,) in rows[:wanted]), more=len(rows) > wanted)
-
-        return self.disk.read(read)
-
-    async def answer(self, question: ReadRecords) -> Records:
+    async def answer(self, wanted: ReadRecords) -> Records:
         """What is in the archive, while the event loop goes on."""
-        if question.task is None:
-            return await asyncio.wrap_future(self.records(question.before, question.limit))
-        found = await asyncio.wrap_future(self.record(question.task))
-        return Records(records=(found,) if found is not None else ())
+        return await asyncio.wrap_future(self.disk.read(functools.partial(archive.find, wanted)))
 
 
 def _found(db: sqlite3.Connection) -> _Found | None:
@@ -311,12 +240,6 @@ def _snapshot(db: sqlite3.Connection, number: int, at: float, state: bytes) -> N
     db.execute("DELETE FROM snapshot")
     db.execute("INSERT INTO snapshot VALUES (?, ?, ?, ?)", (number, at, zlib.crc32(state), state))
     db.execute("DELETE FROM entries WHERE last <= ?", (number,))
-
-
-def _keep(record: TaskRecord, db: sqlite3.Connection) -> None:
-    document = msgspec.json.encode(record).decode()
-    values = (record.task, record.submitted_at, record.ended_at, record.outcome.value, record.effect, document)
-    db.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?, ?)", values)
 
 
 def _execute(db: sqlite3.Connection, statement: str, values: tuple[object, ...]) -> None:

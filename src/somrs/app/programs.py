@@ -131,13 +131,14 @@ async def run_registry(addresses: Addresses, host: str, port: int) -> None:
 async def run_task_manager(data: Path, addresses: Addresses, host: str, port: int) -> None:
     """The Task Manager, with the planner in a process beside it, so that planning holds nothing up. What it had under way when
     its process ended, it goes on with, at the address that it had."""
+    from somrs.app.archive import FILE
     from somrs.app.engines import plan_in_process
     from somrs.app.journal import Journal
     from somrs.protocol.clients import ReadRecords
     from somrs.task_manager.manager import TaskManager
 
     data.mkdir(parents=True, exist_ok=True)
-    journal = Journal(data / "task-manager.sqlite", f"the Repository at {addresses.repository}, the Registry at {addresses.registry}")
+    journal = Journal(data / FILE, f"the Repository at {addresses.repository}, the Registry at {addresses.registry}")
     try:
         trace = Trace(data / "messages.jsonl")
         rim = await _where_it_was(journal, host, port, trace)
