@@ -42,15 +42,25 @@ def test_a_patrol_finds_a_jar_that_stands_where_it_was_and_measures_it() -> None
     run(test())
 
 
-def test_a_patrol_finds_a_jar_that_was_taken_elsewhere() -> None:
+@pytest.mark.parametrize(
+    ("x", "y", "z", "on"),
+    [
+        (8.2, 0.6, 0.9, "Shelf1"),
+        (11.5, 0.5, 0.0, "Floor1"),
+        (6.3, 0.3, 0.0, "Floor1"),
+        (0.25, 4.0, 0.0, "Floor1"),
+        (3.0, 3.0, 0.0, "Floor1"),
+    ],
+)
+def test_a_patrol_finds_a_jar_that_was_taken_elsewhere(x: float, y: float, z: float, on: str) -> None:
     async def test() -> None:
         async with lab() as at:
             patrol = await at.open("Patrol1")
-            await at.operator.move("Jar1", 8.2, 0.6, 0.9)
+            await at.operator.move("Jar1", x, y, z)
             map = after(await at.found(patrol, "Jar1"))
-            assert map.holds("isOn", ("Jar1", "Shelf1"))
+            assert map.holds("isOn", ("Jar1", on))
             assert not map.holds("isOn", ("Jar1", "Table1"))
-            assert map.objects["Jar1"].values["PositionX"] == pytest.approx(8.2, abs=0.01)
+            assert map.objects["Jar1"].values["PositionX"] == pytest.approx(x, abs=0.01)
 
     run(test())
 

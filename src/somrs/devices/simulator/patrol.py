@@ -1,14 +1,14 @@
 """The Service Manager's side of a simulated robot that patrols: it finds objects of which nobody knows where they are.
 
-It looks where the object was last known to be, then at the robots that may have taken it, then on the furniture round about,
-nearest first; and takes the object for found wherever it happens to see it.
+It looks where the object was last known to be, then at the robots that may have taken it, then on the furniture round about, and at last
+all over the floors, nearest first; and takes the object for found wherever it happens to see it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Coroutine
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from somrs.devices.simulator.commands import Done, Seen
 from somrs.devices.simulator.link import RobotGaveUp
@@ -23,8 +23,10 @@ from somrs.service_manager.values import term
 
 LOOKING = 15.0
 """To look about at one place, s."""
-MOST_PLACES = 12
-"""So many places are looked at before an object counts as lost."""
+MOST_PLACES, MOST_FLOOR = 12, 16
+"""So many places, and then spots on floors, are looked at before an object counts as lost."""
+SPACING = 2.5
+"""Between the spots at which floors are looked at, m."""
 ABOVE = 0.1
 """What stands on something is looked for that much above its top, m."""
 GOING_ON = ("blocked", "unreachable")
@@ -146,11 +148,23 @@ class PatrolRobot(SimulatedDevice):
 
         likely = [spot for spot in robots if spot.what in holders]
         rest = [spot for spot in sorted(robots, key=far) if spot.what not in holders]
-        return [*likely, *([last] if last is not None else []), *rest, *sorted(supports, key=far)][:MOST_PLACES]
+        places = [*likely, *([last] if last is not None else []), *rest, *sorted(supports, key=far)][:MOST_PLACES]
+        return places + sorted(await self._floor_spots(task), key=far)[:MOST_FLOOR]
 
     async def _last_known(self, task: Task, object: str) -> Spot | None:
         rows = await task.map.query(f"{object}.PositionX = ?X AND {object}.PositionY = ?Y AND {object}.PositionZ = ?Z", limit=1)
         return _spot(f"where {object} was last seen", rows[0]) if rows else None
+
+    async def _floor_spots(self, task: Task) -> list[Spot]:
+        """Spots all over the floors that are boxes along the axes, as most are."""
+        size = "?It.Shape.Width = ?Width AND ?It.Shape.Depth = ?Depth AND ?It.Shape.Height = ?Height"
+        place = "?It.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"
+        found: list[Spot] = []
+        for row in await task.map.query(f"?It: Floor = ?It AND {place} AND {size}"):
+            middle, width, depth = _spot(f"the floor {row['It']}", row), _metres(row["Width"]), _metres(row["Depth"])
+            xs, ys = (_spread(length) for length in (width, depth))
+            found += [replace(middle, x=middle.x + dx, y=middle.y + dy) for dx in xs for dy in ys]
+        return found
 
     async def _places(self, task: Task, kind: str, *, height: bool) -> list[Spot]:
         """Where the objects of a type are; with `height`, what may stand on top of them is looked for."""
@@ -164,6 +178,12 @@ def _spot(what: str, row: dict[str, Value]) -> Spot:
     return Spot(what, x, y, z + _metres(row.get("Height", 0.0)) + ABOVE)
 
 
+def _spread(length: float) -> list[float]:
+    """Offsets from the middle at which something of that length is looked at."""
+    count = max(1, math.ceil(length / SPACING))
+    return [(i + 0.5) * length / count - length / 2 for i in range(count)]
+
+
 def _metres(value: Value) -> float:
     """What the map says of a length; the Repository gives it in the attribute's unit, and may name that."""
     said = term(str(value))
@@ -173,6 +193,6 @@ def _metres(value: Value) -> float:
 
 def _in_vain(robot: str, object: str, looked: list[str], missed: list[str]) -> str:
     """For people: where an object was not found."""
-    at = f"; it looked at {', '.join(looked)}" if looked else ""
-    past = f"; it found no way to {', '.join(missed)}" if missed else ""
+    at = f"; it looked at {', '.join(dict.fromkeys(looked))}" if looked else ""
+    past = f"; it found no way to {', '.join(dict.fromkeys(missed))}" if missed else ""
     return f"{robot} did not find {object}{at}{past}"
