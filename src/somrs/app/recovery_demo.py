@@ -165,7 +165,7 @@ async def perform(system: System, out: Path, console: Console) -> int:
     (out / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
     (out / "messages.jsonl").write_bytes((system.data / "messages.jsonl").read_bytes())
     (out / "messages.svg").write_text(chart([line for line in story.lines if line.type != "Progress"], "Scenario 2"), encoding="utf-8")
-    done = bars(story.lines, max(line.at for line in story.lines))
+    done = bars(story.lines)
     (out / "timeline.svg").write_text(svg(done, story.marks, "Scenario 2: what a transaction survives"), encoding="utf-8")
     console.print()
     console.print(drawn(done, story.marks))

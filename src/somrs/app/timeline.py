@@ -40,16 +40,19 @@ class Mark:
     text: str
 
 
-def bars(lines: Sequence[Line], end: float) -> list[Bar]:
-    """The work that the messages tell of; what did not come to an end is lost at `end`."""
+def bars(lines: Sequence[Line]) -> list[Bar]:
+    """The work that the messages tell of; what did not come to an end is lost when the last was said to or by whoever did it."""
+    last = {line.participant: line.at for line in lines if line.type != "End"}
     found: dict[tuple[str, str], Bar] = {}
     for line in lines:
         if line.type in BEGINS:
             device, _, _ = line.recipient.partition(".")
-            label = str(line.body.get("inputs", {}).get("Object") or line.body.get("situation", ""))
+            label = str(line.body.get("inputs", {}).get("Object") or str(line.body.get("situation", "")).partition(" ")[0])
             kind = BEGINS[line.type]
             if (line.participant, kind) not in found:
-                found[line.participant, kind] = Bar(device=device, label=label, kind=kind, start=line.at, end=end, how="lost")
+                found[line.participant, kind] = Bar(
+                    device=device, label=label, kind=kind, start=line.at, end=last[line.participant], how="lost"
+                )
         elif line.type in ENDS:
             kind = "undoes" if line.type in ("Compensated", "Stranded") else "does"
             begun = found.get((line.participant, kind))
@@ -84,7 +87,9 @@ def drawn(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) -> Table:
     return table
 
 
-LEFT, TOP, LANE, WIDE = 130, 70, 44, 900
+LEFT, TOP, LANE, WIDE = 130, 70, 44, 1100
+LETTER = 7.2
+"""Pixels that a letter takes at most."""
 STYLE = """
   .timeline { font-family: system-ui, sans-serif; font-size: 12px; fill: #1c2733 }
   .lane { stroke: #e1e7ee }
@@ -112,6 +117,9 @@ def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
         f'<rect width="{LEFT + WIDE + 60}" height="{height}" fill="#ffffff"/>',
         f'<text x="20" y="28" font-size="16" font-weight="600">{escape(title)}</text>',
     ]
+    for number, (kind, colour) in enumerate(COLOURS.items()):
+        x = LEFT + WIDE - 90 * (len(COLOURS) - number)
+        made.append(f'<rect x="{x}" y="17" width="12" height="12" rx="3" fill="{colour}"/><text x="{x + 18}" y="28">{kind}</text>')
     for seconds in _ticks(end - start):
         x = LEFT + seconds * scale
         made.append(f'<line class="lane" x1="{x:.1f}" y1="{TOP - 14}" x2="{x:.1f}" y2="{bottom}"/>')
@@ -126,9 +134,11 @@ def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
         opacity = ' fill-opacity="0.35"' if bar.how == "lost" else ""
         made.append(f'<rect x="{x:.1f}" y="{y + 4}" width="{wide:.1f}" height="24" rx="4" fill="{colour}"{opacity}/>')
         said = f"{SIGNS[bar.how]} {bar.label}"
-        inside = wide > 7 * len(said) and bar.how != "lost"
-        style = ' class="inside"' if inside else ""
-        made.append(f'<text{style} x="{x + (6 if inside else wide + 5):.1f}" y="{y + 20}">{escape(said)}</text>')
+        after = min((other.start for other in bars if lanes[other] == lanes[bar] and other.start >= bar.end), default=float("inf"))
+        if wide > LETTER * len(said) and bar.how != "lost":
+            made.append(f'<text class="inside" x="{x + 6:.1f}" y="{y + 20}">{escape(said)}</text>')
+        elif (after - bar.end) * scale > LETTER * len(said):
+            made.append(f'<text x="{x + wide + 5:.1f}" y="{y + 20}">{escape(said)}</text>')
     for number, mark in enumerate(sorted(marks, key=lambda mark: mark.at)):
         x, y = LEFT + (mark.at - start) * scale, bottom + 16 + 24 * number
         made.append(f'<line class="mark" x1="{x:.1f}" y1="{TOP - 14}" x2="{x:.1f}" y2="{y}"/>')
