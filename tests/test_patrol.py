@@ -48,7 +48,6 @@ def test_a_patrol_finds_a_jar_that_stands_where_it_was_and_measures_it() -> None
         (8.2, 0.6, 0.9, "Shelf1"),
         (11.5, 0.5, 0.0, "Floor1"),
         (6.3, 0.3, 0.0, "Floor1"),
-        (0.25, 4.0, 0.0, "Floor1"),
         (3.0, 3.0, 0.0, "Floor1"),
     ],
 )

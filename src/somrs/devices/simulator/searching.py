@@ -19,6 +19,8 @@ from somrs.devices.simulator.vision import Place, eye_of, looks_towards, view, v
 
 DISTANCES = (0.9, 1.3, 1.8, 2.5, 3.3)
 """From which a place is looked at, m."""
+CLOSE = 0.6
+"""A place is looked at from within that part of how far the camera sees."""
 ATTEMPTS = 4
 """So many spots are tried from which a place could be seen."""
 GLANCE = 5
@@ -71,20 +73,20 @@ def _until_seen(robot: Robot, moving: Routine, object: str | None) -> Routine:
 
 
 def _viewpoints(robot: Robot, point: Place) -> Iterator[Point]:
-    """Where the robot can stand, with the point in view; the nearest first."""
+    """Where the robot can stand, with the point in view; the nearest first. So near that what is around the point is seen, too."""
     (x, y, _), need = robot.pose(), robot.size.radius + MARGIN
     eye = eye_of(robot.scene, robot.name)
     angles = np.arange(16) * (math.pi / 8)
-    ring = [(point[0] + r * math.cos(a), point[1] + r * math.sin(a)) for r in DISTANCES if r < 0.9 * eye.sight for a in angles]
+    ring = [(point[0] + r * math.cos(a), point[1] + r * math.sin(a)) for r in DISTANCES if r < CLOSE * eye.sight for a in angles]
     spots: Array = np.array([(x, y), *ring])
-    costs = np.hypot(spots[:, 0] - x, spots[:, 1] - y) + 0.3 * np.hypot(spots[:, 0] - point[0], spots[:, 1] - point[1])
+    costs = np.hypot(spots[:, 0] - x, spots[:, 1] - y) + 0.8 * np.hypot(spots[:, 0] - point[0], spots[:, 1] - point[1])
     room = robot.scene.clearances(spots, robot.solid.z + 0.02, robot.solid.z + 1.85)
     discs = [*floor_things(robot), *robot_discs(robot.others())]
     for i in np.argsort(costs, kind="stable").tolist():
         spot = float(spots[i][0]), float(spots[i][1])
         at = (*spot, eye.at[2])
         here = i == 0
-        if math.dist(at, point) > 0.9 * eye.sight or (not here and (room[i] < need or not robot.navigator.free(spot, need, discs))):
+        if math.dist(at, point) > CLOSE * eye.sight or (not here and (room[i] < need or not robot.navigator.free(spot, need, discs))):
             continue
         if looks_towards(robot.scene, at, point, [robot.name]):
             yield spot
