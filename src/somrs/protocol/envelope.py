@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from hashlib import sha1
 
 from msgspec import Struct
 
@@ -41,7 +42,13 @@ class Message(Struct, frozen=True, kw_only=True):
 
 def message_id(*parts: object) -> str:
     """A deterministic id: the same parts give the same id, so that a message sent again is the same message."""
-    return uuid.uuid5(_NAMESPACE, "/".join(str(part) for part in parts)).urn
+    text = "/".join([str(part) for part in parts])
+    digest = bytearray(sha1(_NAMESPACE.bytes + text.encode(), usedforsecurity=False).digest()[:16])
+    # RFC 9562, 5.5: as `uuid.uuid5` does it, which makes an object of it first, and takes three times as long.
+    digest[6] = digest[6] & 0x0F | 0x50
+    digest[8] = digest[8] & 0x3F | 0x80
+    found = digest.hex()
+    return f"urn:uuid:{found[:8]}-{found[8:12]}-{found[12:16]}-{found[16:20]}-{found[20:]}"
 
 
 def normalised_id(text: str) -> str:

@@ -71,7 +71,12 @@ _SOAP_CODES = ("Sender", "Receiver", "VersionMismatch", "MustUnderstand", "DataE
 # WS-Addressing 1.0 SOAP Binding, 6.4.1: these say more precisely what is invalid in a header.
 _BENEATH_INVALID_HEADER = (CARDINALITY, ACTION_MISMATCH, NO_ADDRESS, "wsa:InvalidAddress", "wsa:InvalidEPR", "wsa:DuplicateMessageID")
 _ADDRESSING = ("To", "From", "ReplyTo", "FaultTo", "Action", "MessageID", "RelatesTo")
-_SESSION_TAGS = frozenset(f"{{{FRP}}}{name}" for name in SESSION)
+_ADDRESSING_TAGS = {f"{{{WSA}}}{name}": name for name in _ADDRESSING}
+_SESSION_TAGS = {f"{{{FRP}}}{name}": name for name in SESSION}
+_SESSION = frozenset(_SESSION_TAGS)
+_ROLE, _MUST_UNDERSTAND = f"{{{ENV}}}role", f"{{{ENV}}}mustUnderstand"
+# In libxml2 all the way: to look at each element from Python takes as long as to parse it.
+_too_deep = etree.XPath(f"boolean({'/*' * (MOST_DEPTH + 1)})")
 
 
 class Place(NamedTuple):
@@ -234,7 +239,8 @@ def parse(document: bytes) -> Element:
         root = etree.fromstring(document, _parser())
     except (etree.XMLSyntaxError, ValueError, LookupError) as error:
         raise WireError(SENDER, f"this is no XML in UTF-8: {str(error)[:200]}") from None
-    _check_depth(root)
+    if _too_deep(root):
+        raise WireError(SENDER, f"the document is nested more than {MOST_DEPTH} deep")
     return root
 
 
@@ -249,15 +255,6 @@ def _parser() -> etree.XMLParser:
         remove_pis=True,
         collect_ids=False,
     )
-
-
-def _check_depth(root: Element) -> None:
-    level, depth = [root], 0
-    while level:
-        depth += 1
-        if depth > MOST_DEPTH:
-            raise WireError(SENDER, f"the document is nested more than {MOST_DEPTH} deep")
-        level = [child for element in level for child in element]
 
 
 def decode(document: bytes) -> Message:
@@ -277,7 +274,7 @@ def decode(document: bytes) -> Message:
         raise WireError("frp:UnknownVersion", f"version {session['Version'][:20]} of the protocol is unknown; {VERSION} is spoken here")
     if place.namespace == FRP and not (session.get("Transaction") and session.get("Participant")):
         raise WireError(SENDER, f"{place.kind.__name__}: Transaction and Participant must be in it, and not empty")
-    value = struct_reader(place.kind, place.namespace, _SESSION_TAGS if place.namespace == FRP else frozenset())(element)
+    value = struct_reader(place.kind, place.namespace, _SESSION if place.namespace == FRP else frozenset())(element)
     return Message(header=_header(found, session), body=value)
 
 
@@ -323,26 +320,26 @@ def _headers(header: Element | None) -> dict[str, str]:
     found: dict[str, str] = {}
     missed: list[str] = []
     for block in header if header is not None else ():
-        name = etree.QName(block)
-        if block.get(f"{{{ENV}}}role") not in _TO_US:
+        if block.get(_ROLE) not in _TO_US:
             continue
-        if name.namespace != WSA or name.localname not in _ADDRESSING:
-            if block.get(f"{{{ENV}}}mustUnderstand", "false").strip() in ("true", "1"):
+        name = _ADDRESSING_TAGS.get(block.tag)
+        if name is None:
+            if block.get(_MUST_UNDERSTAND, "false").strip() in ("true", "1"):
                 missed.append(str(block.tag))
             continue
-        if name.localname in ("To", "Action", "MessageID"):
+        if name in ("To", "Action", "MessageID"):
             value = _uri(block)
-        elif name.localname in ("From", "ReplyTo", "FaultTo"):
+        elif name in ("From", "ReplyTo", "FaultTo"):
             value = _address_of(block)
         elif block.get("RelationshipType", f"{WSA}/reply") == f"{WSA}/reply":
             value = _uri(block)
         else:
             continue
-        if name.localname in found:
-            raise WireError(CARDINALITY, f"the header wsa:{name.localname} is there more than once")
+        if name in found:
+            raise WireError(CARDINALITY, f"the header wsa:{name} is there more than once")
         if not value:
-            raise WireError(INVALID_HEADER, f"the header wsa:{name.localname} is empty")
-        found[name.localname] = value
+            raise WireError(INVALID_HEADER, f"the header wsa:{name} is empty")
+        found[name] = value
     if missed:
         named = tuple(tag for tag in missed if len(tag) <= MOST_NAME)[:MOST_MISSED]
         raise WireError("env:MustUnderstand", f"the header {_short(missed[0])} is not understood here", named)
@@ -367,8 +364,7 @@ def _uri(element: Element) -> str:
 def _session(body: Element) -> dict[str, str]:
     found: dict[str, str] = {}
     for child in body:
-        if child.tag in _SESSION_TAGS:
-            name = etree.QName(child).localname
+        if (name := _SESSION_TAGS.get(child.tag)) is not None:
             if name in found:
                 raise WireError(SENDER, f"{name} is there twice")
             found[name] = (child.text or "").strip()
