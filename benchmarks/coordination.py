@@ -43,12 +43,15 @@ class Entry(Struct, frozen=True, kw_only=True):
     kind: str
     title: str
     needs: tuple[str, ...] = ()
+    apart: bool = False
+    """It does something else than the others, and stands below them."""
 
 
 ENTRIES: dict[str, Entry] = {
     "floor": Entry(module="floor", kind="Floor", title="the floor: calls, msgpack, a journal"),
     "here": Entry(module="somrs_here", kind="Here", title="SO-MRS in one process"),
     "wire": Entry(module="somrs_wire", kind="OverHttp", title="SO-MRS, SOAP over HTTP"),
+    "soap": Entry(module="soap_exchange", kind="Exchange", title="SOAP over HTTP: one exchange", apart=True),
     "spade": Entry(module="spade_agents", kind="Spade", title="SPADE over its XMPP server", needs=("spade",)),
     "dbos": Entry(module="dbos_workflows", kind="Steps", title="DBOS on SQLite: steps", needs=("dbos",)),
     "dbos-messages": Entry(module="dbos_workflows", kind="Messages", title="DBOS on SQLite: send and recv", needs=("dbos",)),
@@ -178,6 +181,7 @@ def _running(name: str, data: Path) -> Iterator[Child]:
 
 def table(at_once: int, figures: dict[str, Figures]) -> None:
     first = next(iter(figures.values()))
+    figures = {name: figures[name] for name in sorted(figures, key=lambda name: ENTRIES[name].apart)}
     print(f"\n{_conversations(at_once):40} {'per second':>11} {'p50':>9} {'p99':>9} {'CPU each':>10} {'ratio':>8}")
     for name, one in figures.items():
         latencies = sorted(one.latencies)

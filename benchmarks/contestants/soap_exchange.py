@@ -1,0 +1,72 @@
+"""A bare exchange over SOAP and HTTP between two processes, without any protocol: an Arrange that is on disk before it is answered
+with Terms, on the same connection. What SO-MRS's conversations are made of costs this much at the least, as long as they are so."""
+
+from __future__ import annotations
+
+import sys
+import uuid
+from pathlib import Path
+
+from contestants.durable import Journal
+from contestants.programs import Programs, ready, until_told
+from somrs.app.http import Server, Wire
+from somrs.app.programs import run_program
+from somrs.protocol import frp, soap
+from somrs.protocol.envelope import Header, Message, reply
+
+HOST = "127.0.0.1"
+PATH = "/here"
+WISH = "Jar002 isOn Platform001"
+ARRANGE = frp.Arrange(
+    service_type="TransferObject",
+    inputs={"Object": "Jar002", "Destination": "Platform001"},
+    effect=WISH,
+    precondition="Jar002 isOn Cupboard001",
+    earliest_start=1767225600.0,
+    reply_by=1767225610.0,
+)
+TERMS = frp.Terms(effect=WISH, price=4.0, duration=1.0, start_from=1767225600.0, valid_until=1767225720.0)
+
+
+class Exchange:
+    """The asking side; it starts the other. A conversation is one question and its answer."""
+
+    async def start(self, data: Path) -> None:
+        self._programs, self._wire = Programs(data), Wire()
+        self._there = await self._programs.start("soap_exchange")
+
+    async def converse(self, line: int) -> None:
+        header = Header(
+            sender="http://127.0.0.1:1/asks",
+            recipient=self._there,
+            message_id=uuid.uuid4().urn,
+            transaction=uuid.uuid4().urn,
+            participant="Robot1.TransferObject#s1",
+        )
+        answer = await self._wire.post(Message(header=header, body=ARRANGE))
+        assert answer is not None, "it is answered on the same connection"
+        assert isinstance(answer.body, frp.Terms), answer
+
+    async def stop(self) -> None:
+        await self._wire.close()
+        await self._programs.end()
+
+
+async def _serve() -> None:
+    journal = Journal(Path("answers.sqlite"))
+
+    async def answer(message: Message) -> Message:
+        await journal.append(soap.encode(message))
+        return reply(message, TERMS, server.url)
+
+    server = Server(HOST, 0, {PATH: answer})
+    await server.start()
+    ready(f"{server.url}{PATH}")
+    await until_told()
+    await server.stop()
+    journal.close()
+
+
+if __name__ == "__main__":
+    assert len(sys.argv) == 1, "it is given nothing"
+    run_program(_serve())
