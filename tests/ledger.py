@@ -74,7 +74,7 @@ class Ledger:
         return [Wake(entry.task, now + self.patience), Record(entry), said, Ask(entry.task, entry.effect)]
 
     def _say(self, kind: str, id: str, text: str, now: float) -> Send:
-        header = Header(sender=self.address, recipient=self.sink, message_id=message_id(kind, id))
+        header = Header(sender=self.address, recipient=self.sink, message_id=message_id(kind, id), reply_to=self.address)
         return Send(Message(header=header, body=CancelTask(task=kind, reason=text)), until=now + LONG)
 
 

@@ -68,7 +68,7 @@ class Disk:
 
     # What others ask for
 
-    def write(self, job: Job[None]) -> int:
+    def write(self, job: Job[object]) -> int:
         """Have something written, soon, together with what else is asked for. Its position."""
         self.position += 1
         self._jobs.put(_Write(job, self.position))
@@ -212,7 +212,7 @@ class Disk:
 
 @dataclass(frozen=True, slots=True)
 class _Write:
-    job: Job[None]
+    job: Job[object]
     position: int
 
 

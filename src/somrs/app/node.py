@@ -19,7 +19,7 @@ from somrs.app.journal import Journal
 from somrs.app.outbox import Letter, Outbox
 from somrs.app.output import Output
 from somrs.app.requesters import Requesters, in_session, is_waited_for
-from somrs.errors import RemoteError
+from somrs.errors import InputError, RemoteError
 from somrs.protocol.component import (
     Answered,
     Ask,
@@ -95,7 +95,8 @@ class Node:
         self._host, self._carry_out, self._keep, self._disk, self._watch = host, carry_out, keep, disk, watch
         self._journal, self._journaled = journal, journaled
         self._inputs: deque[Input] = deque()
-        self._handling = self._closed = self._broken = False
+        self._handling = self._closed = False
+        self._broken = ""
         self._timers: dict[str, asyncio.TimerHandle] = {}
         self._asked: dict[str, asyncio.Task[None]] = {}
         self._outboxes: dict[str, Outbox] = {}
@@ -114,7 +115,7 @@ class Node:
         if self._closed:
             raise NotTaken(f"{self.address} is stopping")
         if self._broken:
-            raise NotTaken(f"{self.address} stopped, because it could not keep what it had to; see its log")
+            raise NotTaken(self._broken)
         self._inputs.append(event)
         if self._handling:
             return
@@ -257,10 +258,10 @@ class Node:
     def _break(self, error: Exception) -> RemoteError:
         """Something could not be kept. What is behind it never leaves, and whoever waits for it hears why."""
         # It is this node that was given a bad disk, not the sender that is wrong.
-        told = NotTaken(f"{self.address} could not keep what it had to: {error}")
+        told = NotTaken(f"{self.address} takes nothing more, because it could not keep what it had to: {error}")
         if not self._broken:
-            log.critical("%s; nothing more is taken", told, exc_info=error)
-        self._broken = True
+            log.critical("%s", told, exc_info=None if isinstance(error, InputError) else error)
+        self._broken = str(told)
         self.output.drop(told)
         self._requesters.disappoint(told)
         return told
