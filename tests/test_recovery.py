@@ -166,6 +166,18 @@ def test_a_patrol_robot_says_what_a_silent_robot_left() -> None:
     assert ("Execute", "Robot3") in system.said(task)
 
 
+def test_a_report_that_says_nothing_of_the_thing_has_somebody_look() -> None:
+    def robot_is_silent_to_its_manager(order: Order) -> Work:
+        yield 10.0, Advance(fraction=0.4, situation="Jar002 isHeldBy Robot1")
+        yield 10.0, ServiceFailed("the robot does not answer", "Robot1.Working = FALSE")
+
+    system = patrolled("Floor001", Robot("Robot1", 10, 60, works=robot_is_silent_to_its_manager), Robot("Robot2", 25, 60))
+    (view,) = system.finish(system.submit(WISH))
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert view.steps[0].service == "Robot2.TransferObject"
+    assert "Robot3.RecognizeSituation" in {work.service for work in view.work}
+
+
 def test_what_the_silent_robot_had_finished_is_not_done_again() -> None:
     robot2 = Robot("Robot2", 25, 60)
     system = patrolled("Platform001", Robot("Robot1", 10, 600), robot2)

@@ -58,6 +58,15 @@ def lines_of(out: Path) -> list[Line]:
     return [msgspec.json.decode(line, type=Line) for line in (out / "messages.jsonl").read_bytes().splitlines()]
 
 
+def test_a_transaction_survives_dead_robots_a_dead_task_manager_and_a_client_that_changes_its_mind(tmp_path: Path) -> None:
+    said = Console(file=(tmp_path / "said.txt").open("w"), width=150)
+    code = asyncio.run(play("2", tmp_path / "out", None, said))
+    assert code == 0, (tmp_path / "said.txt").read_text()
+    told = (tmp_path / "said.txt").read_text()
+    assert "NO" not in told.split("Seen to be so")[1]
+    assert "<svg" in (tmp_path / "out" / "timeline.svg").read_text()
+
+
 @pytest.mark.parametrize("scenario", ["1", "1b"])
 def test_the_papers_scenario(scenario: str, tmp_path: Path) -> None:
     said = Console(file=(tmp_path / "said.txt").open("w"), width=150)

@@ -118,8 +118,8 @@ def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
         f'<text x="20" y="28" font-size="16" font-weight="600">{escape(title)}</text>',
     ]
     for number, (kind, colour) in enumerate(COLOURS.items()):
-        x = LEFT + WIDE - 90 * (len(COLOURS) - number)
-        made.append(f'<rect x="{x}" y="17" width="12" height="12" rx="3" fill="{colour}"/><text x="{x + 18}" y="28">{kind}</text>')
+        left = LEFT + WIDE - 90 * (len(COLOURS) - number)
+        made.append(f'<rect x="{left}" y="17" width="12" height="12" rx="3" fill="{colour}"/><text x="{left + 18}" y="28">{kind}</text>')
     for seconds in _ticks(end - start):
         x = LEFT + seconds * scale
         made.append(f'<line class="lane" x1="{x:.1f}" y1="{TOP - 14}" x2="{x:.1f}" y2="{bottom}"/>')
@@ -142,9 +142,9 @@ def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
     for number, mark in enumerate(sorted(marks, key=lambda mark: mark.at)):
         x, y = LEFT + (mark.at - start) * scale, bottom + 16 + 24 * number
         made.append(f'<line class="mark" x1="{x:.1f}" y1="{TOP - 14}" x2="{x:.1f}" y2="{y}"/>')
-        left = x > LEFT + WIDE * 0.7
-        anchor = ' text-anchor="end"' if left else ""
-        made.append(f'<text class="told"{anchor} x="{x + (-6 if left else 6):.1f}" y="{y}">{escape(f"{mark.who}: {mark.text}")}</text>')
+        late = x > LEFT + WIDE * 0.7
+        anchor = ' text-anchor="end"' if late else ""
+        made.append(f'<text class="told"{anchor} x="{x + (-6 if late else 6):.1f}" y="{y}">{escape(f"{mark.who}: {mark.text}")}</text>')
     return "\n".join([*made, "</svg>"]) + "\n"
 
 

@@ -140,7 +140,7 @@ def _step(service_type: ServiceType, object: str, map: Map, ontology: Ontology) 
     effect = substitute(parse(service_type.effect), {parameter.name: Name(object)})
     if effect != known or variables(effect) or not ontology.is_a(map.objects[object].type, parameter.type):
         return None
-    return Step(id=f"{service_type.name}-{object}", service_type=service_type.name, inputs={parameter.name: Name(object)}, effect=effect)
+    return Step(id="step1", service_type=service_type.name, inputs={parameter.name: Name(object)}, effect=effect)
 
 
 def unknown(object: str, map: Map, ontology: Ontology) -> list[Change]:

@@ -356,7 +356,8 @@ class Transaction:
         pursuit, run = self._at(member)
         if pursuit is not None and run is not None and run.progress is Progress.REPORTING:
             pursuit.over(run, situation, trouble)
-        if work is not None and trouble is not None and situation is None and not compensated and self._ending is None:
+        silent_about = work is not None and not compensated and (situation is None or not work.is_told_of_by(parse(situation)))
+        if work is not None and trouble is not None and silent_about and self._ending is None:
             self._looks.want(work, assume_nothing=False)
 
     def _heard_late(self, member: Member, message: Message, now: float) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from somrs.entish import Formula, Name
-from somrs.entish.formula import Attribute, Comparison, Not, Relation, conjunction
+from somrs.entish.formula import Attribute, Comparison, Not, Relation, conjunction, names
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, ValueSet, objects_of
@@ -53,6 +53,10 @@ class Work:
     def matters(self) -> bool:
         """Whether the client of a task that was not accomplished has to know what became of it."""
         return self.service_type.kind is ServiceKind.PHYSICAL and not self.taken_over and not self.undoes
+
+    def is_told_of_by(self, situation: Formula) -> bool:
+        """Whether it says anything of the objects that the step changes."""
+        return not set(self.concerned).isdisjoint(names(situation))
 
     def view(self) -> WorkView:
         return WorkView(
