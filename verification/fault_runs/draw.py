@@ -1,0 +1,213 @@
+"""A story from a seed: the same seed gives the same story, on every machine."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+
+from somrs.app.virtual import Moment
+from somrs.ontology.services import Handler, Occasion
+from somrs.protocol.clients import Policy
+from verification.fault_runs.site import FLOOR, LOOKING, SERVICES
+from verification.fault_runs.story import (
+    AT_WORK,
+    Act,
+    Character,
+    Cut,
+    Fault,
+    Kill,
+    Leave,
+    Misdeed,
+    Move,
+    Setting,
+    Sight,
+    Story,
+    Undo,
+    Weather,
+    Wish,
+)
+
+OFTEN, SELDOM, RARELY = 0.5, 0.15, 0.05
+"""Probabilities."""
+
+EVENTFUL = 90.0
+"""Seconds in which things begin to go wrong."""
+
+
+def draw(seed: int) -> Story:
+    """The story of the seed."""
+    return _Draw(seed).story()
+
+
+class _Draw:
+    def __init__(self, seed: int) -> None:
+        self.seed = seed
+        self.dice = dice = random.Random(seed)
+        self.setting = dice.choice(list(Setting))
+        self.managers = [f"tm{number}" for number in range(1, dice.choice((1, 1, 2, 3)) + 1)]
+        self.tables = [f"Table{number}" for number in range(1, dice.randint(2, 4) + 1)]
+        self.doors = [(f"Door{number}", self.chance(SELDOM)) for number in range(1, dice.randint(1, 2) + 1)]
+        self.shelves = [(f"Shelf{number}", dice.choice(self.doors)[0]) for number in range(1, dice.randint(1, 3) + 1)]
+        self.supports = [*self.tables, *(shelf for shelf, _ in self.shelves)]
+        self.things = [(f"Jar{number}", dice.choice(self.tables)) for number in range(1, dice.choice((3, 4, 5, 6, 10)) + 1)]
+        self.characters = [*self._characters()]
+        self.count = dice.choice((1, 1, 2, 2, 3, 4, 6, 8))
+        self.quarrel = self.chance(SELDOM)
+        """Whether several tasks may want the same things."""
+        self.unclaimed = [thing for thing, _ in self.things]
+
+    def chance(self, probability: float) -> bool:
+        return self.dice.random() < probability
+
+    def seconds(self, most: float) -> float:
+        return round(self.dice.random() * most, 2)
+
+    def story(self) -> Story:
+        return Story(
+            seed=self.seed,
+            setting=self.setting,
+            managers=len(self.managers),
+            tables=tuple(self.tables),
+            shelves=tuple(self.shelves),
+            doors=tuple(self.doors),
+            things=tuple(self.things),
+            devices=tuple(self.characters),
+            wishes=tuple(self._wishes()),
+            faults=tuple(self._faults()),
+            planning=self.dice.choice((0.0, 0.0, 0.5, 8.0)),
+        )
+
+    # Who is there
+
+    def _characters(self) -> Iterator[Character]:
+        kinds = SERVICES[self.setting]
+        count = self.dice.choice((5, 5, 6, 6, 7, 8, 10, 12, 16, 20))
+        looking = self.dice.choice((0, 1, 1, 2))
+        for number in range(count):
+            yield self._character(f"Robot{number + 1}", kinds[number % len(kinds)] if number < count - looking else (LOOKING,))
+
+    def _character(self, name: str, services: tuple[str, ...]) -> Character:
+        dice = self.dice
+        return Character(
+            name=name,
+            services=services,
+            price=dice.randint(1, 9),
+            duration=dice.choice((3.0, 6.0, 12.0, 18.0)),
+            undo=dice.choice((Undo.RESTORE, Undo.RESTORE, Undo.RESTORE, Undo.NO, Undo.NO, Undo.FAIL, Undo.HANG)),
+            refuses=self.chance(RARELY),
+            mute=self.chance(RARELY),
+            valid_for=dice.choice((60.0, 60.0, 60.0, 60.0, 5.0, 0.5)),
+            halts=dice.choice((0.2, 1.0, 5.0, 14.0)),
+            lease=dice.choice((20.0, 60.0, 60.0)),
+            joins=self.seconds(60) if self.chance(RARELY) else 0.0,
+            drops=self.chance(OFTEN),
+            lays_down=self.chance(OFTEN),
+        )
+
+    # What is wanted
+
+    def _wishes(self) -> Iterator[Wish]:
+        for _ in range(self.count):
+            if not self.quarrel and not self.unclaimed:
+                return
+            yield self._wish()
+
+    def _wish(self) -> Wish:
+        dice = self.dice
+        return Wish(
+            at=self.seconds(40) if self.chance(OFTEN) else 0.0,
+            to=dice.choice(self.managers),
+            effect=self._effect(),
+            deadline=dice.choice((15.0, 60.0, 300.0)) if self.chance(SELDOM) else None,
+            policy=dice.choice(list(Policy)),
+            handlers=tuple(self._handlers()),
+            cancelled=self.seconds(60) if self.chance(SELDOM) else None,
+        )
+
+    def _effect(self) -> str:
+        dice = self.dice
+        among = [thing for thing, _ in self.things] if self.quarrel else self.unclaimed
+        chosen = dice.sample(among, min(dice.choice((1, 1, 1, 2, 2, 3)), len(among)))
+        self.unclaimed = [thing for thing in self.unclaimed if thing not in chosen]
+        wanted = [f"{thing} isOn {dice.choice(self.supports)}" for thing in chosen]
+        if len(wanted) == 1 and self.chance(SELDOM) and self.quarrel:
+            return f"?It: Jar isOn {dice.choice(self.supports)}"
+        if len(wanted) == 2 and self.chance(SELDOM):
+            return " OR ".join(wanted)
+        if self.setting is Setting.DOORS and self.chance(OFTEN):
+            door, _ = dice.choice(self.doors)
+            wanted.append(f"{door}.Open = {dice.choice(('TRUE', 'FALSE', 'FALSE'))}")
+        return " AND ".join(wanted)
+
+    def _handlers(self) -> Iterator[Handler]:
+        carrying = {Setting.FLAT: "TransferObject", Setting.DOORS: "CarryObject", Setting.GRIP: "PutDown"}[self.setting]
+        table = self.dice.choice(self.tables)
+        if self.chance(SELDOM):
+            yield Handler(on=Occasion.FAILURE, service_type=carrying, when=f"?Object isOn {FLOOR}", effect=f"?Object isOn {table}")
+        if self.chance(RARELY):
+            yield Handler(on=Occasion.COMPENSATION, service_type=carrying, effect=f"?Object isOn {table}")
+
+    # What goes wrong
+
+    def _faults(self) -> Iterator[Fault]:
+        for _ in range(self.dice.choice((0, 1, 1, 2, 2, 3, 4, 5, 6, 8))):
+            yield from self.dice.choice(
+                (self._misdeed, self._misdeed, self._misdeed, self._kill, self._kill_manager, self._cut, self._weather, self._person)
+            )()
+
+    def _device(self) -> Character:
+        return self.dice.choice(self.characters)
+
+    def _misdeed(self) -> Iterator[Fault]:
+        dice = self.dice
+        act = dice.choice(list(Act))
+        if self.chance(SELDOM):
+            yield Misdeed(device=self._device().name, nth=dice.choice((0, 0, 1)), act=act)
+        else:
+            yield Misdeed(nth=dice.choice((0, 0, 1, 1, 2, 3, 5, 8)), act=act)
+        if self.chance(SELDOM):
+            yield Sight(at=self.seconds(2 * EVENTFUL), object=self.dice.choice(self.things)[0])
+
+    def _kill_manager(self) -> Iterator[Fault]:
+        yield self._killing(self.dice.choice(self.managers), final=False)
+
+    def _kill(self) -> Iterator[Fault]:
+        if self.chance(SELDOM * 2):
+            yield self._killing(self.dice.choice(("repository", "registry")), final=False)
+        else:
+            yield self._killing(AT_WORK if self.chance(OFTEN) else self._device().address, final=True)
+
+    def _killing(self, target: str, *, final: bool) -> Kill:
+        dice = self.dice
+        return Kill(
+            at=self.seconds(EVENTFUL),
+            target=target,
+            moment=dice.choice(list(Moment)),
+            effects=dice.randint(0, 4),
+            seconds=None if final and self.chance(OFTEN) else dice.choice((0.1, 2.0, 10.0, 25.0, 50.0)),
+            snapshot=self.chance(OFTEN),
+        )
+
+    def _cut(self) -> Iterator[Fault]:
+        target = self.dice.choice((AT_WORK, AT_WORK, self._device().address, *self.managers, "repository", "registry"))
+        yield Cut(at=self.seconds(EVENTFUL), target=target, seconds=self.dice.choice((2.0, 12.0, 18.0, 30.0, 70.0)))
+
+    def _weather(self) -> Iterator[Fault]:
+        dice = self.dice
+        yield Weather(
+            at=self.seconds(EVENTFUL / 2),
+            seconds=dice.choice((20.0, 60.0, 120.0)),
+            lost=dice.choice((0.0, 0.1, 0.4)),
+            twice=dice.choice((0.0, 0.2)),
+            late=dice.choice((0.0, 0.3, 2.0)),
+        )
+
+    def _person(self) -> Iterator[Fault]:
+        if self.chance(SELDOM):
+            yield Leave(at=self.seconds(EVENTFUL), device=self._device().name)
+            return
+        thing = self.dice.choice(self.things)[0]
+        at = self.seconds(EVENTFUL)
+        yield Move(at=at, thing=thing, place=self.dice.choice([*self.supports, FLOOR]), told=self.chance(OFTEN))
+        if self.chance(OFTEN):
+            yield Sight(at=at + self.seconds(60), object=thing)

@@ -1,0 +1,283 @@
+"""The seven properties of the Failure Recovery Protocol, checked in one run: after each input, and at the end.
+
+They are judged from outside: by what devices really do, by the messages, by the Repository's map and by what clients are told. Only
+what has happened to a transaction is read from the Task Manager itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from somrs.planner.problem import Problem
+from somrs.protocol import frp
+from somrs.protocol.clients import TaskRecord, TaskView, WorkView
+from somrs.protocol.component import Input, Received
+from somrs.protocol.envelope import Message
+from somrs.protocol.frp import Outcome, State
+from somrs.protocol.knowledge import UpdateMap
+from somrs.protocol.session import service_of
+from somrs.service_manager.participant import ServiceManager
+from somrs.task_manager.manager import TaskManager, view
+from somrs.task_manager.transaction import Transaction
+from verification.fault_runs.site import LOOKING
+from verification.fault_runs.truth import Deed
+
+if TYPE_CHECKING:
+    from verification.fault_runs.hands import Hands, Labour
+    from verification.fault_runs.stage import Stage
+
+Pair = tuple[str, str]
+"""Transaction and participant."""
+
+
+class Property(StrEnum):
+    """What must hold (FRP, "What must hold")."""
+
+    HANDS = "no double hands"
+    CONTRACT = "no work without a contract"
+    HOME = "everyone goes home"
+    SILENCE = "nothing half-done in silence"
+    MAP = "the map tells the truth"
+    ORPHAN = "no orphan"
+    RESTART = "restart changes nothing"
+    BREAKS = "no component breaks"
+    """Not among the seven: an input that a component cannot handle at all."""
+
+
+class Violation(Exception):
+    """A property does not hold, and what was seen."""
+
+    def __init__(self, property: Property, seen: str) -> None:
+        self.property, self.seen = property, seen
+        super().__init__(f"{property}: {seen}")
+
+
+class Witness:
+    """Sees everything that happens on a stage."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+        self._said = 0
+        self._terms: dict[Pair, frp.Terms] = {}
+        self._accepted: dict[Pair, None] = {}
+        self._taken: dict[Pair, float] = {}
+        """When the participant took the Accept, or the Execute that says as much."""
+        self._released: set[Pair] = set()
+        self._unsaid: dict[str, dict[str, Pair]] = {}
+        """What was reported in each transaction and has not come to the Repository yet, by message id: service and situation."""
+        self._known: set[str] = set()
+        self._reports: dict[str, float] = {}
+        """When each report was first said, by message id."""
+        self._put: dict[Pair, float] = {}
+        """When a service's situation came to the Repository last."""
+        self.outcomes: dict[str, TaskView] = {}
+        self._endings: dict[str, Outcome] = {}
+        """How tasks will end that are being stopped."""
+
+    # What devices do
+
+    def saw(self, address: str, event: Input) -> None:
+        """A Service Manager is about to handle the input, whatever becomes of it then."""
+        if isinstance(event, Received) and isinstance(event.message.body, frp.Accept | frp.Execute):
+            header = event.message.header
+            self._taken.setdefault((header.transaction or "", header.participant or ""), self._stage.world.now)
+
+    def began(self, hands: Hands, labour: Labour) -> None:
+        """A device begins to work, or to undo its work."""
+        self._hear()
+        for other, its in self._stage.working if labour.order.method != LOOKING and labour.kind == "Perform" else ():
+            if its is not labour and its.kind == "Perform" and (its.transaction, its.object) == (labour.transaction, labour.object):
+                text = f"{hands.name} begins {labour.participant} ({labour.kind}) while {other.name} is at {its.participant} ({its.kind})"
+                raise Violation(Property.HANDS, f"{text}; both have their hands on {labour.object} for {labour.transaction}")
+        self._contracted(labour)
+
+    def _contracted(self, labour: Labour) -> None:
+        """FRP, property 2. A contract is made when its Accept is taken by the participant while its Terms hold; it may begin later."""
+        pair = labour.transaction, labour.participant
+        terms, taken = self._terms.get(pair), self._taken.get(pair)
+        if terms is None or pair not in self._accepted:
+            raise Violation(Property.CONTRACT, f"{labour.participant} works, and its terms were never accepted")
+        if taken is None or (terms.valid_until is not None and taken > terms.valid_until):
+            late = f"{taken - terms.valid_until:.3f} s after its terms ran out" if taken is not None and terms.valid_until else "never"
+            raise Violation(Property.CONTRACT, f"{labour.participant} works, and took the Accept {late}")
+
+    # What is said
+
+    def watch(self, address: str, event: Input) -> None:
+        """An input was handled, and its effects carried out."""
+        self._hear()
+        if isinstance(event, Received):
+            self._received(address, event.message)
+        manager = self._stage.task_manager(address)
+        if manager is not None:
+            self._follow(manager)
+
+    def _hear(self) -> None:
+        messages = self._stage.world.messages
+        new, self._said = messages[self._said :], len(messages)
+        for message in new:
+            pair = message.header.transaction or "", message.header.participant or ""
+            match message.body:
+                case frp.Terms() as terms:
+                    self._terms[pair] = terms
+                case frp.Accept():
+                    self._accepted[pair] = None
+                case frp.End() | frp.Cancel() | frp.Refuse():
+                    self._released.add(pair)
+                case frp.Completed() | frp.Failed() | frp.Stopped() | frp.Compensated() | frp.Stranded():
+                    self._reports.setdefault(message.header.message_id, self._stage.world.now)
+                case frp.Arrange():
+                    self._nothing_unsaid(pair[0], f"{pair[1]} was asked for terms")
+
+    def _nothing_unsaid(self, task: str, what: str) -> None:
+        if unsaid := self._unsaid.get(task):
+            service, situation = next(iter(unsaid.values()))
+            raise Violation(Property.MAP, f"{what} before the Repository knew what {service} reported: {situation}")
+
+    def _received(self, address: str, message: Message) -> None:
+        body = message.body
+        if address == "repository" and isinstance(body, UpdateMap):
+            self._put[body.author, body.situation or ""] = self._stage.world.now
+            for reports in self._unsaid.values():
+                for id in [id for id, report in reports.items() if report == (body.author, body.situation)]:
+                    del reports[id]
+        elif isinstance(body, frp.Completed | frp.Failed | frp.Stopped | frp.Compensated | frp.Stranded) and body.situation is not None:
+            manager = self._stage.task_manager(address)
+            if manager is not None:
+                self._reported(manager, message, body.situation)
+
+    def _reported(self, manager: TaskManager, message: Message, situation: str) -> None:
+        """Whatever is news to a transaction that goes on has to come to the Repository first."""
+        header, kind = message.header, type(message.body).__name__
+        transaction = manager.transactions.get(header.transaction or "")
+        if transaction is None or transaction.outcome is not None or header.message_id in self._known:
+            return
+        self._known.add(header.message_id)
+        member = next((member for member in transaction.participants if member.id == header.participant), None)
+        if member is not None and kind in member.session.heard and member.session.heard[kind].id == header.message_id:
+            reports = self._unsaid.setdefault(transaction.id, {})
+            report = member.offer.service, situation
+            # It may be there already: when the report came first, the Task Manager was killed, and it was said again.
+            if self._put.get(report, -1.0) < self._reports[header.message_id]:
+                reports[header.message_id] = report
+
+    def planning(self, address: str, problem: Problem) -> None:
+        """The planner is asked. Of two transactions that want the same, either may have asked."""
+        manager = self._stage.task_manager(address)
+        if manager is None:
+            return
+        wanting = [t for t in manager.transactions.values() if t.outcome is None and any(p.goal == str(problem.goal) for p in t.pursuits)]
+        if wanting and all(self._unsaid.get(task.id) for task in wanting):
+            self._nothing_unsaid(wanting[0].id, "it was planned")
+
+    # How tasks end
+
+    def _follow(self, manager: TaskManager) -> None:
+        for task in manager.transactions.values():
+            if task.id in self.outcomes:
+                known = self.outcomes[task.id]
+                if (task.outcome, task.ended_at) != (known.outcome, known.ended_at):
+                    raise Violation(Property.HOME, f"{task.id} ended {known.outcome}, and then {task.outcome}")
+            elif task.outcome is not None:
+                self.outcomes[task.id] = view(task)
+                self._ended(task, self.outcomes[task.id])
+            elif task._ending is not None:
+                self._endings.setdefault(task.id, task._ending)
+
+    def _ended(self, task: Transaction, seen: TaskView) -> None:
+        decided = self._endings.get(task.id)
+        if decided is not None and decided is not seen.outcome:
+            raise Violation(Property.RESTART, f"{task.id} was to end {decided}, and ended {seen.outcome}")
+        if seen.outcome is Outcome.ACCOMPLISHED:
+            return
+        if not seen.explanation:
+            raise Violation(Property.SILENCE, f"{task.id} ended {seen.outcome}, and nothing says why")
+        for work in seen.work:
+            self._accounted(work, seen)
+        self._nothing_left(task, seen)
+
+    def _accounted(self, work: WorkView, seen: TaskView) -> None:
+        """FRP, property 4: what was done is undone, or the client is told what it left."""
+        if work.state is State.EXECUTING:
+            raise Violation(Property.SILENCE, f"{seen.task} ended {seen.outcome}, and {work.service} is still at work for it")
+        left = work.situation or "nothing is known"
+        if work.state is State.STRANDED and not (work.service in seen.explanation and left in seen.explanation):
+            raise Violation(Property.SILENCE, f"{work.service} left {work.situation}, and is not in the explanation: {seen.explanation}")
+
+    def _nothing_left(self, task: Transaction, seen: TaskView) -> None:
+        """By the truth: each object that the task's devices moved is as it was before them, or is told of as stranded. What others have
+        moved since is theirs to tell of, and of what somebody lied about nothing better can be known."""
+        reality = self._stage.reality
+        if any(handler.on == "compensation" for handler in task.task.handlers):
+            return  # something else than what was before is put up with
+        for object in dict.fromkeys(deed.object for deed in reality.deeds if deed.task == task.id):
+            deeds = [deed for deed in reality.deeds if deed.object == object]
+            first = next(deed for deed in deeds if deed.task == task.id)
+            if object in reality.doubtful or deeds[-1].task != task.id or reality.state(object) == first.before:
+                continue
+            if any(deed.task != task.id and deed.at >= task.submitted_at for deed in deeds):
+                continue  # others had a hand in it
+            if not any(work.state is State.STRANDED and object in work.inputs.values() for work in seen.work):
+                raise Violation(
+                    Property.SILENCE,
+                    f"{seen.task} ended {seen.outcome}; {_deeds(deeds)}; and nobody says that {reality.said(object)} "
+                    f"is left of it: {seen.explanation}",
+                )
+
+    # The end
+
+    def settled(self) -> bool:
+        """Whether everything is over."""
+        return not self.unsettled()
+
+    def unsettled(self) -> str:
+        """What is not over yet."""
+        return next(self._unsettled(), "")
+
+    def _unsettled(self) -> Iterator[str]:
+        stage = self._stage
+        yield from (f"the client was not answered about its wish {number}" for number in stage.client.open)
+        yield from (f"the client cannot cancel its wish {number}" for number in stage.client.wants_to_cancel)
+        for address in stage.managers:
+            manager = stage.task_manager(address)
+            if manager is None:
+                yield f"{address} is down"
+                continue
+            yield from (f"{task.id} is {task.phase}: {task.events[-1].text}" for task in manager.transactions.values() if not task.outcome)
+            if (left := stage.world.timers(address) - {"replica"}) and all(t.outcome for t in manager.transactions.values()):
+                yield f"{address} still waits for {sorted(left)[0]}"
+        for transaction, participant in self._terms:
+            device = stage.world.components.get(f"devices/{service_of(participant).partition('.')[0]}")
+            if isinstance(device, ServiceManager) and (state := device.state(transaction, participant)) not in (State.ENDED, State.NEW):
+                yield f"{participant} in {transaction} is {state}"
+        for hands in stage.hands.values():
+            device = stage.world.components.get(hands.character.address)
+            if isinstance(device, ServiceManager) and not device.idle:
+                yield f"{hands.name} is not idle"
+
+    def finish(self) -> None:
+        """What must hold of a whole run."""
+        stage = self._stage
+        if unsettled := self.unsettled():
+            raise Violation(Property.HOME, f"when all was over it began again: {unsettled}")
+        for pair in self._accepted:
+            if pair not in self._released:
+                raise Violation(Property.ORPHAN, f"{pair[1]} in {pair[0]} was committed, and nobody tells it that it is over")
+        for hands, labour in stage.working:
+            raise Violation(Property.ORPHAN, f"{hands.name} is still at {labour.participant}")
+        records: dict[str, TaskRecord] = {}
+        for address in stage.managers:
+            for entry in stage.world.records[address]:
+                if isinstance(entry, TaskRecord) and records.setdefault(entry.task, entry).outcome is not entry.outcome:
+                    raise Violation(Property.HOME, f"{entry.task} is on record with two outcomes")
+        for number, task in stage.client.tasks.items():
+            manager = stage.task_manager(stage.story.wishes[number].to)
+            known = manager.transactions[task].outcome if manager is not None and task in manager.transactions else None
+            if known is None or task not in records or records[task].outcome is not known:
+                raise Violation(Property.RESTART, f"{task} was taken, and is not on record as it ended")
+
+
+def _deeds(deeds: list[Deed]) -> str:
+    return ", ".join(f"{deed.who} had {deed.object} {deed.after}" for deed in deeds)

@@ -1,0 +1,84 @@
+"""What came of a run, and of many: figures to be added up."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from somrs.protocol.clients import TaskRecord
+from somrs.protocol.frp import Outcome, State
+from verification.fault_runs.draw import draw
+from verification.fault_runs.properties import Violation
+from verification.fault_runs.stage import Parts, Stage
+from verification.fault_runs.story import Story
+
+RUNGS = {
+    "handlers": "for that was laid down",
+    "replaced": "replacing the service",
+    "planned anew": "planning anew",
+    "failures undone, to plan again": "undoing what failed",
+    "looks": "somebody is to look at",
+    "nothing assumed": "nothing is assumed about it",
+    "undone by the participant": " is to restore",
+    "undone by others": "others are to restore",
+    "stranded": "could not be undone:",
+}
+"""What a Task Manager tells of each rung of the ladder of recovery, and of what comes with it."""
+
+BROKEN = (State.FAILED, State.STOPPED, State.UNREACHABLE, State.COMPENSATED, State.STRANDED)
+
+
+@dataclass
+class Result:
+    """Of one run or of several. `failed` are seeds, with the property and what was seen."""
+
+    runs: int = 0
+    tasks: Counter[str] = field(default_factory=Counter)
+    troubled: Counter[str] = field(default_factory=Counter)
+    """Tasks in which, or around which, something broke, by how they ended."""
+    rungs: Counter[str] = field(default_factory=Counter)
+    messages: int = 0
+    inputs: int = 0
+    failed: dict[int, tuple[str, str]] = field(default_factory=dict)
+
+    def add(self, other: Result) -> None:
+        self.runs += other.runs
+        self.tasks += other.tasks
+        self.troubled += other.troubled
+        self.rungs += other.rungs
+        self.messages += other.messages
+        self.inputs += other.inputs
+        self.failed |= other.failed
+
+
+def played(story: Story, parts: Parts | None = None) -> tuple[Stage, Violation | None]:
+    """The story's stage after it was played, and what did not hold, if anything."""
+    stage = Stage(story, parts)
+    try:
+        stage.play()
+    except Violation as violation:
+        return stage, violation
+    return stage, None
+
+
+def run(seed: int) -> Result:
+    """Play the story of a seed."""
+    stage, violation = played(draw(seed))
+    result = Result(runs=1, messages=len(stage.world.messages), inputs=stage.events)
+    if violation is not None:
+        result.failed[seed] = violation.property, violation.seen
+        return result
+    blows = [at for at, _ in stage.log]
+    for address in stage.managers:
+        records = {entry.task: entry for entry in stage.world.records[address] if isinstance(entry, TaskRecord)}
+        for record in records.values():
+            result.tasks[record.outcome] += 1
+            if any(work.state in BROKEN for work in record.work) or any(record.submitted_at <= at <= record.ended_at for at in blows):
+                result.troubled[record.outcome] += 1
+            for event in record.events:
+                rung = next((rung for rung, words in RUNGS.items() if words in event.text), None)
+                if rung is not None:
+                    result.rungs[rung] += 1
+            result.rungs["given up"] += record.outcome is Outcome.FAILED
+    result.rungs["rejected"] += len(stage.client.rejected)
+    return result

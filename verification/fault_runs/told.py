@@ -1,0 +1,81 @@
+"""One run as people read it: what was said and what happened, in order; and many runs as figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.table import Table
+
+from somrs.protocol import frp
+from somrs.protocol.clients import Cancelling, CancelTask, Submit, Submitted, TaskRejected
+from somrs.protocol.component import Input, Received
+from somrs.protocol.envelope import Message
+from somrs.protocol.frp import Outcome
+from somrs.protocol.knowledge import Rejected, UpdateMap
+from verification.fault_runs.result import RUNGS, Result
+from verification.fault_runs.stage import Stage
+
+TOLD = (
+    frp.Arrange | frp.Terms | frp.Refuse | frp.Accept | frp.Cancel | frp.Execute | frp.Completed | frp.Failed | frp.Stop | frp.Stopped
+    | frp.Compensate | frp.Compensated | frp.Stranded | frp.Query | frp.Status | frp.End | frp.Fault
+    | UpdateMap | Rejected | Submit | Submitted | TaskRejected | CancelTask | Cancelling
+)  # fmt: skip
+"""The messages that matter; signs of life and subscriptions do not."""
+
+
+class Ear:
+    """Hears what comes to each address."""
+
+    def __init__(self) -> None:
+        self.heard: list[tuple[float, str]] = []
+
+    def hear(self, at: float, event: Input) -> None:
+        if isinstance(event, Received) and isinstance(event.message.body, TOLD):
+            self.heard.append((at, _words(event.message)))
+
+
+def log(stage: Stage, heard: Ear) -> Iterator[str]:
+    """Everything, by time."""
+    lines = [(at, 0, f"    ! {text}") for at, text in stage.log]
+    lines += [(d.at, 1, f"    * {d.who}: {d.object} {_state(d.before)} -> {_state(d.after)}") for d in stage.reality.deeds]
+    lines += [(at, 2, text) for at, text in heard.heard]
+    for address in stage.managers:
+        manager = stage.task_manager(address)
+        for task in manager.transactions.values() if manager is not None else ():
+            lines += [(event.at, 3, f"  {address} {task.id[-6:]} {event.step or ''}: {event.text}") for event in task.events]
+    for at, _, text in sorted(lines, key=lambda line: line[:2]):
+        yield f"{at - stage.start:10.3f} {text}"
+
+
+def _words(message: Message) -> str:
+    header, body = message.header, message.body
+    about = f" {header.participant}" if header.participant else ""
+    task = f" {header.transaction[-6:]}" if header.transaction else ""
+    said = getattr(body, "situation", None) or getattr(body, "reason", None) or getattr(body, "description", None) or ""
+    if isinstance(body, Submit):
+        said = body.effect
+    return f"{header.sender} > {header.recipient}:{task}{about} {type(body).__name__} {said}".rstrip()
+
+
+def _state(state: tuple[str, str] | bool) -> str:
+    return " ".join(state) if isinstance(state, tuple) else "open" if state else "closed"
+
+
+def figures(result: Result, seconds: float) -> Table:
+    """How tasks ended, and what the Task Managers had to do for it."""
+    table = Table(title=f"{result.runs} runs, {result.runs / seconds:.0f} a second", title_justify="left", show_header=True)
+    table.add_column("tasks")
+    table.add_column("all", justify="right")
+    table.add_column("of them, something broke in or around", justify="right")
+    for outcome in Outcome:
+        table.add_row(outcome.value, str(result.tasks[outcome]), str(result.troubled[outcome]))
+    table.add_section()
+    everything = sum(result.troubled.values())
+    table.add_row("accomplished all the same", "", f"{result.troubled[Outcome.ACCOMPLISHED] / everything:.1%}" if everything else "-")
+    table.add_section()
+    for rung in (*RUNGS, "given up", "rejected"):
+        table.add_row(rung, str(result.rungs[rung]), "")
+    table.add_section()
+    table.add_row("messages per run", f"{result.messages / result.runs:.0f}" if result.runs else "-", "")
+    table.add_row("inputs per run", f"{result.inputs / result.runs:.0f}" if result.runs else "-", "")
+    return table
