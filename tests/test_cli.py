@@ -15,9 +15,11 @@ OFFICE = REPOSITORY.parent / "shared" / "sites" / "office.building.yaml"
 COMMANDS = [
     "demo",
     "up",
-    "task",
+    "do",
     "tasks",
+    "task",
     "cancel",
+    "export",
     "services",
     "questions",
     "answer",
@@ -92,7 +94,7 @@ def test_check_reports_every_error_at_once_with_its_line(tmp_path: Path) -> None
 
 
 def test_without_a_running_system_commands_say_how_to_start_one(tmp_path: Path) -> None:
-    for arguments in (["task", "A isOn B"], ["tasks"], ["services"], ["plan", "A isOn B"], ["map", "query", "A isOn B"]):
+    for arguments in (["do", "A isOn B"], ["tasks"], ["task", "last"], ["export"], ["services"], ["plan", "A isOn B"], ["map", "query", "A isOn B"]):
         said = somrs(*arguments, cwd=tmp_path)
         assert said.returncode == 2
         assert "somrs up" in said.stderr

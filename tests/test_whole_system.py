@@ -142,7 +142,7 @@ def test_a_new_kind_of_device_joins_while_the_system_runs(tmp_path: Path) -> Non
     """The tutorial docs/your-own-device.md, with the file that it is about."""
     data = tmp_path / "run"
     tutorial = (REPOSITORY / "docs" / "your-own-device.md").read_text()
-    found = re.search(r'somrs task "(.+)"', tutorial)
+    found = re.search(r'somrs do "(.+)"', tutorial)
     assert found is not None
     effect = found[1]
 

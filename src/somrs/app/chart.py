@@ -85,7 +85,7 @@ def said(line: Line) -> str:
             text = str(body.get("precondition") or body.get("effect") or "")
         case "Terms":
             text = f"{body.get('price', 0):g} {body.get('currency', 'EUR')}, {body.get('duration', 0):.0f} s"
-        case "Completed" | "Stopped" | "Compensated":
+        case "Completed" | "Stopped" | "Compensate" | "Compensated":
             text = str(body.get("situation", ""))
         case "Failed" | "Stranded":
             text = str(body.get("situation") or body.get("description") or "")

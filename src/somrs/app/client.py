@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import getpass
+import os
+import socket
 import time
 import uuid
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import TypeVar
+from urllib.parse import quote
 
 import msgspec
 
@@ -17,10 +21,13 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol import clients, directory, frp, knowledge
 from somrs.protocol.bodies import Body
-from somrs.protocol.envelope import ANONYMOUS, Header, Message
+from somrs.protocol.envelope import Header, Message
 from somrs.protocol.pending import FIRST_PAUSE, LONGEST_PAUSE
 
 SYSTEM_FILE = "system.json"
+PAGE = 50
+"""Tasks that are asked for at once."""
+
 
 PATIENCE = 30.0
 """Seconds for which a Task Manager that is started again is waited for by those who have a task with it."""
@@ -37,9 +44,9 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     simulator: str | None = None
 
     @classmethod
-    def read(cls, data: Path) -> Addresses:
+    def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:
         """The addresses that a running system left in its data folder."""
-        file = data / SYSTEM_FILE
+        file = data / name
         try:
             return msgspec.json.decode(file.read_bytes(), type=cls)
         except FileNotFoundError:
@@ -47,8 +54,17 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
         except (msgspec.DecodeError, OSError) as error:
             raise UsageError(f"{file} cannot be read: {error}") from None
 
-    def write(self, data: Path) -> None:
-        (data / SYSTEM_FILE).write_bytes(msgspec.json.format(msgspec.json.encode(self)))
+    def write(self, data: Path, name: str = SYSTEM_FILE) -> None:
+        (data / name).write_bytes(msgspec.json.format(msgspec.json.encode(self)))
+
+
+def who() -> str:
+    """Who asks, as far as this machine knows: it is kept with a task. Answers come on the connection, so that it is no address."""
+    try:
+        user = getpass.getuser()
+    except (OSError, KeyError):  # a container may run as a user that has no name
+        user = str(os.getuid())
+    return f"urn:so-mrs:client:{quote(user)}@{quote(socket.gethostname())}"
 
 
 class Client:
@@ -57,6 +73,7 @@ class Client:
     def __init__(self, addresses: Addresses) -> None:
         self.addresses = addresses
         self._wire = Wire()
+        self._who = who()
 
     async def __aenter__(self) -> Client:
         return self
@@ -69,7 +86,7 @@ class Client:
 
         `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same.
         """
-        header = Header(sender=ANONYMOUS, recipient=address, message_id=uuid.uuid4().urn)
+        header = Header(sender=self._who, recipient=address, message_id=uuid.uuid4().urn)
         answer = await self._answered(Message(header=header, body=body), timeout, time.monotonic() + patience)
         if answer is None:
             raise RemoteError(f"{address} took the {type(body).__name__} without an answer")
@@ -182,7 +199,7 @@ class Client:
     async def tasks(self, *, running: bool = False, limit: int | None = None) -> tuple[clients.TaskView, ...]:
         """The tasks that the Task Manager has in mind, newest first: all, or those that are not over."""
         found: list[clients.TaskView] = []
-        question = clients.ReadTasks(running=running)
+        question = clients.ReadTasks(running=running, limit=PAGE if limit is None else min(limit, PAGE))
         while limit is None or len(found) < limit:
             page = await self.ask(self.addresses.task_manager, question, clients.Tasks)
             found += page.tasks

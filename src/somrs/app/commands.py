@@ -1,4 +1,4 @@
-"""What the commands of `cli.py` do. Each talks to the running system as any client would."""
+"""What the commands of `cli.py` do, but for those about tasks (`tasks.py`). Each talks to the running system as any client would."""
 
 from __future__ import annotations
 
@@ -8,15 +8,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.live import Live
-
 from somrs.app import show
 from somrs.app.client import Addresses, Client
 from somrs.errors import ModelError, RemoteError, UsageError
 from somrs.ontology.types import Value
-from somrs.protocol.clients import Submit, TaskNews
 from somrs.protocol.directory import Discover
-from somrs.protocol.frp import Outcome
 from somrs.protocol.knowledge import UpdateMap
 from somrs.service_manager.values import python_value
 
@@ -115,7 +111,7 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
                 found = await client.services()
         console.print(show.services(found))
         console.print(
-            f"Running. In another terminal: somrs task FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it."
+            f"Running. In another terminal: somrs do FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it."
         )
         keeping = asyncio.create_task(system.keep_running(lambda text: console.print(text)))
         await until_stopped()
@@ -124,56 +120,6 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
     finally:
         with console.status("ending ..."):
             await system.stop()
-
-
-async def task(wish: Submit, data: Path, *, wait: bool, json: bool) -> int:
-    """Give a task, and follow it; 0 when it was accomplished."""
-    console = show.console()
-    async with Client(Addresses.read(data)) as client:
-        id = await client.submit(wish)
-        if not wait:
-            if json:
-                show.print_json({"task": id})
-            else:
-                print(id)
-            return 0
-        last: TaskNews | None = None
-        try:
-            with Live(console=console, refresh_per_second=8, transient=True) as screen:
-                async for news in client.news(id):
-                    last = news
-                    if json:
-                        continue
-                    for event in news.events:
-                        screen.console.print(show.event(event))
-                    screen.update(show.live(news.view))
-        except (asyncio.CancelledError, KeyboardInterrupt):
-            await client.cancel(id, "stopped at the command line")
-            raise
-        assert last is not None, "a task that was accepted has news"
-        if json:
-            show.print_json(last.view)
-        else:
-            console.print(show.live(last.view))
-        return 0 if last.view.outcome is Outcome.ACCOMPLISHED else 1
-
-
-async def tasks(data: Path, *, json: bool) -> None:
-    async with Client(Addresses.read(data)) as client:
-        found = await client.tasks()
-    if json:
-        show.print_json(found)
-    else:
-        show.console().print(show.tasks(found) if found else "no tasks yet")
-
-
-async def cancel(task: str, reason: str, data: Path) -> None:
-    async with Client(Addresses.read(data)) as client:
-        found = [view.task for view in await client.tasks() if view.task == task or view.task.rpartition(":")[2].startswith(task)]
-        if len(found) != 1:
-            raise UsageError(f"{'no task' if not found else f'{len(found)} tasks'} begin with {task}; `somrs tasks` lists them")
-        await client.cancel(found[0], reason)
-        print(f"stopping {found[0]}")
 
 
 async def services(type: str | None, effect: str | None, attributes: Sequence[str], data: Path, *, json: bool) -> None:

@@ -3,23 +3,41 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import datetime
-from typing import Any
 
 import msgspec
+from msgspec import structs
+from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group
+from rich.padding import Padding
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
-from somrs.protocol.clients import StepView, TaskEvent, TaskView
+from somrs.protocol.clients import EventKind, StepView, TaskEvent, TaskView, WorkView
 from somrs.protocol.directory import Offer
 from somrs.protocol.frp import Outcome, State
 
 MARKS = {Outcome.ACCOMPLISHED: ("✔", "green"), Outcome.FAILED: ("✘", "red"), Outcome.CANCELLED: ("■", "yellow")}
 """A sign and a colour for each outcome; colour is never the only sign."""
+
+SIGNS = {
+    State.COMPLETED: ("✔", "green"),
+    State.FAILED: ("✘", "red"),
+    State.STOPPED: ("■", "yellow"),
+    State.COMPENSATED: ("↶", "green"),
+    State.STRANDED: ("!", "red"),
+    State.UNREACHABLE: ("?", "red"),
+}
+"""Of what became of work."""
+
+COLOURS = {EventKind.SETBACK: "red", EventKind.END: "bold"}
+"""Of kinds of events; the others are what is done about setbacks."""
+
+MOST_NAME = 28
+"""Characters for which a column of names makes others narrow."""
 
 
 def print_json(value: object) -> None:
@@ -27,89 +45,138 @@ def print_json(value: object) -> None:
     print(json.dumps(msgspec.to_builtins(value), ensure_ascii=False, indent=2))
 
 
-def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
-    made = Table(title=title, title_justify="left", title_style="bold", header_style="bold", expand=False)
+def table(
+    title: str, columns: Sequence[str], rows: Iterable[Sequence[object]], whole: Collection[str] = (), least: Mapping[str, int] = {}
+) -> Table:
+    """A table that fits the terminal. The columns in `whole` are not broken within a line; `least` are widths that columns have, even
+    if others have to be narrow."""
+    made = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=SIMPLE_HEAD, show_edge=False)
     for column in columns:
-        made.add_column(column, overflow="fold")
+        made.add_column(column, overflow="fold", no_wrap=column in whole, min_width=least.get(column))
     for row in rows:
-        made.add_row(*(cell if isinstance(cell, Text | ProgressBar) else str(cell) for cell in row))
+        made.add_row(*(cell if isinstance(cell, Text | ProgressBar | Group) else str(cell) for cell in row))
     return made
 
 
-def inputs(step: StepView) -> str:
-    return ", ".join(f"{name}: {value}" for name, value in step.inputs.items())
+def lines(*parts: str) -> str:
+    """Those that say something, one under the other."""
+    return "\n".join(part for part in parts if part)
 
 
-def steps(title: str, found: Sequence[StepView]) -> Table:
-    """A plan, and how far each step is."""
-    return table(
-        title,
-        ("step", "service type", "inputs", "after", "by", "price", "state", ""),
+def inputs(of: StepView | WorkView) -> str:
+    return "\n".join(f"{name}: {value}" for name, value in of.inputs.items())
+
+
+def steps(title: str, found: Sequence[StepView], beside: Sequence[WorkView] = ()) -> Table:
+    """A plan, and how far each step is; `beside` it, what is done for other reasons."""
+    after = any(step.after for step in found)
+    columns = ("step", "what", *(("after",) if after else ()), "by", "state")
+    rows = [
         (
-            (
-                step.step,
-                step.service_type,
-                inputs(step),
-                ", ".join(step.after) or "-",
-                step.service or "-",
-                f"{step.price:g} EUR" if step.price is not None else "-",
-                step.state.value if step.state is not State.NEW else "open",
-                ProgressBar(total=1.0, completed=1.0 if step.state is State.COMPLETED else step.fraction, width=16),
-            )
-            for step in found
-        ),
-    )
+            step.step,
+            lines(step.service_type, inputs(step)),
+            *((", ".join(step.after) or "-",) if after else ()),
+            lines(step.service or "-", terms(step.price, "EUR", step.duration)),
+            how_far(step),
+        )
+        for step in found
+    ]
+    made = table(title, columns, rows, whole=("state",))
+    for work in beside:
+        what = lines(work.service_type, inputs(work))
+        made.add_row(work.step, what, *(("-",) if after else ()), work.service, became(work.state))
+    return made
+
+
+def terms(price: float | None, currency: str, duration: float | None) -> str:
+    """What a service wants for its work."""
+    cost = f"{price:g} {currency}" if price is not None else ""
+    return ", ".join(part for part in (cost, f"{duration:.0f} s" if duration is not None else "") if part)
+
+
+def how_far(step: StepView) -> Group | Text:
+    """The state of a step, with a bar while it is executed."""
+    if step.state is State.NEW:
+        return Text("open", style="dim")
+    if step.state is not State.EXECUTING:
+        return became(step.state)
+    return Group(Text(f"{step.state.value} {100 * step.fraction:.0f} %"), ProgressBar(total=1.0, completed=step.fraction, width=14))
+
+
+def became(state: State) -> Text:
+    """What became of work, or of whoever did it."""
+    sign, colour = SIGNS.get(state, ("", ""))
+    return Text(f"{sign} {state.value}".strip(), style=colour)
 
 
 def plan(found: Sequence[StepView]) -> Table:
     """A plan that nobody carries out."""
     return table(
         "Plan",
-        ("step", "service type", "inputs", "after", "because"),
+        ("step", "what", "after", "because"),
         (
-            (step.step, step.service_type, inputs(step), ", ".join(step.after) or "-", "; ".join(dict.fromkeys(step.because)) or "-")
+            (
+                step.step,
+                lines(step.service_type, inputs(step)),
+                ", ".join(step.after) or "-",
+                "\n".join(dict.fromkeys(step.because)) or "-",
+            )
             for step in found
         ),
     )
 
 
 def outcome(view: TaskView) -> Text:
-    """How a task ended, in a line."""
+    """How far a task is, or how it ended, and the first reason for that."""
     if view.outcome is None:
-        return Text(view.phase.value)
+        return Text(view.phase.value, style="bold")
     sign, colour = MARKS[view.outcome]
     seconds = f" in {view.ended_at - view.submitted_at:.1f} s" if view.ended_at is not None else ""
-    why = f": {view.explanation}" if view.explanation else ""
-    return Text(f"{sign} {view.outcome.value}{seconds}{why}", style=colour)
+    said = Text(f"{sign} {view.outcome.value}{seconds}", style=colour)
+    return said.append(f": {view.explanation.partition('; ')[0]}") if view.explanation else said
+
+
+def ending(view: TaskView) -> Group:
+    """How far a task is, or how it ended and why, a reason a line."""
+    reasons = [Padding(Text(reason), (0, 0, 0, 2)) for reason in view.explanation.split("; ") if reason]
+    return Group(outcome(structs.replace(view, explanation="")), *reasons)
 
 
 def tasks(found: Sequence[TaskView]) -> Table:
-    return table(
-        "Tasks",
-        ("task", "wish", "submitted", "how far"),
-        ((view.task.rpartition(":")[2][:8], view.effect, clock(view.submitted_at), outcome(view)) for view in found),
-    )
+    rows = ((short(view.task), view.effect, moment(view.submitted_at), outcome(view)) for view in found)
+    return table("Tasks", ("task", "wish", "submitted", "how far"), rows, whole=("task", "submitted"))
+
+
+def short(task: str) -> str:
+    """As much of a task's id as people need."""
+    return task.rpartition(":")[2][:8]
 
 
 def services(found: Sequence[Offer]) -> Table:
     return table(
         "Services on offer",
-        ("service", "device", "brings about", "if", "attributes"),
+        ("service", "brings about", "if", "attributes"),
         (
             (
-                offer.service,
-                f"{offer.provider}: {offer.provider_type}",
+                lines(offer.service, f"a {offer.provider_type}"),
                 offer.service_type.effect,
                 offer.service_type.precondition or "-",
-                ", ".join(f"{name} {value}" for name, value in offer.attributes.items()) or "-",
+                "\n".join(f"{name} {value}" for name, value in offer.attributes.items()) or "-",
             )
             for offer in found
         ),
+        least={"service": min(MOST_NAME, max((len(offer.service) for offer in found), default=0))},
     )
 
 
 def clock(at: float) -> str:
     return datetime.fromtimestamp(at).strftime("%H:%M:%S")
+
+
+def moment(at: float) -> str:
+    """With the date, unless it is today."""
+    then = datetime.fromtimestamp(at)
+    return f"{then:%H:%M:%S}" if then.date() == datetime.now().date() else f"{then:%Y-%m-%d %H:%M}"
 
 
 def event(happened: TaskEvent) -> Text:
@@ -118,10 +185,28 @@ def event(happened: TaskEvent) -> Text:
     return Text.assemble((f"{clock(happened.at)}  ", "dim"), (step, "bold"), happened.text)
 
 
+def events(happened: Iterable[TaskEvent]) -> Table:
+    """What happened to a task: when, what kind of news it is if it is not the plain kind, and the news. Why it ended, `ending` says."""
+    made = Table.grid(padding=(0, 1), pad_edge=False)
+    made.add_column(style="dim", no_wrap=True)
+    made.add_column(min_width=max(len(kind.value) for kind in EventKind), no_wrap=True)
+    made.add_column(overflow="fold")
+    for one in happened:
+        colour = COLOURS.get(one.kind, "bold cyan")
+        kind = Text("" if one.kind is EventKind.NEWS else one.kind.value, style=colour)
+        step = f"{one.step}: " if one.step else ""
+        text = one.text.partition(":")[0] if one.kind is EventKind.END else one.text
+        made.add_row(clock(one.at), kind, Text.assemble((step, "bold"), text))
+    return made
+
+
 def live(view: TaskView) -> Group:
-    """A task under way."""
-    parts: list[Any] = [outcome(view)]
-    return Group(steps(view.effect, view.steps), *parts) if view.steps else Group(*parts)
+    """A task under way, or how it ended."""
+    if not view.steps:
+        return ending(view)
+    known = {step.step for step in view.steps}
+    beside = [work for work in view.work if work.state is State.EXECUTING and work.step not in known] if view.outcome is None else []
+    return Group("", steps(view.effect, view.steps, beside), "", ending(view))
 
 
 def change(made: Change) -> str:

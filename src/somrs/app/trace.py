@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from somrs.protocol.clients import TaskRecord
 from somrs.protocol.envelope import Message
 
 TASK_MANAGER = "TaskManager"
@@ -45,6 +46,40 @@ def line_of(message: Message, now: float, coordinator: str) -> Line:
         relates_to=header.relates_to,
         body={key: value for key, value in body.items() if value is not None},
     )
+
+
+def lines_of(record: TaskRecord) -> list[Line]:
+    """The messages of a task that is over, as they were when they passed."""
+    coordinator = next((message.sender for message in record.messages if message.type == "Arrange"), "")
+    found = []
+    for message in record.messages:
+        service, sent = message.participant.partition("#")[0], message.sender == coordinator
+        body: dict[str, Any] = msgspec.json.decode(message.body)
+        found.append(
+            Line(
+                at=message.at,
+                sender=TASK_MANAGER if sent else service,
+                recipient=service if sent else TASK_MANAGER,
+                type=message.type,
+                transaction=record.task,
+                participant=message.participant,
+                message_id=message.id,
+                relates_to=message.relates_to,
+                body={key: value for key, value in body.items() if key != "type" and value is not None},
+            )
+        )
+    return found
+
+
+def without_heartbeats(lines: Sequence[Line]) -> list[Line]:
+    """Of signs of life that a participant gives in a row, the last only."""
+    following: dict[str, str] = {}
+    kept: list[Line] = []
+    for line in reversed(lines):
+        if line.type != "Progress" or following.get(line.participant) != line.type:
+            kept.append(line)
+        following[line.participant] = line.type
+    return kept[::-1]
 
 
 class Trace:

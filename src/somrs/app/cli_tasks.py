@@ -1,0 +1,143 @@
+"""The commands about tasks: state one, list them, show one, cancel one, export those that are over."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from somrs.app.cli_options import HERE, Data, Formula, Json, awaited, fail, guarded
+
+tasks_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+
+PROCEDURE = "[SERVICE TYPE:] FORMULA [WHEN FORMULA]; it may speak of the step's inputs, such as ?Object. Can be given several times."
+
+
+class PolicyOption(StrEnum):
+    """How services are chosen."""
+
+    price = "price"
+    time = "time"
+    weighted = "weighted"
+
+
+class OutcomeOption(StrEnum):
+    """How a task ended."""
+
+    accomplished = "accomplished"
+    failed = "failed"
+    cancelled = "cancelled"
+
+
+class FormatOption(StrEnum):
+    """How tasks are exported."""
+
+    jsonl = "jsonl"
+    csv = "csv"
+
+
+class TableOption(StrEnum):
+    """What a row of a CSV file is."""
+
+    tasks = "tasks"
+    work = "work"
+    contracts = "contracts"
+    events = "events"
+    messages = "messages"
+
+
+@tasks_app.command()
+def do(
+    formula: Formula,
+    precondition: Annotated[str | None, typer.Option(help="The initial situation, if it matters.")] = None,
+    policy: Annotated[PolicyOption, typer.Option(help="What services are chosen by.")] = PolicyOption.price,
+    time_value: Annotated[float, typer.Option(help="With `weighted`: what a second is worth.")] = 0.01,
+    deadline: Annotated[float | None, typer.Option(help="Give up after so many seconds.")] = None,
+    on_failure: Annotated[list[str], typer.Option(help=f"Bring this about when a step fails, before it is recovered: {PROCEDURE}")] = [],  # noqa: B006  # typer's way to say a list
+    on_compensation: Annotated[
+        list[str], typer.Option(help=f"Bring this about to undo a step, instead of what was before it: {PROCEDURE}")
+    ] = [],  # noqa: B006  # as above
+    wait: Annotated[bool, typer.Option(help="Stay until the task ended.")] = True,
+    data: Data = HERE,
+    json: Json = False,
+) -> None:
+    """Make a formula true. Shows the plan, who does what, what is done about failures, and how it ends."""
+    from somrs.app.tasks import do as run
+    from somrs.app.tasks import handlers
+    from somrs.protocol.clients import Policy, Submit
+
+    wish = Submit(
+        effect=formula,
+        precondition=precondition,
+        policy=Policy(policy.value),
+        time_value=time_value,
+        deadline=deadline,
+        handlers=guarded(lambda: handlers(on_failure, on_compensation)),
+    )
+    sys.exit(awaited(run(wish, data, wait=wait, json=json)))
+
+
+@tasks_app.command()
+def tasks(
+    history: Annotated[bool, typer.Option("--history", help="Those that are over, too.")] = False,
+    limit: Annotated[int, typer.Option(min=1, help="At most so many of those that are over.")] = 20,
+    data: Data = HERE,
+    json: Json = False,
+) -> None:
+    """The tasks that run. With --history those that are over, too; these also when no system runs."""
+    from somrs.app.tasks import tasks as run
+
+    awaited(run(data, history=history, limit=limit, json=json))
+
+
+@tasks_app.command()
+def task(
+    task: Annotated[str, typer.Argument(help="The task's id, or its beginning; or `last`.")],
+    messages: Annotated[bool, typer.Option("--messages", help="The sequence of its messages.")] = False,
+    chart: Annotated[Path | None, typer.Option(help="Write the messages as a sequence chart to this SVG file.")] = None,
+    data: Data = HERE,
+    json: Json = False,
+) -> None:
+    """Everything of one task. Its steps, what was done and what became of it, terms, events; also when no system runs."""
+    from somrs.app.tasks import task as run
+
+    awaited(run(task, data, messages=messages, picture=chart, json=json))
+
+
+@tasks_app.command()
+def cancel(
+    task: Annotated[str, typer.Argument(help="The task's id, or its beginning; or `last`.")],
+    reason: Annotated[str, typer.Option(help="Why.")] = "cancelled by the client",
+    data: Data = HERE,
+) -> None:
+    """Stop a task, and have undone what was done."""
+    from somrs.app.tasks import cancel as run
+
+    awaited(run(task, reason, data))
+
+
+@tasks_app.command()
+def export(
+    out: Annotated[Path | None, typer.Argument(help="The file to write; otherwise it is printed.")] = None,
+    format: Annotated[
+        FormatOption | None, typer.Option(help="JSON lines, a task a line; or CSV. If it is not said, the file's name says it.")
+    ] = None,
+    table: Annotated[TableOption | None, typer.Option(help="With CSV: what a row is; tasks, if it is not said.")] = None,
+    since: Annotated[str | None, typer.Option(help="Those that ended since: 2026-03-01, 2026-03-01T14:30, or so long ago: 2h, 7d.")] = None,
+    outcome: Annotated[OutcomeOption | None, typer.Option(help="Those that ended so.")] = None,
+    data: Data = HERE,
+) -> None:
+    """Write what is kept of tasks that are over. For other programs, the latest first; also when no system runs."""
+    from somrs.app.export import Format, Table
+    from somrs.app.export import export as run
+    from somrs.protocol.frp import Outcome
+
+    csv = table is not None or (out is not None and out.suffix.lower() == ".csv")
+    if format is FormatOption.jsonl and table is not None:
+        fail(f"--table {table.value} is a table, and JSON lines hold all of a task; leave one of the two out", 2)
+    chosen = Format(format.value) if format is not None else Format.CSV if csv else Format.JSONL
+    what = Table(table.value) if table is not None else Table.TASKS
+    awaited(run(out, data, chosen, what, since, Outcome(outcome.value) if outcome is not None else None))

@@ -1,0 +1,121 @@
+"""Everything of one task, for the terminal and for programs: its steps, what was done and what became of it, terms, events, messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import msgspec
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from somrs.app import show
+from somrs.app.chart import SETBACKS, said
+from somrs.app.trace import TASK_MANAGER, Line, without_heartbeats
+from somrs.protocol.clients import ContractView, Phase, TaskEvent, TaskRecord, TaskView, WorkView
+from somrs.protocol.frp import State
+
+
+class Story(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known of a task. Only of one that is over there is a record, with its terms and messages."""
+
+    view: TaskView
+    events: tuple[TaskEvent, ...] = ()
+    record: TaskRecord | None = None
+
+    @classmethod
+    def of(cls, record: TaskRecord) -> Story:
+        return cls(view=view(record), events=record.events, record=record)
+
+
+def view(record: TaskRecord) -> TaskView:
+    """A task that is over, as those that are not are seen."""
+    shared = {name: getattr(record, name) for name in TaskView.__struct_fields__ if name in TaskRecord.__struct_fields__}
+    return TaskView(phase=Phase.ENDED, **shared)
+
+
+def builtins(story: Story) -> dict[str, Any]:
+    """For programs: one flat object, with the fields of a TaskView, and `events`; and of a TaskRecord, once there is one."""
+    found: dict[str, Any] = msgspec.to_builtins(story.view) | {"events": msgspec.to_builtins(story.events)}
+    return found if story.record is None else found | msgspec.to_builtins(story.record)
+
+
+def tell(story: Story, console: Console) -> None:
+    """All but the messages."""
+    seen, record = story.view, story.record
+    parts: list[RenderableType] = [Group(Text(seen.effect, style="bold"), show.ending(seen), "", _facts(story))]
+    if seen.steps:
+        parts.append(show.steps("Plan" if record is None else "Last plan", seen.steps))
+    if seen.work:
+        parts.append(work(seen.work))
+    if record is not None and record.contracts:
+        parts.append(contracts(record.contracts))
+    if story.events:
+        parts.append(Group(Text("Events", style="bold"), show.events(story.events)))
+    for number, part in enumerate(parts):
+        console.print(*([""] if number else []), part, sep="\n")
+
+
+def _facts(story: Story) -> Table:
+    seen, record = story.view, story.record
+    facts = [("task", seen.task), ("submitted", show.moment(seen.submitted_at))]
+    if record is not None:
+        facts += [
+            ("ended", show.moment(record.ended_at)),
+            ("by", record.client.removeprefix("urn:so-mrs:client:")),
+            ("policy", record.policy.value),
+            *([("from", record.precondition)] if record.precondition else []),
+            *([("deadline", f"{record.deadline:g} s")] if record.deadline is not None else []),
+        ]
+    made = Table.grid(padding=(0, 2))
+    for fact in facts:
+        made.add_row(*fact)
+    return made
+
+
+def work(found: Iterable[WorkView]) -> Table:
+    """What services did, in the order in which they began, and what became of it."""
+    rows = (
+        (
+            one.step,
+            show.lines(one.service, show.inputs(one)),
+            show.became(one.state),
+            show.lines(one.situation or "nothing is known", one.note),
+        )
+        for one in found
+    )
+    return show.table("What was done", ("step", "by", "became", "and left"), rows, whole=("became",))
+
+
+def contracts(found: Iterable[ContractView]) -> Table:
+    """Who was asked for a step, what they wanted, and who got it."""
+    rows = (
+        (
+            one.step,
+            one.service,
+            Text(
+                f"{'✔ ' if one.accepted else ''}{show.terms(one.price, one.currency, one.duration) or '-'}", "green" if one.accepted else ""
+            ),
+            Group(show.became(one.state)) if one.state is not State.ENDED else one.reason or "left",
+        )
+        for one in found
+    )
+    return show.table("Terms", ("step", "asked", "offered (✔ accepted)", "in the end"), rows)
+
+
+def messages(lines: Sequence[Line]) -> Table:
+    """The sequence of messages, seen from the Task Manager; of signs of life in a row, the last."""
+    start = lines[0].at if lines else 0.0
+    rows = (
+        (
+            f"{line.at - start:.2f} s",
+            f"→ {line.recipient}" if line.sender == TASK_MANAGER else f"← {line.sender}",
+            Text(line.type, style="bold red" if line.type in SETBACKS else "bold"),
+            said(line),
+        )
+        for line in without_heartbeats(lines)
+    )
+    return show.table(
+        "Messages: → from the Task Manager, ← to it", ("after", "with", "message", "which says"), rows, whole=("after", "message")
+    )
