@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import getpass
 import os
 import socket
-import time
 import uuid
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -15,14 +13,13 @@ from urllib.parse import quote
 
 import msgspec
 
-from somrs.app.http import Unanswered, Wire
+from somrs.app.http import Wire, asked_again
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol import clients, directory, frp, knowledge
 from somrs.protocol.bodies import Body
 from somrs.protocol.envelope import Header, Message
-from somrs.protocol.pending import FIRST_PAUSE, LONGEST_PAUSE
 
 SYSTEM_FILE = "system.json"
 PAGE = 50
@@ -87,7 +84,8 @@ class Client:
         `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same.
         """
         header = Header(sender=self._who, recipient=address, message_id=uuid.uuid4().urn)
-        answer = await self._answered(Message(header=header, body=body), timeout, time.monotonic() + patience)
+        message = Message(header=header, body=body)
+        answer = await asked_again(lambda: self._wire.post(message, timeout=timeout), patience)
         if answer is None:
             raise RemoteError(f"{address} took the {type(body).__name__} without an answer")
         if isinstance(answer.body, expected):
@@ -97,17 +95,6 @@ class Client:
         if isinstance(answer.body, knowledge.Rejected):
             raise RemoteError("\n".join(answer.body.problems))
         raise RemoteError(f"{address} answered {type(body).__name__} with {type(answer.body).__name__}")
-
-    async def _answered(self, message: Message, timeout: float, until: float) -> Message | None:
-        pause = FIRST_PAUSE
-        while True:
-            try:
-                return await self._wire.post(message, timeout=timeout)
-            except Unanswered:
-                if time.monotonic() + pause > until:
-                    raise
-            await asyncio.sleep(pause)
-            pause = min(pause * 2, LONGEST_PAUSE)
 
     # The Repository
 

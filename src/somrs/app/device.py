@@ -23,6 +23,7 @@ import msgspec
 from somrs.app.client import Addresses
 from somrs.app.disk import Disk, Kind
 from somrs.app.host import Host
+from somrs.app.http import asked_again
 from somrs.app.node import Node, Report
 from somrs.app.programs import run_program, say_ready, until_stopped
 from somrs.errors import DeviceError, InputError, RemoteError
@@ -39,6 +40,9 @@ log = logging.getLogger(__name__)
 
 JOIN_TIME = 60.0
 """Seconds after which a device that could not join says so; it goes on trying."""
+
+MAP_TIME = 60.0
+"""Seconds for which a device waits for a Repository that does not answer."""
 
 LEAVE_TIME = 5.0
 """Seconds that a device has to come to rest when its program is to end."""
@@ -169,9 +173,11 @@ class DeviceRunner:
                 raise RemoteError(f"a device cannot do {type(task).__name__}")
 
     async def _ask(self, body: Body) -> Body:
+        """Ask the Repository. One that is started again meanwhile is waited for: that is no reason to refuse, or to fail."""
         header = Header(sender=ANONYMOUS, recipient=self._addresses.repository, message_id=uuid.uuid4().urn)
-        assert self._rim is not None, "devices ask once they listen"
-        return (await self._rim.request(Message(header=header, body=body))).body
+        rim, question = self._rim, Message(header=header, body=body)
+        assert rim is not None, "devices ask once they listen"
+        return (await asked_again(lambda: rim.request(question), MAP_TIME)).body
 
 
 async def serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:

@@ -23,6 +23,7 @@ from starlette.routing import Route
 from somrs.errors import InputError, RemoteError, UsageError, WireError
 from somrs.protocol import frp, soap
 from somrs.protocol.envelope import ANONYMOUS, Message
+from somrs.protocol.pending import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.protocol.wsdl import description, schema
 
 log = logging.getLogger(__name__)
@@ -55,6 +56,20 @@ class NotTaken(RemoteError):
 
 class Unanswered(RemoteError):
     """Nobody was there, or went away before it answered. The same message, sent again, is taken once."""
+
+
+async def asked_again(ask: Callable[[], Awaitable[T]], patience: float) -> T:
+    """What is answered; while nobody does, for so many seconds, it is asked again. Raises Unanswered then."""
+    loop = asyncio.get_running_loop()
+    until, pause = loop.time() + patience, FIRST_PAUSE
+    while True:
+        try:
+            return await ask()
+        except Unanswered:
+            if loop.time() + pause > until:
+                raise
+        await asyncio.sleep(pause)
+        pause = min(pause * 2, LONGEST_PAUSE)
 
 
 class Server:
