@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import msgspec
 
@@ -25,6 +26,10 @@ START_TIME = 90.0
 
 SITE_FILE = "site.json"
 """In the data folder: the files that its map began with."""
+
+LAST_FILE = "last.json"
+"""In the data folder: where its parts listened in the last run. Those who owe each other something know each other there, so they
+listen there again, if they can."""
 
 MOST_PAUSE = 10.0
 """Seconds before a program that ends again and again is started once more."""
@@ -80,7 +85,7 @@ class System:
         if self.fresh and self.data.exists():
             shutil.rmtree(self.data)
         self.data.mkdir(parents=True, exist_ok=True)
-        ports = free_ports(self.host, 4)
+        ports = free_ports(self.host, 4, self._ports_before())
         self.addresses = Addresses(
             repository=f"http://{self.host}:{ports[0]}/repository",
             registry=f"http://{self.host}:{ports[1]}/registry",
@@ -92,6 +97,7 @@ class System:
         await self._start("repository", "--port", str(ports[0]), *site)
         # Only now: while another system has the store, its addresses are to stay.
         self.addresses.write(self.data)
+        self.addresses.write(self.data, LAST_FILE)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         async with Client(self.addresses) as client:
@@ -102,6 +108,15 @@ class System:
             self._start("simulator", "--port", str(ports[3]), "--speed", self.speed),
         )
         await asyncio.gather(*(self._start("device", driver, "--name", name, label=name) for name, driver in devices(map, ontology)))
+
+    def _ports_before(self) -> list[int]:
+        """Where the parts listened in the last run; nothing when there was none."""
+        try:
+            before = Addresses.read(self.data, LAST_FILE)
+        except UsageError:
+            return []
+        places = (before.repository, before.registry, before.task_manager, f"//{before.simulator}")
+        return [urlsplit(place).port or 0 for place in places]
 
     async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
         """Start a program, and wait until it says that it is ready."""
@@ -198,13 +213,27 @@ def devices(map: Map, ontology: Ontology) -> list[tuple[str, str]]:
     return [(name, driver) for name, driver in found if driver is not None]
 
 
-def free_ports(host: str, count: int) -> list[int]:
-    """Ports that nobody listens at now."""
-    sockets = [socket.socket() for _ in range(count)]
+def free_ports(host: str, count: int, wanted: Sequence[int] = ()) -> list[int]:
+    """Ports that nobody listens at now: those that are wanted, as far as nobody does, and others."""
+    sockets = [_bound(host, port) for port in [*wanted, *[0] * count][:count]]
     try:
-        for one in sockets:
-            one.bind((host, 0))
         return [one.getsockname()[1] for one in sockets]
     finally:
         for one in sockets:
             one.close()
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    """A socket at the port, or at any that is free."""
+    if port:
+        one = socket.socket()
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # connections of the last run may linger there
+        try:
+            one.bind((host, port))
+        except OSError:
+            one.close()
+        else:
+            return one
+    one = socket.socket()
+    one.bind((host, 0))
+    return one
