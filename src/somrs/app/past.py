@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import msgspec
 from msgspec import structs
 
 from somrs.app import archive
@@ -83,6 +84,8 @@ async def _read(wanted: ReadRecords, file: Path, db: sqlite3.Connection) -> Reco
         return archive.find(wanted, db)
     except sqlite3.DatabaseError as error:
         raise _unreadable(file, error) from None
+    except msgspec.MsgspecError as error:
+        raise UsageError(f"{file}: holds something that is no record of a task ({error}); put a copy back") from None
 
 
 def _opened(file: Path) -> sqlite3.Connection:

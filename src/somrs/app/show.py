@@ -58,6 +58,11 @@ def table(
     return made
 
 
+def room(names: Iterable[str]) -> int:
+    """The width in which names are not torn apart, unless they are long."""
+    return min(MOST_NAME, max(map(len, names), default=0))
+
+
 def lines(*parts: str) -> str:
     """Those that say something, one under the other."""
     return "\n".join(part for part in parts if part)
@@ -81,7 +86,7 @@ def steps(title: str, found: Sequence[StepView], beside: Sequence[WorkView] = ()
         )
         for step in found
     ]
-    made = table(title, columns, rows, whole=("state",))
+    made = table(title, columns, rows, whole=("state",), least={"by": room(step.service or "-" for step in found)})
     for work in beside:
         what = lines(work.service_type, inputs(work))
         made.add_row(work.step, what, *(("-",) if after else ()), work.service, became(work.state))
@@ -165,7 +170,7 @@ def services(found: Sequence[Offer]) -> Table:
             )
             for offer in found
         ),
-        least={"service": min(MOST_NAME, max((len(offer.service) for offer in found), default=0))},
+        least={"service": room(offer.service for offer in found)},
     )
 
 

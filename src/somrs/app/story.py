@@ -76,6 +76,7 @@ def _facts(story: Story) -> Table:
 
 def work(found: Iterable[WorkView]) -> Table:
     """What services did, in the order in which they began, and what became of it."""
+    works = [*found]
     rows = (
         (
             one.step,
@@ -83,13 +84,20 @@ def work(found: Iterable[WorkView]) -> Table:
             show.became(one.state),
             show.lines(one.situation or "nothing is known", one.note),
         )
-        for one in found
+        for one in works
     )
-    return show.table("What was done", ("step", "by", "became", "and left"), rows, whole=("became",))
+    return show.table(
+        "What was done",
+        ("step", "by", "became", "and left"),
+        rows,
+        whole=("became",),
+        least={"by": show.room(work.service for work in works)},
+    )
 
 
 def contracts(found: Iterable[ContractView]) -> Table:
     """Who was asked for a step, what they wanted, and who got it."""
+    asked = [*found]
     rows = (
         (
             one.step,
@@ -99,9 +107,11 @@ def contracts(found: Iterable[ContractView]) -> Table:
             ),
             Group(show.became(one.state)) if one.state is not State.ENDED else one.reason or "left",
         )
-        for one in found
+        for one in asked
     )
-    return show.table("Terms", ("step", "asked", "offered (✔ accepted)", "in the end"), rows)
+    return show.table(
+        "Terms", ("step", "asked", "offered (✔ accepted)", "in the end"), rows, least={"asked": show.room(one.service for one in asked)}
+    )
 
 
 def messages(lines: Sequence[Line]) -> Table:
