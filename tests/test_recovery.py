@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from somrs.app.virtual import Work
+from somrs.ontology.objects import Change, ValueSet
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol import frp
 from somrs.protocol.clients import CancelTask, Policy, TaskRecord, TaskView
+from somrs.protocol.envelope import Header, Message, message_id
 from somrs.protocol.frp import Outcome, State
+from somrs.protocol.knowledge import UpdateMap
 from somrs.service_manager.orders import Advance, Done, Order, ServiceFailed
 from virtual_system import Robot, Script, VirtualSystem, done
 
@@ -23,6 +26,12 @@ def holding(name: str, seconds: float = 10.0) -> Script:
 
 def puts_back(order: Order, situation: str) -> Work:
     yield 10.0, Done(situation=situation)
+
+
+def update(system: VirtualSystem, *changes: Change) -> None:
+    header = Header(sender="client", recipient="repository", message_id=message_id("update", changes), reply_to="client")
+    system.world.send(Message(header=header, body=UpdateMap(changes=changes)))
+    system.world.run(1)
 
 
 def only(view: TaskView, state: State) -> list[str]:
@@ -210,6 +219,29 @@ def test_with_nobody_to_look_and_no_other_jar_the_client_hears_what_is_not_known
     assert "fell silent" in view.explanation
 
 
+def test_what_a_failure_left_and_nobody_saw_is_not_called_undone() -> None:
+    """FRP, properties 4 and 5: the map still says where the jar was, and the robot that failed may have it in its gripper."""
+
+    def fails(order: Order) -> Work:
+        yield 5.0, ServiceFailed("the gripper is stuck", None)
+
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=fails))
+    (view,) = system.finish(system.submit(WISH))
+    assert view.outcome is Outcome.FAILED
+    assert system.map.objects["Jar002"].values["Unknown"] is True
+    assert "nothing is known of Jar002" in view.explanation
+    assert "was undone" not in view.explanation
+
+
+def test_what_nobody_knows_is_no_reason_to_be_content() -> None:
+    """A map that says of a door that it is open, and that nothing is known of the door, does not say that it is open."""
+    system = VirtualSystem(Robot("Robot1", 10, 60))
+    update(system, ValueSet("Jar002", "Color", "Red"), ValueSet("Jar002", "Unknown", True))
+    (view,) = system.finish(system.submit("Jar002.Color = Red"))
+    assert view.outcome is Outcome.FAILED
+    assert "nobody knows" in view.explanation
+
+
 def test_when_the_one_who_looks_falls_silent_too_another_looks() -> None:
     system = patrolled("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
     system.join(Robot("Robot4", 5, 10, works=sees("Floor001")), service="RecognizeSituation")
@@ -225,7 +257,7 @@ def test_when_the_one_who_looks_falls_silent_too_another_looks() -> None:
 def test_a_robot_that_takes_far_longer_than_it_said_is_stopped() -> None:
     def dawdles(order: Order) -> Work:
         for _ in range(10_000):
-            yield 5.0, Advance(fraction=0.1)
+            yield 5.0, Advance(fraction=0.1, situation="Jar002 isOn Cupboard001")
 
     system = VirtualSystem(Robot("Robot1", 1, 10, works=dawdles), Robot("Robot2", 25, 60))
     task = system.submit(WISH)

@@ -103,7 +103,7 @@ class _Reasons:
             self.said[f"{literal}: there is no object {name} on the map" + (f"; {hint}" if hint else "")] = None
         kept = [name for name in names(literal) if name in self.problem.excluded]
         for name in kept:
-            self.said[f"{literal}: {name} is promised to another task, or nobody knows what state it is in"] = None
+            self.said[f"{literal}: {not_usable(name)}"] = None
         return bool(unknown or kept)
 
     def _objects(self, literal: Literal) -> Iterator[str]:
@@ -165,3 +165,8 @@ def _wish(literal: Literal) -> str:
     """The literal with `?` for what may be anything."""
     blank = {name: Name("?") for name, variable in variables(literal).items() if variable.type is None}
     return str(substitute(literal, blank))
+
+
+def not_usable(name: str) -> str:
+    """Why nothing can be done with, or said of, an object that is excluded."""
+    return f"{name} is promised to another task, or nobody knows what state it is in"

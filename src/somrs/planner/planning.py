@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from somrs.entish import Formula, Term
-from somrs.entish.formula import conjunction, substitute, variables
+from somrs.entish.formula import conjunction, names, substitute, variables
 from somrs.errors import SomrsError
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import bindings, holds
 from somrs.planner.causal import linked
-from somrs.planner.explanation import unmet_precondition, why_not
+from somrs.planner.explanation import not_usable, unmet_precondition, why_not
 from somrs.planner.grounding import Action, Grounding
 from somrs.planner.operators import Inexpressible, Operator, Vocabulary, goal_operators, operators, vocabulary
 from somrs.planner.plan import NoPlan, Plan, Step, after, validate
@@ -35,7 +35,8 @@ def plan(problem: Problem, engine: Engine | None = None, limit: float = LIMIT) -
     if unmet is not None:
         return unmet
     if holds(problem.goal, problem.map, problem.ontology):
-        return Plan()
+        doubtful = [name for name in names(problem.goal) if name in problem.excluded]
+        return NoPlan(explanation=f"{problem.goal}: {not_usable(doubtful[0])}") if doubtful else Plan()
     try:
         known = vocabulary(problem)
         world = World(problem, known)

@@ -12,13 +12,11 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import Protocol
 
-from somrs.errors import FormulaError
 from somrs.ontology.services import Handler, Occasion
-from somrs.ontology.truth import holds
 from somrs.protocol.clients import EventKind
 from somrs.protocol.frp import State
 from somrs.task_manager.participants import Participants
-from somrs.task_manager.setting import Setting
+from somrs.task_manager.setting import Setting, known_to_hold
 from somrs.task_manager.work import Work
 
 
@@ -116,8 +114,4 @@ class Undoing:
         self._work = None
 
     def _is_as_it_was(self, work: Work) -> bool:
-        replica = self._owner.setting.replica
-        try:
-            return work.before is not None and holds(work.before, replica.map, replica.ontology)
-        except FormulaError:  # the map may have lost what it speaks of
-            return False
+        return work.before is not None and known_to_hold(work.before, self._owner.setting.replica)

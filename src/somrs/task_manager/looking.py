@@ -19,6 +19,7 @@ from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.planner.plan import Plan, Step
 from somrs.protocol.clients import EventKind
 from somrs.protocol.directory import Offer
+from somrs.protocol.frp import State
 from somrs.protocol.knowledge import UpdateMap
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.reports import Reports
@@ -30,14 +31,12 @@ from somrs.task_manager.work import Work
 class Look:
     """An object of which nothing is known since `work` was lost. `ways` are the plans by which it can be looked at, the next first.
 
-    `since` is the map's version from which on nothing is known. `assume_nothing`: if nobody can say how the object is, the map says
-    that nothing is known of it.
+    `since` is the map's version from which on nothing is known. If nobody can say how the object is, the map says that.
     """
 
     object: str
     work: Work
     since: int
-    assume_nothing: bool
     ways: list[Plan] = field(default_factory=list)
 
 
@@ -61,7 +60,7 @@ class Looks:
 
     def __init__(self, owner: Owner) -> None:
         self._owner = owner
-        self._wanted: deque[tuple[str, Work, bool]] = deque()
+        self._wanted: deque[tuple[str, Work]] = deque()
         self._asking: Look | None = None
 
     @property
@@ -74,22 +73,22 @@ class Looks:
         """Whether it is being found out who can look."""
         return self._asking is not None
 
-    def want(self, work: Work, *, assume_nothing: bool) -> None:
+    def want(self, work: Work) -> None:
         """Nobody knows what the work left."""
         if work.service_type.kind is ServiceKind.PHYSICAL:
-            self._wanted += [(name, work, assume_nothing) for name in work.concerned]
+            self._wanted += [(name, work) for name in work.concerned]
 
     def drop(self) -> None:
         """It does not matter any more who can look at what is being asked for."""
         if self._asking is not None:
-            self._wanted.appendleft((self._asking.object, self._asking.work, self._asking.assume_nothing))
+            self._wanted.appendleft((self._asking.object, self._asking.work))
             self._asking = None
 
     def begin(self, now: float) -> None:
         """Find out who can look at the next object."""
-        object, work, assume_nothing = self._wanted.popleft()
+        object, work = self._wanted.popleft()
         since = work.member.lost_at if work.member.lost_at is not None else self._owner.setting.replica.version
-        self._asking = Look(object=object, work=work, since=since, assume_nothing=assume_nothing)
+        self._asking = Look(object=object, work=work, since=since)
         self._owner.setting.questions.discover(partial(self._discovered, self._asking), now)
 
     def _discovered(self, look: Look, offers: tuple[Offer, ...] | str, now: float) -> None:
@@ -110,7 +109,8 @@ class Looks:
             owner.tell_of(look.work, f"{plan.steps[0].service_type}: somebody is to look at {look.object}", now, EventKind.LOOK)
             owner.look_by(plan, look, now)
             return
-        if look.assume_nothing and not look.work.member.reported:
+        told_meanwhile = look.work.state is State.UNREACHABLE and look.work.member.reported
+        if not told_meanwhile:
             replica = owner.setting.replica
             changes = tuple(unknown(look.object, replica.map, replica.ontology))
             owner.tell_of(look.work, f"nobody can look at {look.object}: nothing is assumed about it", now, EventKind.LOOK)
@@ -119,10 +119,10 @@ class Looks:
         owner.proceed(now)
 
     def _assumed(self, look: Look, problem: str | None, now: float) -> None:
-        if problem is None:
-            look.work.member.lost_at = self._owner.setting.replica.version  # its own report, should it come after all, is news
-        else:
+        if problem is not None:
             self._owner.tell_of(look.work, f"something else is known of {look.object} by now: {problem}", now, EventKind.LOOK)
+        elif look.work.state is State.UNREACHABLE:
+            look.work.member.lost_at = self._owner.setting.replica.version  # its own report, should it come after all, is news
 
 
 def ways(object: str, offers: Iterable[Offer], map: Map, ontology: Ontology) -> list[Plan]:

@@ -14,9 +14,7 @@ from typing import Protocol
 from msgspec import structs
 
 from somrs.entish.parse import parse
-from somrs.errors import FormulaError
 from somrs.ontology.services import ServiceKind
-from somrs.ontology.truth import holds
 from somrs.planner.plan import NoPlan, Plan
 from somrs.protocol import frp
 from somrs.protocol.clients import EventKind, Phase, Submit
@@ -27,7 +25,7 @@ from somrs.task_manager.looking import Look
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.participants import Member, Participants
 from somrs.task_manager.recovery import MOST_REPLANS, Rung, next_rung
-from somrs.task_manager.setting import Setting
+from somrs.task_manager.setting import Setting, known_to_hold
 from somrs.task_manager.tender import Tender, call
 from somrs.task_manager.work import Ledger, Work
 from somrs.task_manager.workflow import Progress, StepRun, Workflow
@@ -323,11 +321,7 @@ class Pursuit:
                 self._replan(now, reason)
 
     def _so_already(self, run: StepRun) -> bool:
-        replica = self._owner.setting.replica
-        try:
-            return holds(run.step.effect, replica.map, replica.ontology)
-        except FormulaError:  # the map may have lost what the step speaks of
-            return False
+        return known_to_hold(run.step.effect, self._owner.setting.replica)
 
     def _replan(self, now: float, reason: str) -> None:
         """From the map as it is now to the goal; what runs is awaited first."""
@@ -351,8 +345,7 @@ class Pursuit:
     # Ending
 
     def _finish(self, now: float) -> None:
-        replica = self._owner.setting.replica
-        if self._fixed or holds(parse(self.goal), replica.map, replica.ontology):
+        if self._fixed or known_to_hold(parse(self.goal), self._owner.setting.replica):
             self._owner.reached(self, now)
         else:
             self._replan(now, f"every step was done, but {'the wish' if self.purpose is Purpose.WISH else self.goal} does not hold")

@@ -6,10 +6,13 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from somrs.entish import Formula
+from somrs.entish.formula import names
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, Handler
+from somrs.ontology.truth import holds
 from somrs.ontology.types import UNKNOWN
 from somrs.planner.problem import Available, Problem
 from somrs.protocol.clients import Submit
@@ -51,6 +54,17 @@ def problem(task: Submit, replica: Replica, offers: Iterable[Offer]) -> Problem:
         excluded=frozenset(name for name, object in replica.map.objects.items() if object.values.get(UNKNOWN) is True),
         services=tuple(Available(service_type=types[name], providers=tuple(sorted(found))) for name, found in sorted(providers.items())),
     )
+
+
+def known_to_hold(formula: Formula, replica: Replica) -> bool:
+    """Whether it is so on the map, which may say of an object that nobody knows its state, or may have lost it."""
+    map = replica.map
+    if any(map.objects[name].values.get(UNKNOWN) is True for name in names(formula) if name in map.objects):
+        return False
+    try:
+        return holds(formula, map, replica.ontology)
+    except FormulaError:
+        return False
 
 
 def wrong_with(task: Submit, replica: Replica) -> str | None:

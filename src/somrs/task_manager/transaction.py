@@ -285,7 +285,7 @@ class Transaction:
             case frp.Fault(text=text) if member.state in (State.FAILED, State.STRANDED):
                 self.tell(now, f"{name}: {text}", run, EventKind.SETBACK)
                 self._reported(member, None, text, now)
-            case frp.Status() if member.state is State.FAILED:
+            case frp.Status() if member.state in (State.FAILED, State.STRANDED):
                 self.tell(now, f"{name} has forgotten its contract", run, EventKind.SETBACK)
                 self._reported(member, None, "it has forgotten its contract", now)
 
@@ -357,8 +357,8 @@ class Transaction:
         if pursuit is not None and run is not None and run.progress is Progress.REPORTING:
             pursuit.over(run, situation, trouble)
         silent_about = work is not None and not compensated and (situation is None or not work.is_told_of_by(parse(situation)))
-        if work is not None and trouble is not None and silent_about and self._ending is None:
-            self._looks.want(work, assume_nothing=False)
+        if work is not None and trouble is not None and silent_about and not called_off:
+            self._looks.want(work)
 
     def _heard_late(self, member: Member, message: Message, now: float) -> None:
         """One that was given up, and has had its End, says what became of its work: the map has to know that, too."""
@@ -397,7 +397,7 @@ class Transaction:
         self.offered.broken[member.offer.service] = reason
         if (work := self.ledger.of(member)) is not None:
             work.state, work.note = State.UNREACHABLE, reason
-            self._looks.want(work, assume_nothing=True)
+            self._looks.want(work)
         if pursuit is not None and run is not None:
             run.excluded[member.offer.service] = reason
             run.lose(reason)
