@@ -12,7 +12,8 @@ Leaf = str | int | float | bool | bytes | None
 def difference(one: object, other: object, leave_out: Collection[type] = ()) -> str | None:
     """Where they differ, as a path of attributes; None when they are alike. Objects of `leave_out` are not looked into."""
     pairs: list[tuple[str, object, object]] = [("", one, other)]
-    seen: dict[int, object] = {}
+    seen: dict[int, tuple[object, object]] = {}
+    """The first of each pair is kept with the second, so that no other object gets its identity."""
     while pairs:
         path, a, b = pairs.pop()
         if a is b or isinstance(a, tuple(leave_out)):
@@ -29,11 +30,11 @@ def difference(one: object, other: object, leave_out: Collection[type] = ()) -> 
             if a == b:
                 continue
         elif id(a) in seen:
-            if seen[id(a)] is not b:
+            if seen[id(a)][1] is not b:
                 return f"{path}: refers to something else of the same kind"
             continue
         else:
-            seen[id(a)] = b
+            seen[id(a)] = a, b
         mine, its = [*_inside(a)], [*_inside(b)]
         if [name for name, _ in mine] != [name for name, _ in its]:
             return f"{path}: {[name for name, _ in mine]!r:.300} and {[name for name, _ in its]!r:.300}"

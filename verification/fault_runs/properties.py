@@ -14,10 +14,11 @@ from somrs.planner.problem import Problem
 from somrs.protocol import frp
 from somrs.protocol.clients import TaskRecord, TaskView, WorkView
 from somrs.protocol.component import Input, Received
-from somrs.protocol.envelope import Message
+from somrs.protocol.envelope import Message, normalised_id
 from somrs.protocol.frp import Outcome, State
 from somrs.protocol.knowledge import UpdateMap
 from somrs.protocol.session import service_of
+from somrs.repository.entries import Handled
 from somrs.service_manager.participant import ServiceManager
 from somrs.task_manager.manager import TaskManager, view
 from somrs.task_manager.transaction import Transaction
@@ -67,6 +68,9 @@ class Witness:
         self._released: set[Pair] = set()
         self._unsaid: dict[str, dict[str, Pair]] = {}
         """What was reported in each transaction and has not come to the Repository yet, by message id: service and situation."""
+        self._updates: dict[str, Pair] = {}
+        """Service and situation of each request to change the map."""
+        self._kept = 0
         self._known: set[str] = set()
         self._reports: dict[str, float] = {}
         """When each report was first said, by message id."""
@@ -108,6 +112,7 @@ class Witness:
     def watch(self, address: str, event: Input) -> None:
         """An input was handled, and its effects carried out."""
         self._hear()
+        self._keep()
         if isinstance(event, Received):
             self._received(address, event.message)
         manager = self._stage.task_manager(address)
@@ -120,6 +125,8 @@ class Witness:
         for message in new:
             pair = message.header.transaction or "", message.header.participant or ""
             match message.body:
+                case UpdateMap(author=author, situation=str(situation)):
+                    self._updates[normalised_id(message.header.message_id)] = author, situation
                 case frp.Terms() as terms:
                     self._terms[pair] = terms
                 case frp.Accept():
@@ -131,19 +138,26 @@ class Witness:
                 case frp.Arrange():
                     self._nothing_unsaid(pair[0], f"{pair[1]} was asked for terms")
 
+    def _keep(self) -> None:
+        """What is on the Repository's disk by now."""
+        records = self._stage.world.records["repository"]
+        new, self._kept = records[self._kept :], len(records)
+        for entry in new:
+            if isinstance(entry, Handled) and (update := self._updates.get(entry.request)) is not None:
+                self._put[update] = self._stage.world.now
+                for reports in self._unsaid.values():
+                    for id in [id for id, report in reports.items() if report == update]:
+                        del reports[id]
+
     def _nothing_unsaid(self, task: str, what: str) -> None:
+        self._keep()
         if unsaid := self._unsaid.get(task):
             service, situation = next(iter(unsaid.values()))
             raise Violation(Property.MAP, f"{what} before the Repository knew what {service} reported: {situation}")
 
     def _received(self, address: str, message: Message) -> None:
         body = message.body
-        if address == "repository" and isinstance(body, UpdateMap):
-            self._put[body.author, body.situation or ""] = self._stage.world.now
-            for reports in self._unsaid.values():
-                for id in [id for id, report in reports.items() if report == (body.author, body.situation)]:
-                    del reports[id]
-        elif isinstance(body, frp.Completed | frp.Failed | frp.Stopped | frp.Compensated | frp.Stranded) and body.situation is not None:
+        if isinstance(body, frp.Completed | frp.Failed | frp.Stopped | frp.Compensated | frp.Stranded) and body.situation is not None:
             manager = self._stage.task_manager(address)
             if manager is not None:
                 self._reported(manager, message, body.situation)

@@ -5,25 +5,26 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from somrs.protocol.clients import TaskRecord
+from somrs.protocol.clients import EventKind, TaskRecord
 from somrs.protocol.frp import Outcome, State
 from verification.fault_runs.draw import draw
 from verification.fault_runs.properties import Violation
 from verification.fault_runs.stage import Parts, Stage
 from verification.fault_runs.story import Story
 
-RUNGS = {
-    "handlers": "for that was laid down",
-    "replaced": "replacing the service",
-    "planned anew": "planning anew",
-    "failures undone, to plan again": "undoing what failed",
-    "looks": "somebody is to look at",
-    "nothing assumed": "nothing is assumed about it",
-    "undone by the participant": " is to restore",
-    "undone by others": "others are to restore",
-    "stranded": "could not be undone:",
+RUNGS: dict[str, tuple[EventKind, str]] = {
+    "handlers": (EventKind.HANDLER, ""),
+    "replaced": (EventKind.REPLACE, ""),
+    "planned anew": (EventKind.REPLAN, ""),
+    "looks": (EventKind.LOOK, "somebody is to look"),
+    "nothing assumed": (EventKind.LOOK, "nothing is assumed"),
+    "undone by others": (EventKind.UNDO, "others are to restore"),
+    "undone by the participant": (EventKind.UNDO, " is to restore"),
+    "undone by what was laid down": (EventKind.UNDO, "by what was laid down"),
+    "failures undone, to plan again": (EventKind.UNDO, "undoing what failed"),
+    "stranded": (EventKind.SETBACK, "could not be undone:"),
 }
-"""What a Task Manager tells of each rung of the ladder of recovery, and of what comes with it."""
+"""What a Task Manager tells of the rungs of the ladder of recovery, and of what comes with them; the first that fits counts."""
 
 BROKEN = (State.FAILED, State.STOPPED, State.UNREACHABLE, State.COMPENSATED, State.STRANDED)
 
@@ -76,7 +77,7 @@ def run(seed: int) -> Result:
             if any(work.state in BROKEN for work in record.work) or any(record.submitted_at <= at <= record.ended_at for at in blows):
                 result.troubled[record.outcome] += 1
             for event in record.events:
-                rung = next((rung for rung, words in RUNGS.items() if words in event.text), None)
+                rung = next((rung for rung, (kind, words) in RUNGS.items() if kind is event.kind and words in event.text), None)
                 if rung is not None:
                     result.rungs[rung] += 1
             result.rungs["given up"] += record.outcome is Outcome.FAILED
