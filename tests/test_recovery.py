@@ -233,6 +233,23 @@ def test_what_a_failure_left_and_nobody_saw_is_not_called_undone() -> None:
     assert "was undone" not in view.explanation
 
 
+def test_who_cancels_while_somebody_looks_is_not_told_that_all_is_undone() -> None:
+    """FRP, property 4."""
+
+    def fails(order: Order) -> Work:
+        yield 5.0, ServiceFailed("the gripper is stuck", None)
+
+    system = patrolled("Floor001", Robot("Robot1", 10, 60, works=fails))
+    task = system.submit(WISH)
+    assert system.world.run(60, lambda: ("Execute", "Robot3") in system.said(task))
+    system.ask(CancelTask(task=task))
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.CANCELLED
+    assert system.map.holds("isOn", ("Jar002", "Floor001")), "somebody looked after all"
+    assert only(view, State.STRANDED) == ["Robot1"]
+    assert "Jar002 isOn Floor001" in view.explanation
+
+
 def test_what_nobody_knows_is_no_reason_to_be_content() -> None:
     """A map that says of a door that it is open, and that nothing is known of the door, does not say that it is open."""
     system = VirtualSystem(Robot("Robot1", 10, 60))

@@ -78,6 +78,10 @@ class Looks:
         if work.service_type.kind is ServiceKind.PHYSICAL:
             self._wanted += [(name, work) for name in work.concerned]
 
+    def again(self, look: Look) -> None:
+        """Whoever looked was called off before anything was seen."""
+        self._wanted.append((look.object, look.work))
+
     def drop(self) -> None:
         """It does not matter any more who can look at what is being asked for."""
         if self._asking is not None:

@@ -411,6 +411,8 @@ class Transaction:
         self._ending, self.explanation = outcome, reason
         for pursuit in self.pursuits:
             pursuit.abandon()
+            if pursuit.look is not None:
+                self._looks.again(pursuit.look)
         self._aside.clear()
         self._undoing = None
         self._looks.drop()
