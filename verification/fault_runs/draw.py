@@ -98,7 +98,7 @@ class _Draw:
             mute=self.chance(RARELY),
             valid_for=dice.choice((60.0, 60.0, 60.0, 60.0, 5.0, 0.5)),
             halts=dice.choice((0.2, 1.0, 5.0, 14.0)),
-            lease=dice.choice((20.0, 60.0, 60.0)),
+            lease=dice.choice((30.0, 90.0, 90.0, 90.0)),
             joins=self.seconds(60) if self.chance(RARELY) else 0.0,
             drops=self.chance(OFTEN),
             lays_down=self.chance(OFTEN),

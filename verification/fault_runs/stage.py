@@ -34,7 +34,7 @@ from verification.fault_runs.truth import Reality
 LONG = 4 * 3600.0
 """Seconds after the last fault has healed, in which every task has to be over and everyone home."""
 
-AFTERWARDS = 120.0
+AFTERWARDS = 60.0
 """Seconds in which nothing may happen any more."""
 
 MOST_EVENTS = 100_000
