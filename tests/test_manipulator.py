@@ -70,11 +70,14 @@ def order(object: str = "Jar1", destination: str = "Platform1", precondition: st
 
 
 @asynccontextmanager
-async def desk(name: str = "Robot1", speed: float | None = None, kind: type[Manipulator] = Manipulator) -> AsyncIterator[Desk]:
+async def desk(
+    name: str = "Robot1", speed: float | None = None, kind: type[Manipulator] = Manipulator, away: float = 0.3
+) -> AsyncIterator[Desk]:
     loaded, map = site()
     async with simulator(speed) as server, OperatorLink(server.host, server.port) as operator:
         repository = Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map))
         device = kind(name, f"{server.host}:{server.port}")
+        device.away = away
         device.map = MapReader(asking(repository, lambda: 0.0))
         await device.open()
         try:
@@ -237,6 +240,37 @@ def test_a_link_that_is_lost_fails_with_what_was_known_last() -> None:
             map = after(failed.value.situation)
             assert map.holds("isHeldBy", ("Jar1", "Robot1"))
             assert map.objects["Robot1"].values["Working"] is False
+
+    run(test())
+
+
+@pytest.mark.parametrize("when", [{"after": 1.0}, {"carried": 1.0}])
+def test_a_link_that_is_lost_for_a_moment_does_not_end_the_work(when: dict[str, float]) -> None:
+    async def test() -> None:
+        async with desk(away=6.0) as at:
+            await at.operator.schedule("Robot1", Fault.LINK, **when)
+            working = asyncio.create_task(at.perform(order()))
+            while not (await at.operator.robots())["Robot1"].faults:
+                await asyncio.sleep(0.01)
+            await asyncio.sleep(0.3)
+            assert not working.done()
+            await at.operator.repair("Robot1", Fault.LINK)
+            map = await working
+            assert map.holds("isOn", ("Jar1", "Platform1"))
+            assert (await at.operator.seen("Jar1")).on == "Platform1"
+
+    run(test())
+
+
+def test_a_quote_waits_for_a_link_that_was_lost_just_now() -> None:
+    async def test() -> None:
+        async with desk(away=6.0) as at:
+            await at.operator.fault("Robot1", Fault.LINK)
+            quoting = asyncio.create_task(at.do(Quote(order())))
+            await asyncio.sleep(0.3)
+            assert not quoting.done()
+            await at.operator.repair("Robot1", Fault.LINK)
+            assert isinstance(await quoting, Quoted)
 
     run(test())
 

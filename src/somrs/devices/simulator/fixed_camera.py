@@ -32,7 +32,7 @@ class FixedCamera(SimulatedDevice):
     async def view(self) -> dict[str, Seen]:
         """What it sees now, by name."""
         try:
-            return {seen.object: seen for seen in (await self._link.sense()).seen}
+            return {seen.object: seen for seen in (await self.persistent(self._link.sense)).seen}
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
 

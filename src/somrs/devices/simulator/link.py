@@ -5,8 +5,10 @@ simulator. Both find the server again when the connection is lost.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import itertools
 import logging
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
@@ -104,6 +106,7 @@ class _Link:
         self._ready = asyncio.Event()
         self._keeping: asyncio.Task[None] | None = None
         self._refusal: Refused | None = None
+        self._lost_at = -math.inf
 
     async def connect(self) -> None:
         """Connect. Raises RemoteError when that is refused, or not possible for some time."""
@@ -169,6 +172,8 @@ class _Link:
             finally:
                 was_ready = self._ready.is_set()
                 self._ready.clear()
+                if was_ready:
+                    self._lost_at = asyncio.get_running_loop().time()
                 self._fail_all("link-lost", f"the connection to {self._where} was lost")
                 if self._writer is not None:
                     self._writer.close()
@@ -252,6 +257,14 @@ class RobotLink(_Link):
     @property
     def connected(self) -> bool:
         return self._ready.is_set()
+
+    async def back(self, within: float) -> bool:
+        """Whether it is connected. Until so many seconds after the connection was lost, it is waited for."""
+        left = self._lost_at + within - asyncio.get_running_loop().time()
+        if not self.connected and left > 0:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._ready.wait(), left)
+        return self.connected
 
     async def drive_to(self, x: float, y: float, yaw: float | None = None) -> Done:
         return await self.command(DriveTo(x=x, y=y, yaw=yaw))

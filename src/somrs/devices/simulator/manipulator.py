@@ -71,7 +71,7 @@ class Manipulator(SimulatedDevice):
         elif spot.on is not None and not await task.map.holds(f"{object} isOn {spot.on}"):
             through = spot.on  # it is going to be there
         try:
-            first, second = await self._link.ways(through, destination)
+            first, second = await self.persistent(lambda: self._link.ways(through, destination))
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
         except UsageError as error:
@@ -92,12 +92,14 @@ class Manipulator(SimulatedDevice):
         """Stop, put down what is held, and say where everything is now."""
         object = str(task.inputs["Object"])
         try:
-            done = await self._link.stop()
-            if done.state.holding is not None:
-                done = await self._noting(self._link.put_down())
+            done = await self.persistent(self._laid_down)
         except RobotGaveUp as gave:
             raise ServiceFailed(gave.description, self._situation(gave.state or self._link.state, object, gave.seen)) from gave
         return self._situation(done.state, object, done.seen)
+
+    async def _laid_down(self) -> Done:
+        done = await self._link.stop()
+        return await self._noting(self._link.put_down()) if done.state.holding is not None else done
 
     @transfer.compensation
     async def bring_back(self, task: Task, situation: Formula) -> Situation:
@@ -113,13 +115,7 @@ class Manipulator(SimulatedDevice):
         self._last_seen.pop(object, None)
         self.carrying = object
         try:
-            state = (await self._link.status()).state
-            if state.holding != object:
-                await self._driving(task, self._noting(self._link.approach(object)), 0.05, 0.35, f"on the way to {object}")
-                state = (await self._noting(self._link.grip(object))).state
-            await task.progress(0.4, f"{object} isHeldBy {self.name}", f"{object} is gripped")
-            await self._driving(task, self._noting(self._link.approach(to.on)), 0.45, 0.85, f"carries {object} to {to.on}")
-            done = await self._noting(self._link.place(to.on, *(to.at or ())))
+            done = await self.persistent(lambda: self._carried(task, object, to))
         except RobotGaveUp as gave:
             raise ServiceFailed(f"{self.name}: {gave.description}", await self._left_free(gave, object)) from gave
         finally:
@@ -133,6 +129,17 @@ class Manipulator(SimulatedDevice):
         if await task.map.holds(f"{self.name}.Working = FALSE"):
             return f"{situation} AND {self.name}.Working = TRUE"
         return situation
+
+    async def _carried(self, task: Task, object: str, to: Spot) -> Done:
+        """Take the thing, unless it is held already, and put it there."""
+        assert to.on is not None, "things are put on something"
+        state = (await self._link.status()).state
+        if state.holding != object:
+            await self._driving(task, self._noting(self._link.approach(object)), 0.05, 0.35, f"on the way to {object}")
+            await self._noting(self._link.grip(object))
+        await task.progress(0.4, f"{object} isHeldBy {self.name}", f"{object} is gripped")
+        await self._driving(task, self._noting(self._link.approach(to.on)), 0.45, 0.85, f"carries {object} to {to.on}")
+        return await self._noting(self._link.place(to.on, *(to.at or ())))
 
     async def _left_free(self, gave: RobotGaveUp, object: str) -> str:
         """What holds after a command was given up. What the robot still holds is put down first, for others to take."""

@@ -69,8 +69,8 @@ class PatrolRobot(SimulatedDevice):
         if first is None:
             return 0.0
         try:
-            (length,) = await self._link.ways((first.x, first.y))
-            state = (await self._link.status()).state
+            (length,) = await self.persistent(lambda: self._link.ways((first.x, first.y)))
+            state = (await self.persistent(self._link.status)).state
         except (RemoteError, UsageError) as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
         return length if length is not None else 2 * math.dist((state.x, state.y), (first.x, first.y))
@@ -79,26 +79,9 @@ class PatrolRobot(SimulatedDevice):
     async def recognize(self, task: Task) -> Situation:
         object = str(task.inputs["Object"])
         seen: dict[str, Seen] = {}
-        looked: list[str] = []
-        missed: list[str] = []
         try:
-            await self._noting(self._link.look_around(object), seen)
-            spots = await self._spots(task, object)
-            for i, spot in enumerate(spots):
-                if object in seen:
-                    break
-                begin, end = 0.9 * i / len(spots), 0.9 * (i + 1) / len(spots)
-                try:
-                    look = self._noting(self._link.look_at(spot.x, spot.y, spot.z, object), seen)
-                    await self._driving(task, look, begin, end, f"looks for {object} at {spot.what}")
-                    await self._noting(self._link.look_around(object), seen)
-                except RobotGaveUp as gave:
-                    if gave.reason not in GOING_ON:
-                        raise
-                    missed.append(spot.what)
-                else:
-                    looked.append(spot.what)
-            state = (await self._link.status()).state
+            looked, missed = await self.persistent(lambda: self._search(task, object, seen))
+            state = (await self.persistent(self._link.status)).state
         except RobotGaveUp as gave:
             raise ServiceFailed(f"{self.name}: {gave.description}", self._broken(gave)) from gave
         own = self._own_pose(state)
@@ -106,10 +89,32 @@ class PatrolRobot(SimulatedDevice):
             raise ServiceFailed(_in_vain(self.name, object, looked, missed), " AND ".join(own))
         return " AND ".join([await recognised(task, object, seen), *own])
 
+    async def _search(self, task: Task, object: str, seen: dict[str, Seen]) -> tuple[list[str], list[str]]:
+        """Look wherever it may be, until it is among what was seen; where that was, and where there was no way to."""
+        looked: list[str] = []
+        missed: list[str] = []
+        await self._noting(self._link.look_around(object), seen)
+        spots = await self._spots(task, object)
+        for i, spot in enumerate(spots):
+            if object in seen:
+                break
+            begin, end = 0.9 * i / len(spots), 0.9 * (i + 1) / len(spots)
+            try:
+                look = self._noting(self._link.look_at(spot.x, spot.y, spot.z, object), seen)
+                await self._driving(task, look, begin, end, f"looks for {object} at {spot.what}")
+                await self._noting(self._link.look_around(object), seen)
+            except RobotGaveUp as gave:
+                if gave.reason not in GOING_ON:
+                    raise
+                missed.append(spot.what)
+            else:
+                looked.append(spot.what)
+        return looked, missed
+
     @recognize.stopping
     async def stand_still(self, task: Task) -> Situation:
         try:
-            return " AND ".join(self._own_pose((await self._link.stop()).state))
+            return " AND ".join(self._own_pose((await self.persistent(self._link.stop)).state))
         except RobotGaveUp as gave:
             raise ServiceFailed(gave.description, self._broken(gave)) from gave
 

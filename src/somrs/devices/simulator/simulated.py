@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import TypeVar
 
 from somrs.devices.simulator.commands import Done, Fault, RobotState
-from somrs.devices.simulator.link import RobotLink
+from somrs.devices.simulator.link import RobotGaveUp, RobotLink
 from somrs.entish.formula import Number
 from somrs.errors import DeviceError, RemoteError
 from somrs.ontology.types import Value
@@ -28,6 +29,10 @@ ANSWERING = 2.0
 """Seconds that the device has to say how it is, when it is to give a quote."""
 REPORTING = 2.0
 """Seconds between two reports while it drives."""
+MOST_LOSSES = 5
+"""How often the link may be lost in a piece of work."""
+
+T = TypeVar("T")
 
 
 class SimulatedDevice(Device):
@@ -39,6 +44,8 @@ class SimulatedDevice(Device):
     """What it asks for each metre that it drives, besides its Price on the map."""
     silence: float = 6.0
     """Seconds without any word after which it is taken for silent."""
+    away: float = 6.0
+    """Seconds for which a link that was lost is waited for; it is tried again every other second."""
 
     async def open(self) -> None:
         host, _, port = (self.simulator or "").rpartition(":")
@@ -59,11 +66,10 @@ class SimulatedDevice(Device):
 
     async def in_order(self) -> RobotState:
         """Its state now. Raises Refusal when it cannot work."""
-        if self._link.silent or not self._link.connected:
+        if self._link.silent or not await self._link.back(self.away):
             raise Refusal(f"{self.name} does not answer")
         try:
-            async with asyncio.timeout(ANSWERING):
-                state = (await self._link.status()).state
+            state = (await self.persistent(self._answer)).state
         except TimeoutError:
             raise Refusal(f"{self.name} does not answer within {ANSWERING:g} s") from None
         except RemoteError as error:
@@ -72,6 +78,21 @@ class SimulatedDevice(Device):
             broken = " and ".join(DISABLING.get(fault, fault) for fault in state.faults)
             raise Refusal(f"{self.name} is out of order: {broken}")
         return state
+
+    async def _answer(self) -> Done:
+        async with asyncio.timeout(ANSWERING):
+            return await self._link.status()
+
+    async def persistent(self, work: Callable[[], Awaitable[T]]) -> T:
+        """Do it; when the link is lost meanwhile, and made again soon, do it again. Robots stop, and keep hold of what they hold, when
+        their links are lost; so the work has to begin with how things are. Raises RobotGaveUp."""
+        for _ in range(MOST_LOSSES):
+            try:
+                return await work()
+            except RobotGaveUp as gave:
+                if gave.reason != "link-lost" or not await self._link.back(self.away):
+                    raise
+        return await work()
 
     async def price(self, task: Task, way: float) -> float | str:
         """Its Price on the map, and what it asks for a way of so many metres."""
