@@ -91,7 +91,9 @@ class Child:
         self.log = data / "log"
         line = [sys.executable, str(Path(__file__).resolve()), "--contestant", name, "--data", str(data)]
         with self.log.open("wb") as errors:
-            self._process = subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, cwd=data)
+            self._process = subprocess.Popen(
+                line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, cwd=data, env={**os.environ, "TMPDIR": str(data)}
+            )
 
     def ready(self) -> None:
         msgspec.json.decode(self._heard(START_TIME), type=Ready)
@@ -232,7 +234,13 @@ def main() -> None:
     print(
         f"One coordinator, {BIDDERS} bidders, {MESSAGES} messages a conversation; {arguments.rounds} rounds of {arguments.seconds:g} s each"
     )
-    for at_once, figures in compete(taking_part, arguments.rounds, arguments.seconds).items():
+    if not taking_part:
+        return
+    try:
+        results = compete(taking_part, arguments.rounds, arguments.seconds)
+    except Failed as error:
+        sys.exit(str(error))
+    for at_once, figures in results.items():
         table(at_once, figures)
 
 
