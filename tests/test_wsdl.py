@@ -241,7 +241,7 @@ def test_a_foreign_client_has_a_task_done(tmp_path: Path) -> None:
         while news.View.Phase != "ended":
             news = manager.WatchTask(Task=task, After=news.Events[-1].Number if news.Events else 0, Wait=5)
         assert news.View.Outcome == "accomplished", news
-        assert [one.Task for one in manager.ReadTasks()] == [task]
+        assert [one.Task for one in manager.ReadTasks().Tasks] == [task]
         assert compiled(addresses.repository).service.QueryMap(Formula="Jar1 isOn Table2").Rows != []
 
     system(work, tmp_path)
