@@ -170,6 +170,19 @@ def test_a_defect_that_was_met_is_met_again_and_changes_nothing(path: Path) -> N
     again.journal.close()
 
 
+def test_what_cannot_be_kept_is_not_handled_either(path: Path) -> None:
+    shelf = Shelf(path)
+    shelf.tell(1)
+    for event in (Answered("q", object()), Answered("q", 5), Answered("q", [Trouble("t")]), Undelivered(told(1, 1), "\ud800")):
+        with pytest.raises((TypeError, UnicodeEncodeError)):
+            shelf.feed(event)
+    shelf.tell(2)
+    again = shelf.restarted()
+    assert again.ledger.total == 3
+    assert not again.ledger.doubled
+    again.journal.close()
+
+
 def test_time_does_not_go_back_behind_what_was_handled(shelf: Shelf) -> None:
     shelf.feed(Received(told(0, 1)), now=2e9)
     again = shelf.restarted()

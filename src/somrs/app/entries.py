@@ -40,7 +40,9 @@ _BATCH = msgspec.msgpack.Decoder(list[_Entry])
 
 
 def encoded(entry: Entry) -> bytes:
-    """An entry as it is in the file."""
+    """An entry as it is in the file. Raises TypeError for what could not be read again."""
+    if isinstance(entry.event, Answered) and not isinstance(entry.event.value, Answer):
+        raise TypeError(f"the answer to {entry.event.question} cannot be kept: it is a {type(entry.event.value).__name__}")
     return msgspec.msgpack.encode(entry)
 
 

@@ -110,12 +110,15 @@ class Journaled:
         if isinstance(event, Answered) and isinstance(event.value, BaseException):
             event = Answered(event.question, Trouble(str(event.value) or type(event.value).__name__))
         # A clock that was put back while the process was away must not take the component back.
-        self.number, self.at = self.number + 1, max(self.at, now)
-        delivered, self.delivered = tuple(self.delivered), []
-        return Entry(self.number, self.at, event, delivered)
+        return Entry(self.number + 1, max(self.at, now), event, tuple(self.delivered))
 
     def handle(self, entry: Entry) -> list[Numbered]:
         """Have the component handle the input. The effects, which may be seen as soon as the entry is in the journal."""
+        if entry.number != self.number + 1:
+            raise ValueError(f"entry {self.number + 1} is missing before entry {entry.number}")
+        self.number, self.at, self.delivered = entry.number, entry.at, []
+        for number in entry.delivered:
+            self.pending.messages.pop(number, None)
         self.pending.take(entry.event)
         effects = self.component.handle(entry.event, entry.at)
         return [(effect, self.pending.apply(effect, entry.at)) for effect in effects]
@@ -129,14 +132,11 @@ class Journaled:
         """Handle again what is in the journal behind the snapshot. Records come out once more: they may not be on disk."""
         records: list[Record] = []
         for entry in entries:
-            if entry.number != self.number + 1:
-                raise ValueError(f"entry {self.number + 1} is missing before entry {entry.number}")
-            self.number, self.at = entry.number, entry.at
-            for number in entry.delivered:
-                self.pending.messages.pop(number, None)
             try:
                 effects = self.handle(entry)
-            except Exception:  # noqa: BLE001  # it met the same defect when it came first, and the component went on as it was then
-                continue
+            except Exception:
+                if entry.number != self.number:
+                    raise
+                continue  # it met the same defect when it came first, and the component went on as it was then
             records += [effect for effect, _ in effects if isinstance(effect, Record)]
         return records
