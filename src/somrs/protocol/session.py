@@ -305,7 +305,7 @@ class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
         if entry is None or self._belongs_elsewhere(message):
             return Heard(kind=Kind.LATE, before=before, state=before)
         if self._forgotten(message):
-            entry = states.COORDINATOR[before][Failed]
+            entry = states.COORDINATOR[before][Stranded if before is State.COMPENSATING else Failed]
         entry = self._listen(message, entry)
         if entry.kind is Kind.MOVES and entry.next is State.ENDED:
             self.reason = message.body.reason if isinstance(message.body, Refuse) else self.reason or "ended"
@@ -362,7 +362,6 @@ class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
             and query is not None
             and query.id == message.header.relates_to
             and query.state in states.CONTRACTED
-            and states.COORDINATOR[self.state][Failed].kind is Kind.MOVES
         )
 
     def _answers(self, entry: Entry) -> tuple[Message, ...]:
