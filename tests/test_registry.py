@@ -9,7 +9,7 @@ from lab import REPOSITORY, ask, contents, lab, request, sent, tell
 from somrs.app.virtual import World
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import ObjectType, RelationType, Value
-from somrs.protocol.component import Effect, Rang, Received, Send, Undelivered, Wake
+from somrs.protocol.component import Effect, Rang, Received, Record, Send, Undelivered, Wake
 from somrs.protocol.directory import (
     Discover,
     Discovered,
@@ -28,6 +28,7 @@ from somrs.protocol.envelope import ANONYMOUS
 from somrs.protocol.frp import Fault
 from somrs.protocol.knowledge import Define, Definitions, QueryMap
 from somrs.registry.component import Registry
+from somrs.registry.entries import Listed
 from somrs.repository.component import Repository
 
 REGISTRY = "http://here/registry"
@@ -254,3 +255,22 @@ def test_it_learns_what_services_can_do_from_the_repository() -> None:
     tell(registry, publish("Robot1", offer("Robot1", pack)), now=world.now)
     assert names(ask(registry, Discover(effect="Jar1 isPackedIn ?Box: Box"), Discovered, now=world.now)) == ["Robot1.Pack"]
     assert names(ask(registry, Discover(effect="Table1 isPackedIn ?Box: Box"), Discovered, now=world.now)) == []
+
+
+def test_what_was_listed_is_listed_after_a_restart_until_its_lease_is_over() -> None:
+    first = Registry(REGISTRY, lab()[0], kept=())
+    effects = [*tell(first, publish("Robot1", lease=30.0), now=0.0), *tell(first, publish("Robot2", lease=30.0), now=0.0)]
+    effects += [*tell(first, Renew(provider="Robot1", lease=30.0), now=10.0), *tell(first, Retract(provider="Robot2"), now=11.0)]
+    for told in (0, 1):
+        assert isinstance(effects[told * 3], Record), "it is on disk before the provider hears that it is listed"
+    kept = {effect.entry.provider: effect.entry for effect in effects if isinstance(effect, Record) and isinstance(effect.entry, Listed)}
+    assert kept["Robot2"].offers == ()
+    second = Registry(REGISTRY, lab()[0], kept=kept.values())
+    assert names(ask(second, Discover(), Discovered, now=12.0)) == ["Robot1.TransferObject"]
+    assert ask(second, Renew(provider="Robot1", lease=30.0), Published, now=20.0).until == 50.0
+    third = Registry(REGISTRY, lab()[0], kept=kept.values())
+    assert names(ask(third, Discover(), Discovered, now=40.5)) == []
+
+
+def test_a_registry_without_a_disk_keeps_nothing(registry: Registry) -> None:
+    assert not [effect for effect in tell(registry, publish("Robot1")) if isinstance(effect, Record)]

@@ -31,7 +31,7 @@ def registry(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 
     from somrs.app.client import Addresses
     from somrs.app.programs import run_program, run_registry
 
-    guarded(lambda: run_program(run_registry(Addresses.read(data), host, port)))
+    guarded(lambda: run_program(run_registry(data, Addresses.read(data), host, port)))
 
 
 @run_app.command(name="task-manager")

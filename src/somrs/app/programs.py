@@ -115,17 +115,28 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
         store.close()
 
 
-async def run_registry(addresses: Addresses, host: str, port: int) -> None:
-    """The Service Registry. What is published is kept in memory: leases bring it back after a restart."""
+async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -> None:
+    """The Service Registry. What was listed when its process ended is listed until its leases are over."""
+    from somrs.app.listing import Listing
     from somrs.ontology.files import upper
     from somrs.registry.component import Registry
 
-    rim = Host(host, port)
-    await rim.start()
-    node = rim.add("/registry", lambda address: Registry(address, upper(), addresses.repository))
-    say_ready("registry", node.address)
-    await until_stopped()
-    await rim.stop()
+    data.mkdir(parents=True, exist_ok=True)
+    listing = Listing(data / "registry.sqlite")
+    try:
+        rim = Host(host, port)
+        await rim.start()
+        node = rim.add(
+            "/registry",
+            lambda address: Registry(address, upper(), addresses.repository, kept=listing.load()),
+            keep=listing.keep,
+            disk=listing.disk,
+        )
+        say_ready("registry", node.address)
+        await until_stopped()
+        await rim.stop()
+    finally:
+        listing.close()
 
 
 async def run_task_manager(data: Path, addresses: Addresses, host: str, port: int) -> None:

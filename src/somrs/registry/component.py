@@ -1,8 +1,8 @@
 """The Service Registry: which services there are now, and who wants to know when that changes.
 
 Paper, "Service Registry": information about the services currently available. A service is there as long as its provider
-renews its lease, so what falls silent leaves by itself. Nothing is kept on disk: after a restart a provider's next renewal is
-answered by a Fault, and it publishes anew.
+renews its lease, so what falls silent leaves by itself. What is listed is kept, for whoever asks right after a restart; a provider
+that is not known any more hears so at its next renewal, by a Fault, and publishes anew.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology, Value
 from somrs.protocol.bodies import Body
-from somrs.protocol.component import Effect, Input, Received, Send, Started, Undelivered, Wake
+from somrs.protocol.component import Effect, Input, Received, Record, Send, Started, Undelivered, Wake
 from somrs.protocol.directory import (
     Discover,
     Discovered,
@@ -41,6 +41,7 @@ from somrs.protocol.frp import Fault
 from somrs.protocol.leases import granted
 from somrs.protocol.paging import PAGE_BYTES
 from somrs.protocol.replica import Replica
+from somrs.registry.entries import Listed
 
 LEASES = "leases"
 """The timer that rings when the next lease runs out."""
@@ -58,13 +59,17 @@ class _Provider:
 
 
 class Registry:
-    """Knows the ontology it was given, and follows that of the Repository at the address `repository`, if there is one."""
+    """Knows the ontology it was given, and follows that of the Repository at the address `repository`, if there is one. `kept`: what
+    was listed in an earlier life; None for a Registry that has no disk."""
 
-    def __init__(self, address: str, ontology: Ontology | None = None, repository: str | None = None) -> None:
+    def __init__(
+        self, address: str, ontology: Ontology | None = None, repository: str | None = None, kept: Iterable[Listed] | None = None
+    ) -> None:
         self._address = address
         self._given = ontology if ontology is not None else Ontology()
         self._replica = Replica(address, repository) if repository is not None else None
-        self._providers: dict[str, _Provider] = {}
+        self._keeps = kept is not None
+        self._providers = {one.provider: _Provider(offers={o.service: o for o in one.offers}, until=one.until) for one in kept or ()}
         self._subscribers: dict[str, float] = {}
         self._answered: dict[str, Body] = {}
         self._told = 0
@@ -98,11 +103,11 @@ class Registry:
     def _received(self, message: Message, now: float) -> list[Effect]:
         match message.body:
             case Publish() as publish:
-                return self._once(message, lambda: self._publish(publish, now))
+                return self._once(message, publish.provider, lambda: self._publish(publish, now))
             case Renew() as renew:
-                return self._once(message, lambda: self._renew(renew, now))
+                return self._once(message, renew.provider, lambda: self._renew(renew, now))
             case Retract() as retract:
-                return self._once(message, lambda: self._retract(retract, now))
+                return self._once(message, retract.provider, lambda: self._retract(retract, now))
             case Discover() as discover:
                 return [self._answer(message, self._discover(discover))]
             case SubscribeServices(lease=lease):
@@ -121,7 +126,7 @@ class Registry:
 
     # Providers
 
-    def _once(self, message: Message, work: Callable[[], tuple[Body, list[Effect]]]) -> list[Effect]:
+    def _once(self, message: Message, provider: str, work: Callable[[], tuple[Body, list[Effect]]]) -> list[Effect]:
         """Carry it out, or answer it again if it was carried out."""
         request = normalised_id(message.header.message_id)
         if (answer := self._answered.get(request)) is not None:
@@ -130,7 +135,14 @@ class Registry:
         self._answered[request] = answer
         while len(self._answered) > REMEMBERED:
             del self._answered[next(iter(self._answered))]
-        return [self._answer(message, answer), *news]
+        return [*self._kept(provider), self._answer(message, answer), *news]
+
+    def _kept(self, provider: str) -> list[Effect]:
+        if not self._keeps:
+            return []
+        known = self._providers.get(provider)
+        offers, until = (tuple(known.offers.values()), known.until) if known is not None else ((), 0.0)
+        return [Record(Listed(provider=provider, offers=offers, until=until))]
 
     def _publish(self, publish: Publish, now: float) -> tuple[Body, list[Effect]]:
         lease = granted(publish.lease)
