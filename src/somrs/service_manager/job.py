@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 from somrs.errors import InputError
 from somrs.protocol import frp
@@ -31,6 +32,8 @@ class Job:
     fraction: float = 0.0
     situation: str | None = None
     """The latest that is known to hold."""
+    timers: set[str] = field(default_factory=set)
+    """Those that were set and have not rung."""
     verdict: Verdict | None = None
     """What to report once the device is in a safe state, unless the work turns out to be done."""
 
@@ -41,6 +44,37 @@ class Job:
     @property
     def question(self) -> str:
         return f"{self.doing} {self.session.participant} {self.session.transaction}"
+
+
+class Jobs:
+    """Jobs by their ids. Iterating gives those under way; of those that are over, the latest are known still, for their late
+    messages."""
+
+    def __init__(self, remembered: int) -> None:
+        self._live: dict[Key, Job] = {}
+        self._over: dict[Key, Job] = {}
+        self._remembered = remembered
+
+    def __iter__(self) -> Iterator[Job]:
+        return iter([*self._live.values()])
+
+    def all(self) -> Iterator[Job]:
+        """Those that are over, too."""
+        return iter([*self._over.values(), *self._live.values()])
+
+    def get(self, transaction: str | None, participant: str | None) -> Job | None:
+        key = (transaction or "", participant or "")
+        return self._live.get(key) or self._over.get(key)
+
+    def put(self, job: Job) -> None:
+        """Know the job as it is now."""
+        if job.session.state is not State.ENDED or job.doing:
+            self._live[job.key] = job
+            return
+        self._live.pop(job.key, None)
+        self._over[job.key] = job
+        if len(self._over) > self._remembered:
+            del self._over[next(iter(self._over))]
 
 
 def failure(doing: str, description: str, situation: str | None) -> frp.Failed | frp.Stranded:

@@ -18,7 +18,7 @@ from somrs.protocol.frp import State
 from somrs.protocol.session import NOT_ALLOWED, ParticipantBody, ParticipantSession, service_of
 from somrs.protocol.states import RESUMES, TO_COORDINATOR, TO_PARTICIPANT, WORKING
 from somrs.service_manager.calendar import Commitment, free_from
-from somrs.service_manager.job import Job, Key, Verdict, failure, in_words, interrupted
+from somrs.service_manager.job import Job, Jobs, Verdict, failure, in_words, interrupted
 from somrs.service_manager.joining import TIMER, Joining
 from somrs.service_manager.orders import (
     Advance,
@@ -47,6 +47,9 @@ soon be given to another: it stops by itself. A coordinator waits for longer tha
 REPORT_TIME = 86_400.0
 """Seconds for which a report is sent again; a Task Manager that is down has this long to come back."""
 
+_COMMITTED = WORKING | {State.COMMITTED}
+_PROTOCOL = frozenset((*TO_PARTICIPANT, *TO_COORDINATOR))
+
 REMEMBERED = 1000
 """So many participants that are over are remembered, to know their late messages."""
 
@@ -58,10 +61,9 @@ class ServiceManager:
         self.profile = profile
         self.address = ""
         self._joining = Joining(profile, repository, registry)
-        self._jobs: dict[Key, Job] = {}
+        self._jobs = Jobs(REMEMBERED)
         for one in kept:
-            self._jobs.pop(one.key, None)
-            self._jobs[one.key] = Job(one.session.kept(), one.order, situation=one.situation)
+            self._jobs.put(Job(one.session.kept(), one.order, situation=one.situation))
         self._queue: list[Job] = []
         self._asked: dict[str, Job] = {}
         self._effects: list[Effect] = []
@@ -73,7 +75,7 @@ class ServiceManager:
             case Started(address):
                 self.address = address
                 self._effects += self._joining.start(address, now)
-                for kept in [*self._jobs.values()]:
+                for kept in self._jobs.all():
                     self._resume(kept, now)
             case Received(message):
                 self._received(message, now)
@@ -92,15 +94,15 @@ class ServiceManager:
         return not self._queue and not any(job.doing in ("Perform", "Halt", "Undo") for job in self._asked.values())
 
     def state(self, transaction: str, participant: str) -> State:
-        job = self._jobs.get((transaction, participant))
+        job = self._jobs.get(transaction, participant)
         return job.session.state if job is not None else State.NEW
 
     def calendar(self, now: float) -> list[Commitment]:
         """From when until when the device is committed, as far as can be told; what is overdue starts, or ends, now."""
         busy: list[Commitment] = []
-        for job in self._jobs.values():
+        for job in self._jobs:
             terms = job.session.terms
-            if terms is None or job.session.state not in WORKING | {State.COMMITTED}:
+            if terms is None or job.session.state not in _COMMITTED:
                 continue
             start = job.began if job.began is not None else max(terms.start_from or now, now)
             busy.append((start, max(start + terms.duration, now)))
@@ -110,11 +112,10 @@ class ServiceManager:
 
     def _received(self, message: Message, now: float) -> None:
         kind = type(message.body)
-        if (kind is frp.Fault and message.header.participant is None) or kind not in TO_PARTICIPANT + TO_COORDINATOR:
+        if (kind is frp.Fault and message.header.participant is None) or kind not in _PROTOCOL:
             self._effects += self._joining.receive(message, now)
             return
-        key = (message.header.transaction or "", message.header.participant or "")
-        job = self._jobs.get(key)
+        job = self._jobs.get(message.header.transaction, message.header.participant)
         if job is None:
             try:
                 job = Job(ParticipantSession.opened_by(message, self.address))
@@ -127,7 +128,6 @@ class ServiceManager:
             self._say(job, frp.Refuse(reason="the terms expired"), now)
         heard = job.session.receive(message)
         if heard.moved:
-            self._jobs[key] = job
             if isinstance(message.body, frp.Execute) and job.order is not None:
                 job.order = structs.replace(
                     job.order,
@@ -162,7 +162,6 @@ class ServiceManager:
                     self._timer(job, name, None)
                 if before in WORKING:
                     self._interrupt(job, None, now)
-                self._forget()
 
     def _arrange(self, job: Job, now: float) -> None:
         arrange = job.session.order
@@ -251,6 +250,7 @@ class ServiceManager:
             self._conclude(job, now)
         else:
             self._came_to(job, doing, value, now)
+        self._jobs.put(job)
         self._begin(now)
 
     def _advance(self, job: Job, value: Advance, now: float) -> None:
@@ -333,9 +333,16 @@ class ServiceManager:
         self._effects.append(Send(message, now + REPORT_TIME))
 
     def _keep(self, job: Job) -> None:
+        self._jobs.put(job)
         self._effects.append(Record(Kept(session=job.session.kept(), order=job.order, situation=job.situation)))
 
     def _timer(self, job: Job, name: str, at: float | None) -> None:
+        if at is not None:
+            job.timers.add(name)
+        elif name in job.timers:
+            job.timers.remove(name)
+        else:
+            return
         self._effects.append(Wake(f"{name} {job.session.participant} {job.session.transaction}", at))
 
     def _ring(self, timer: str, now: float) -> None:
@@ -345,7 +352,8 @@ class ServiceManager:
             self._leave(now)
         else:
             name, participant, transaction = timer.split(" ", 2)
-            if (due := self._jobs.get((transaction, participant))) is not None:
+            if (due := self._jobs.get(transaction, participant)) is not None:
+                due.timers.discard(name)
                 self._due(due, name, now)
 
     def _due(self, job: Job, name: str, now: float) -> None:
@@ -360,7 +368,7 @@ class ServiceManager:
 
     def _undelivered(self, message: Message, now: float) -> None:
         """Signs of life do not get through: stop."""
-        job = self._jobs.get((message.header.transaction or "", message.header.participant or ""))
+        job = self._jobs.get(message.header.transaction, message.header.participant)
         if job is None or not isinstance(message.body, frp.Progress):
             return
         self._cut_off(job, "nobody could be told how the work goes, so it was stopped", now)
@@ -376,7 +384,7 @@ class ServiceManager:
         self._leaving = True
         self._effects += self._joining.leave(now)
         reason = f"{self.profile.name} is leaving"
-        for job in [*self._jobs.values()]:
+        for job in self._jobs:
             match job.session.state:
                 case State.ARRANGING | State.OFFERED:
                     self._say(job, frp.Refuse(reason=reason), now)
@@ -405,8 +413,3 @@ class ServiceManager:
             else:
                 self._conclude(job, now)
         self._effects += [Send(message, now + REPORT_TIME) for message in session.last_report()]
-
-    def _forget(self) -> None:
-        over = [key for key, job in self._jobs.items() if job.session.state is State.ENDED and not job.doing]
-        for key in over[:-REMEMBERED]:
-            del self._jobs[key]
