@@ -134,6 +134,7 @@ class World:
         self._work: dict[tuple[str, str], int] = {}
         self._parked: list[_Sent] = []
         self._cut_off: set[str] = set()
+        self._posted: set[str] = set()
 
     # Components
 
@@ -203,6 +204,8 @@ class World:
         for number, sent in pending.messages.items():
             overdue = sent.until <= self.now
             again = _Sent(sent.message, sent.until, life, number, waiting=overdue)
+            if not overdue:
+                self._count_once(sent.message)
             self._at(self.now, partial(self._give_up if overdue else self._try, again))
         for timer, at in pending.timers.items():
             self._set(address, timer, at)
@@ -325,7 +328,14 @@ class World:
 
     # Messages
 
+    def _count_once(self, message: Message) -> None:
+        """Of what is taken up after a kill, some was sent before, and some was not."""
+        if message.header.message_id not in self._posted:
+            self._posted.add(message.header.message_id)
+            self.messages.append(message)
+
     def _post(self, sent: _Sent) -> None:
+        self._posted.add(sent.message.header.message_id)
         self.messages.append(sent.message)
         self._try(sent)
 
