@@ -142,6 +142,19 @@ def test_a_silent_robot_stops_and_never_answers() -> None:
     assert not run.simulation.busy
 
 
+def test_stopped_with_its_fingers_on_a_jar_it_lets_go_before_it_leaves() -> None:
+    run = Run(room())
+    robot, scene = run.simulation.robots["Robot1"], run.simulation.scene
+    run.all("Robot1", Approach(object="Jar002"))
+    run.start("Robot1", Grip(object="Jar002"))
+    run.until(lambda: len(scene.pads("Robot1", "Jar002")) == 2)
+    assert robot.holding is None
+    run.all("Robot1", Stop(), DriveTo(x=4, y=2))
+    assert run.simulation.seen("Jar002").on == "Cupboard001"
+    run.all("Robot1", Grip(object="Jar002"), Place(on="Platform001"))
+    assert run.simulation.seen("Jar002").on == "Platform001"
+
+
 def test_stop_ends_the_running_command() -> None:
     run = Run(room())
     ends = run.start("Robot1", DriveTo(x=6, y=3))

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection
 import numpy as np
 
 from somrs.devices.simulator.chassis import FINGER, OPENING
+from somrs.devices.simulator.commands import Fault
 from somrs.devices.simulator.driving import PATIENCE, drive_to
 from somrs.devices.simulator.robot import PERIOD, GivenUp, Robot, Routine, wait
 from somrs.devices.simulator.solids import Array, Point, Role, Solid
@@ -28,10 +29,23 @@ def withdraw(robot: Robot) -> Routine:
     if not robot.size.gripper:
         return
     if robot.arm_out:
+        yield from _let_go(robot)
         yield from robot.arm(lift=min(max(robot.joints["lift"] + 0.02, _lift_over(robot, robot.hand())), 1.74))
         yield from robot.arm(reach=robot.size.drawn_in)
     robot.arm_claim = None
     yield from robot.arm(turret=0.0, lift=_transport(robot))
+
+
+def _let_go(robot: Robot) -> Routine:
+    """Open the fingers, if there is something between them that is not held: the robot was stopped while it took it or put it down."""
+    able = robot.holding is None and Fault.GRIPPER not in robot.faults
+    if able and any(robot.scene.pads(robot.name, thing) for thing in robot.scene.things()):
+        yield from _open_clear(robot)
+
+
+def _open_clear(robot: Robot) -> Routine:
+    opened = min(OPENING, robot.joints["left"] + 0.02), min(OPENING, robot.joints["right"] + 0.02)
+    yield from robot.arm(left=opened[0], right=opened[1])
 
 
 def _transport(robot: Robot) -> float:
@@ -224,8 +238,7 @@ def put(robot: Robot, spot: Point, top: float) -> Routine:
     yield from lower(robot, thing, underside - 0.02)
     robot.need_gripper()
     robot.scene.release(robot.name)
-    opened = min(OPENING, robot.joints["left"] + 0.02), min(OPENING, robot.joints["right"] + 0.02)
-    yield from robot.arm(left=opened[0], right=opened[1])
+    yield from _open_clear(robot)
     for _ in range(50):
         if robot.scene.still(thing):
             break
