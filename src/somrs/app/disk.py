@@ -59,7 +59,8 @@ class Disk:
         self.path, self.kind = path, kind
         self.position = self.durable = 0
         self.failed: UsageError | None = None
-        self._jobs: queue.SimpleQueue[_Write | _Now | None] = queue.SimpleQueue()
+        self._batch: list[_Write] = []
+        self._jobs: queue.SimpleQueue[list[_Write] | _Now | None] = queue.SimpleQueue()
         self._listeners: list[tuple[asyncio.AbstractEventLoop, Callable[[], None]]] = []
         opened: Future[None] = Future()
         self._thread = threading.Thread(target=self._run, args=(opened,), name=f"disk {path.name}", daemon=True)
@@ -71,8 +72,19 @@ class Disk:
     def write(self, job: Job[object]) -> int:
         """Have something written, soon, together with what else is asked for. Its position."""
         self.position += 1
-        self._jobs.put(_Write(job, self.position))
+        self._batch.append(_Write(job, self.position))
+        if len(self._batch) == 1:
+            # What one turn of the event loop asks for goes to the thread at once: waking it is what costs.
+            try:
+                asyncio.get_running_loop().call_soon(self._hand_over)
+            except RuntimeError:
+                self._hand_over()
         return self.position
+
+    def _hand_over(self) -> None:
+        batch, self._batch = self._batch, []
+        if batch:
+            self._jobs.put(batch)
 
     def do(self, job: Job[T]) -> T:
         """Have something written at once, wholly or not at all, and wait for it: for starts and tools, not for an event loop."""
@@ -88,6 +100,7 @@ class Disk:
 
     def close(self) -> None:
         """Write what is to be written, and close the file."""
+        self._hand_over()
         self._jobs.put(None)
         self._thread.join()
 
@@ -95,6 +108,7 @@ class Disk:
         if not self._thread.is_alive():
             raise UsageError(f"{self.path}: is closed")
         asked: Future[T] = Future()
+        self._hand_over()
         self._jobs.put(_Now(job, asked, writes))
         return asked
 
@@ -122,8 +136,8 @@ class Disk:
         others: list[_Now] = []
         job = self._jobs.get()
         while job is not None:
-            if isinstance(job, _Write):
-                writes.append(job)
+            if isinstance(job, list):
+                writes += job
             else:
                 others.append(job)
             # A read sees what was written before it was asked for, and no harm is done when it sees more.

@@ -10,11 +10,13 @@ import itertools
 import json
 import math
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from types import MappingProxyType
 
 from msgspec import Struct
 
 
-class Name(Struct, frozen=True, tag_field="is", tag=True):
+class Name(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """A constant: an object of the map, or a value of an enumeration."""
 
     name: str
@@ -23,7 +25,7 @@ class Name(Struct, frozen=True, tag_field="is", tag=True):
         return show(self, set())
 
 
-class Variable(Struct, frozen=True, tag_field="is", tag=True):
+class Variable(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """`?Shelf` or, typed, `?Shelf: Shelf`. One variable has the same type at every occurrence in one formula."""
 
     name: str
@@ -33,7 +35,7 @@ class Variable(Struct, frozen=True, tag_field="is", tag=True):
         return show(self, set())
 
 
-class Number(Struct, frozen=True, tag_field="is", tag=True):
+class Number(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """A number, with a unit where one is written (`12.5`, `500 g`). Without one, the unit is the attribute's own."""
 
     value: float
@@ -43,7 +45,7 @@ class Number(Struct, frozen=True, tag_field="is", tag=True):
         return show(self, set())
 
 
-class Text(Struct, frozen=True, tag_field="is", tag=True):
+class Text(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """A quoted text."""
 
     value: str
@@ -52,7 +54,7 @@ class Text(Struct, frozen=True, tag_field="is", tag=True):
         return show(self, set())
 
 
-class Truth(Struct, frozen=True, tag_field="is", tag=True):
+class Truth(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """`TRUE` or `FALSE`: the value of a truth attribute."""
 
     value: bool
@@ -61,7 +63,7 @@ class Truth(Struct, frozen=True, tag_field="is", tag=True):
         return show(self, set())
 
 
-class Attribute(Struct, frozen=True, tag_field="is", tag=True):
+class Attribute(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """An attribute of an object: `Jar002.PositionX`, or of a complex one: `Jar002.Shape.Height` (path `Shape.Height`)."""
 
     of: Name | Variable
@@ -71,7 +73,7 @@ class Attribute(Struct, frozen=True, tag_field="is", tag=True):
         return show(self, set())
 
 
-class Call(Struct, frozen=True, tag_field="is", tag=True):
+class Call(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """A function applied to terms: `distance(?Object, ?Place)`."""
 
     function: str
@@ -84,7 +86,7 @@ class Call(Struct, frozen=True, tag_field="is", tag=True):
 Term = Name | Variable | Number | Text | Truth | Attribute | Call
 
 
-class Relation(Struct, frozen=True, tag_field="is", tag=True):
+class Relation(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """An atom: a relation between objects. Two arguments print infix, any other number prefix."""
 
     relation: str
@@ -94,7 +96,7 @@ class Relation(Struct, frozen=True, tag_field="is", tag=True):
         return show(self, set())
 
 
-class Comparison(Struct, frozen=True, tag_field="is", tag=True):
+class Comparison(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """An atom: two terms compared by `=`, `!=`, `<`, `<=`, `>` or `>=`."""
 
     left: Term
@@ -105,7 +107,7 @@ class Comparison(Struct, frozen=True, tag_field="is", tag=True):
         return show(self, set())
 
 
-class Not(Struct, frozen=True, tag_field="is", tag=True):
+class Not(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """`NOT` before an atom."""
 
     atom: Relation | Comparison
@@ -114,7 +116,7 @@ class Not(Struct, frozen=True, tag_field="is", tag=True):
         return show(self, set())
 
 
-class And(Struct, frozen=True, tag_field="is", tag=True):
+class And(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """Two or more parts that all hold. Never holds another And directly; `conjunction` keeps it so."""
 
     parts: tuple[Formula, ...]
@@ -123,7 +125,7 @@ class And(Struct, frozen=True, tag_field="is", tag=True):
         return show(self, set())
 
 
-class Or(Struct, frozen=True, tag_field="is", tag=True):
+class Or(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """Two or more parts of which one holds. Never holds another Or directly; `disjunction` keeps it so."""
 
     parts: tuple[Formula, ...]
@@ -253,11 +255,13 @@ def terms(formula: Formula | Term) -> Iterator[Term]:
             yield formula
 
 
-def variables(formula: Formula | Term) -> dict[str, Variable]:
+@lru_cache(maxsize=4096)
+def variables(formula: Formula | Term) -> Mapping[str, Variable]:
     """The variables by name, in order of first occurrence."""
-    return {term.name: term for term in terms(formula) if isinstance(term, Variable)}
+    return MappingProxyType({term.name: term for term in terms(formula) if isinstance(term, Variable)})
 
 
+@lru_cache(maxsize=4096)
 def names(formula: Formula | Term) -> tuple[str, ...]:
     """The constants, each once, in order of first occurrence."""
     return tuple(dict.fromkeys(term.name for term in terms(formula) if isinstance(term, Name)))

@@ -17,9 +17,11 @@ Everything else (terms, the protocol, the calendar, joining and leaving) is the 
 
 from __future__ import annotations
 
+import functools
 import inspect
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import msgspec
@@ -209,15 +211,9 @@ class Device:
         """Called once when the device has left."""
 
     @classmethod
-    def services(cls) -> dict[str, Service]:
+    def services(cls) -> Mapping[str, Service]:
         """The services by the names of their methods, inherited ones included."""
-        found: dict[str, Service] = {}
-        for owner in reversed(cls.__mro__):
-            for name, value in vars(owner).items():
-                found.pop(name, None)
-                if isinstance(value, Service):
-                    found[name] = value
-        return found
+        return _services(cls)  # type: ignore[arg-type]  # classes are hashable; mypy takes the attribute `type` for the metaclass's
 
     def profile(self) -> Profile:
         """What the Service Manager has to know. Raises DeviceError when the class cannot be run as it is."""
@@ -247,3 +243,14 @@ class Device:
             valid_for=self.valid_for,
             lease=self.lease,
         )
+
+
+@functools.cache
+def _services(kind: type[Device]) -> Mapping[str, Service]:
+    found: dict[str, Service] = {}
+    for owner in reversed(kind.__mro__):
+        for name, value in vars(owner).items():
+            found.pop(name, None)
+            if isinstance(value, Service):
+                found[name] = value
+    return MappingProxyType(found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 
 from somrs.entish.formula import Comparison, Formula, Name, Number, Term, Text, Truth, substitute
 from somrs.entish.parse import parse
@@ -17,6 +18,7 @@ _KEYWORDS = frozenset(("AND", "OR", "NOT", "TRUE", "FALSE"))
 _SECONDS = {"": 1.0, "ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
+@lru_cache(maxsize=4096)
 def term(text: str) -> Term:
     """The term that the text says. Raises FormulaError."""
     compared = parse(f"It = {text}")
@@ -45,8 +47,15 @@ def as_term(value: Value) -> Term:
 
 def filled_in(formula: str, provider: str, inputs: Mapping[str, str], outputs: Mapping[str, Value] | None = None) -> Formula:
     """The formula with its inputs, its outputs and `?Provider` in their places."""
-    bindings = {name: term(text) for name, text in inputs.items()} | {PROVIDER: Name(provider)}
-    return substitute(parse(formula), bindings | {name: as_term(value) for name, value in (outputs or {}).items()})
+    if outputs:
+        return substitute(_filled_in(formula, provider, tuple(inputs.items())), {name: as_term(value) for name, value in outputs.items()})
+    return _filled_in(formula, provider, tuple(inputs.items()))
+
+
+@lru_cache(maxsize=1024)
+def _filled_in(formula: str, provider: str, inputs: tuple[tuple[str, str], ...]) -> Formula:
+    """The same order is looked at several times: for a quote, for the terms, for the work."""
+    return substitute(parse(formula), {name: term(text) for name, text in inputs} | {PROVIDER: Name(provider)})
 
 
 def money(amount: float | str) -> tuple[float, str]:

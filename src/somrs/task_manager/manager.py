@@ -50,6 +50,8 @@ class TaskManager:
         self.address = address
         self.replica = Replica(address, repository)
         self.transactions: dict[str, Transaction] = {}
+        self._open: dict[str, Transaction] = {}
+        """Those that are not over."""
         self._repository = repository
         self._effects: list[Effect] = []
         self._questions = Questions(address, repository, registry, self._effects)
@@ -71,7 +73,7 @@ class TaskManager:
     @property
     def open(self) -> list[str]:
         """The tasks that are not over."""
-        return [id for id, transaction in self.transactions.items() if transaction.outcome is None]
+        return [*self._open]
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """What to do about the input."""
@@ -82,7 +84,9 @@ class TaskManager:
         else:
             self._handle(event, now)
         self._tell_watchers()
-        self._forget()
+        for id in [id for id, transaction in self._open.items() if transaction.outcome is not None]:
+            del self._open[id]
+            self._forget()
         effects = self._effects[:]
         self._effects.clear()
         return effects
@@ -155,7 +159,7 @@ class TaskManager:
                 self._reply(message, clients.TaskRejected(problem=wrong))
                 return
             transaction = Transaction(id, task, self._setting, now, client=message.header.sender)
-            self.transactions[id] = transaction
+            self.transactions[id] = self._open[id] = transaction
             transaction.start(now)
         self._reply(message, clients.Submitted(task=id))
 
@@ -249,8 +253,7 @@ class TaskManager:
     def _busy(self, provider: str) -> list[tuple[float, float]]:
         return [
             (run.start, run.finish)
-            for transaction in self.transactions.values()
-            if transaction.outcome is None
+            for transaction in self._open.values()
             for pursuit in transaction.pursuits
             for run in pursuit
             if run.progress in (Progress.ARRANGED, Progress.EXECUTING) and run.member is not None and run.member.offer.provider == provider
@@ -277,10 +280,8 @@ class TaskManager:
 
     def _forget(self) -> None:
         """The oldest tasks that are over, beyond so many. Whoever watched them was told."""
-        if (surplus := len(self.transactions) - REMEMBERED) > 0:
-            over = [id for id, transaction in self.transactions.items() if transaction.outcome is not None]
-            for id in over[:surplus]:
-                del self.transactions[id]
+        while len(self.transactions) > REMEMBERED and len(self.transactions) > len(self._open):
+            del self.transactions[next(id for id in self.transactions if id not in self._open)]
 
 
 def _ring(transaction: Transaction, what: str, now: float) -> None:
