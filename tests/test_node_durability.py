@@ -232,23 +232,33 @@ def test_a_full_disk_stops_its_component_and_senders_go_on_repeating(tmp_path: P
     in_time(scenario)
 
 
-def test_a_teller_in_the_process_repeats_what_a_full_disk_did_not_take(tmp_path: Path) -> None:
+class Hasty(Notes):
+    """Says everything for a moment only."""
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        return [Send(effect.message, until=now + 0.3) for effect in super().handle(event, now) if isinstance(effect, Send)]
+
+
+def test_what_a_full_disk_did_not_take_is_repeated_within_the_process_too(tmp_path: Path) -> None:
     async def scenario() -> None:
         rim = Host()
         await rim.start()
         disk = Disk(tmp_path / "notes.sqlite", NOTES)
-
-        def keep(entry: object) -> None:
-            disk.write(lambda db: db.execute("INSERT INTO nowhere VALUES (1)"))
-
-        teller = Notes(f"{rim.url}/ledger")
-        rim.add("/ledger", lambda address: Ledger(), keep=keep, disk=disk)
-        node = rim.add("/teller", lambda address: teller)
-        node.feed(Rang("7"))
+        tellers = [Hasty(f"{rim.url}/ledger"), Hasty(f"{rim.url}/ledger")]
+        rim.add("/ledger", lambda address: Ledger(), keep=lambda entry: None, disk=disk)
+        first, second = (rim.add(f"/teller{number}", lambda address, teller=teller: teller) for number, teller in enumerate(tellers))  # type: ignore[misc]
+        brake = Brake(disk)
+        disk.write(lambda db: db.execute("INSERT INTO nowhere VALUES (1)"))
+        first.feed(Rang("7"))  # handled, and then not kept
+        await asyncio.sleep(0.05)
+        assert disk.failed is None
+        brake.release()
         await until(lambda: disk.failed is not None)
-        await asyncio.sleep(0.2)
-        assert not teller.undelivered, "its time is not over"
-        await node.flush(0.01)
+        second.feed(Rang("8"))  # not even handled
+        await asyncio.sleep(0.1)
+        assert not any(teller.undelivered for teller in tellers), "its time is not over"
+        await until(lambda: all(teller.undelivered for teller in tellers))
+        assert all("could not keep what it had to" in reason for teller in tellers for reason in teller.undelivered)
         await rim.stop()
         disk.close()
 
@@ -388,6 +398,14 @@ def test_what_was_acknowledged_survives_a_kill(tmp_path: Path) -> None:
 
 def ids(kind: str, numbers: list[int]) -> set[str]:
     return {message_id(kind, message_id("told", number)) for number in numbers}
+
+
+def test_a_commit_survives_a_power_cut(tmp_path: Path) -> None:
+    """As far as SQLite promises it, https://www.sqlite.org/pragma.html#pragma_synchronous; no test here cuts the power."""
+    disk = Disk(tmp_path / "notes.sqlite", NOTES)
+    modes = disk.do(lambda db: [db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("journal_mode", "synchronous")])
+    assert modes == ["wal", 2]
+    disk.close()
 
 
 def test_a_disk_takes_no_more_once_it_failed(tmp_path: Path) -> None:
