@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -94,7 +95,8 @@ def test_check_reports_every_error_at_once_with_its_line(tmp_path: Path) -> None
 
 
 def test_without_a_running_system_commands_say_how_to_start_one(tmp_path: Path) -> None:
-    for arguments in (["do", "A isOn B"], ["tasks"], ["task", "last"], ["export"], ["services"], ["plan", "A isOn B"], ["map", "query", "A isOn B"]):
+    commands = ("do 'A isOn B'", "tasks", "task last", "export", "services", "plan 'A isOn B'", "map query 'A isOn B'")
+    for arguments in map(shlex.split, commands):
         said = somrs(*arguments, cwd=tmp_path)
         assert said.returncode == 2
         assert "somrs up" in said.stderr
