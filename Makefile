@@ -4,7 +4,7 @@ SCENARIO ?= 1b
 RUNS ?= 20
 BIN := .venv/bin
 
-.PHONY: setup demo test lint scenarios benchmarks bench-coordination docs clean
+.PHONY: setup demo test lint scenarios benchmarks bench-coordination docs clean kill-runs
 
 setup: .venv/.ready
 
@@ -29,6 +29,10 @@ scenarios: setup
 
 benchmarks: setup
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+# Kills real processes at every type of message of the protocol; SEED=17 plays one run once more.
+kill-runs: setup
+	@$(BIN)/python -m verification.kill_runs $(if $(N),--runs $(N)) $(if $(SEED_BASE),--first $(SEED_BASE)) $(if $(SEED),--seed $(SEED))
 
 # Conversations per second, beside SPADE and DBOS where they are installed: pip install -e '.[rivals]'
 bench-coordination: setup

@@ -1,0 +1,96 @@
+"""Two kills of real processes, and that what the kill runs judge by can tell good from bad. `make kill-runs` kills many more."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from somrs.ontology.objects import ValueSet
+from somrs.protocol.frp import Outcome, State
+from somrs.protocol.knowledge import Event
+from verification.kill_runs import truth
+from verification.kill_runs.bystanders import AUTHOR, CHANGED, PATH, Acknowledged
+from verification.kill_runs.draw import CELLS, MESSAGES, Victim, drawn
+from verification.kill_runs.plays import plays_of
+from verification.kill_runs.run import Run
+from verification.kill_runs.stage import Stage
+from verification.kill_runs.truth import Told
+
+
+def test_a_killed_task_manager_and_a_killed_repository_find_their_places(tmp_path: Path) -> None:
+    async def play() -> None:
+        async with Stage(tmp_path / "system") as stage:
+            for number, (message, victim) in enumerate((("Execute", Victim.TASK_MANAGER), ("Arrange", Victim.REPOSITORY))):
+                carry = next(play for play in plays_of(message) if play.name == "carry")
+                case = drawn(CELLS.index((message, victim)))
+                case = replace(case, seed=number, play=carry, nth=1, pause=0.1, wanted=(("Jar002", "Platform001"),))
+                result = await Run(stage, case).play()
+                assert result.recovered, [*result.problems, *result.lost, result.missed]
+                assert result.struck == victim
+                assert result.outcome == "accomplished"
+                assert result.acknowledged > 5
+
+    asyncio.run(play())
+
+
+def test_every_message_is_brought_about_with_every_victim() -> None:
+    cases = [drawn(seed) for seed in range(len(CELLS))]
+    assert {(case.message, case.victim) for case in cases} == {(message, victim) for message in MESSAGES for victim in Victim}
+    assert len(MESSAGES) == 18
+    for case in cases:
+        assert 1 <= case.nth <= case.play.count(case.message, len(case.wanted)), case
+        assert drawn(case.seed) == case
+        assert drawn(case.seed, 1).message == case.message
+
+
+def said(*messages: tuple[float, str, str]) -> list[Told]:
+    return [Told(at=at, type=type, participant=participant, id=f"{at}") for at, type, participant in messages]
+
+
+ONE, OTHER = "Robot1.TransferObject#step1", "Robot2.TransferObject#step1.2"
+CONTRACT = [(0.0, "Arrange", ONE), (0.1, "Terms", ONE), (0.2, "Accept", ONE), (0.3, "Execute", ONE)]
+RIVAL = [(0.0, "Arrange", OTHER), (0.1, "Terms", OTHER)]
+ENDS = [(90.0, "End", ONE), (90.1, "End", OTHER)]
+FAILED = (0.4, "Failed", ONE)
+
+
+def taken_over(at: float) -> list[tuple[float, str, str]]:
+    return [(at, "Accept", OTHER), (at + 0.1, "Execute", OTHER), *ENDS]
+
+
+@pytest.mark.parametrize(
+    ("messages", "wrong"),
+    [
+        ([*CONTRACT, (1.0, "Completed", ONE), *ENDS], ""),
+        ([*CONTRACT, (1.0, "Completed", ONE)], "nobody sent it home"),
+        ([*CONTRACT[:2], CONTRACT[3], *ENDS], "without a contract"),
+        ([*CONTRACT, (0.4, "Execute", ONE), *ENDS], "2 times"),
+        ([*CONTRACT, *RIVAL, *taken_over(0.5)], "worked at the same step"),
+        ([*CONTRACT, *RIVAL, FAILED, *taken_over(0.5)], ""),
+        ([*CONTRACT, *RIVAL, (20.3, "Query", ONE), *taken_over(30.0)], "worked at the same step"),
+        ([*CONTRACT, *RIVAL, (20.3, "Query", ONE), *taken_over(40.5)], ""),
+    ],
+)
+def test_what_a_conversation_must_not_be_is_found(messages: list[tuple[float, str, str]], wrong: str) -> None:
+    found = [*truth.protocol(said(*messages))]
+    assert wrong in found[0] if wrong else not found, found
+
+
+def test_who_is_not_at_home_is_found() -> None:
+    assert not [*truth.at_home({ONE: State.ENDED, OTHER: State.NEW})]
+    assert [*truth.at_home({ONE: State.ENDED, OTHER: State.EXECUTING})] == [f"{OTHER} is Executing after the end"]
+
+
+def test_what_was_acknowledged_and_is_lost_is_found() -> None:
+    acknowledged = Acknowledged(versions={"a": 3, "b": 4}, tasks=["t", "u"])
+    both = [Event(version=v, at=0.0, author=AUTHOR, changes=(ValueSet(CHANGED, PATH, label),)) for label, v in (("a", 3), ("b", 4))]
+    assert not [*truth.lost_updates(acknowledged, both)]
+    assert len([*truth.lost_updates(acknowledged, both[:1])]) == 1
+    twice = [*both, Event(version=5, at=0.0, author=AUTHOR, changes=(ValueSet(CHANGED, PATH, "b"),))]
+    assert len([*truth.lost_updates(acknowledged, twice)]) == 1
+    assert not [*truth.lost_tasks(acknowledged, dict.fromkeys(("t", "u"), Outcome.ACCOMPLISHED))]
+    assert len([*truth.lost_tasks(acknowledged, {"t": Outcome.ACCOMPLISHED})]) == 1
+    assert len([*truth.lost_tasks(acknowledged, {"t": Outcome.ACCOMPLISHED, "u": None})]) == 1

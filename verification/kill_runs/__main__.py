@@ -1,0 +1,127 @@
+"""Kills processes of a running system again and again, each time at another message of the protocol, and counts what recovers.
+
+    python -m verification.kill_runs [--runs 270] [--first 0] [--seed 17] [--systems 2] [--out out/kill-runs]
+
+Closes with `N passed, N failed`. A run that fails leaves its logs in out/kill-runs/<seed>/, and `--seed` plays it again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import shutil
+import sys
+from collections import deque
+from pathlib import Path
+
+import msgspec
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from somrs.errors import SomrsError
+from verification.kill_runs.draw import CELLS, MOST_ATTEMPTS, drawn
+from verification.kill_runs.report import summary, told
+from verification.kill_runs.run import Result, Run
+from verification.kill_runs.stage import Stage
+
+ROUNDS = 3
+"""So many runs there are for each message and each victim, unless another number is wanted."""
+STARTS = 3
+"""So often a system that does not start is tried."""
+
+
+class Series:
+    """Runs for many seeds, in several systems at the same time. A system goes on with the next run as long as all is well."""
+
+    def __init__(self, seeds: list[int], out: Path, bar: Progress) -> None:
+        self.results: list[Result] = []
+        self._seeds, self._out, self._bar = deque(seeds), out, bar
+        self._shown = bar.add_task("kill runs", total=len(seeds))
+        self._systems = 0
+
+    async def play(self, systems: int) -> list[Result]:
+        await asyncio.gather(*(self._work() for _ in range(systems)))
+        return self.results
+
+    async def _work(self) -> None:
+        """Play what is to be played, each time in a new system when a run went wrong in the one before."""
+        troubles = 0
+        while self._seeds:
+            self._systems += 1
+            data = self._out / f"system-{self._systems}"
+            try:
+                async with Stage(data) as stage:
+                    troubles = 0
+                    while self._seeds and await self._seed(stage, self._seeds.popleft()):
+                        pass
+            except SomrsError as error:
+                troubles += 1
+                self._bar.console.print(f"[bold red]a system did not start[/]: {error}")
+                if troubles == STARTS:
+                    raise
+            else:
+                shutil.rmtree(data, ignore_errors=True)
+
+    async def _seed(self, stage: Stage, seed: int) -> bool:
+        """Play the run of a seed, and again while the kill comes too late. Whether the system is as it should be after it."""
+        for attempt in range(MOST_ATTEMPTS):
+            run = Run(stage, drawn(seed, attempt))
+            result = await run.play()
+            if result.missed and attempt == MOST_ATTEMPTS - 1:
+                result.problems.append(f"the kill came too late {MOST_ATTEMPTS} times: {result.missed}")
+                result.missed = ""
+            self.results.append(result)
+            self._keep(result)
+            self._bar.console.print(
+                told(result), style="" if result.recovered else "yellow" if result.missed else "bold red", highlight=False
+            )
+            if result.problems or result.lost:
+                self._leave(stage, run, result)
+                self._bar.advance(self._shown)
+                return False
+            if not result.missed:
+                break
+        self._bar.advance(self._shown)
+        return True
+
+    def _keep(self, result: Result) -> None:
+        with (self._out / "runs.jsonl").open("ab") as file:
+            file.write(msgspec.json.encode(result) + b"\n")
+
+    def _leave(self, stage: Stage, run: Run, result: Result) -> None:
+        """What tells of a run that failed."""
+        folder = self._out / str(result.seed)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "result.json").write_bytes(msgspec.json.format(msgspec.json.encode(result)))
+        (folder / "task.jsonl").write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in run.lines))
+        if run.view is not None:
+            (folder / "task.json").write_bytes(msgspec.json.format(msgspec.json.encode(run.view)))
+        stage.keep(folder)
+
+
+def main() -> int:
+    arguments = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    arguments.add_argument(
+        "--runs", type=int, default=ROUNDS * len(CELLS), help=f"how many; {len(CELLS)} are every message and victim once"
+    )
+    arguments.add_argument("--first", type=int, default=0, help="the seed of the first; the others follow")
+    arguments.add_argument("--seed", type=int, help="the one run of this seed")
+    arguments.add_argument("--systems", type=int, default=2, help="how many systems are started, to play in all of them at the same time")
+    arguments.add_argument("--out", type=Path, default=Path("out/kill-runs"))
+    wanted = arguments.parse_args()
+    seeds = [wanted.seed] if wanted.seed is not None else [*range(wanted.first, wanted.first + wanted.runs)]
+    shutil.rmtree(wanted.out, ignore_errors=True)
+    wanted.out.mkdir(parents=True)
+    console = Console(width=None if sys.stdout.isatty() else 200)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console) as bar:
+        series = Series(seeds, wanted.out, bar)
+        results = asyncio.run(series.play(min(wanted.systems, len(seeds))))
+    summary(results, console)
+    passed, failed = sum(one.recovered for one in results), sum(not one.recovered and not one.missed for one in results)
+    print(f"{passed} passed, {failed} failed")
+    return 0 if passed == len(seeds) and not failed else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

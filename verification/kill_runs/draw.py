@@ -1,0 +1,95 @@
+"""What is drawn from a seed: which message, which victim, in which play, at which moment, and for how long it is away."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+from enum import StrEnum
+
+from somrs.protocol.clients import Policy
+from somrs.protocol.states import TO_COORDINATOR, TO_PARTICIPANT
+from verification.kill_runs.plays import PLACES, THINGS, Play, plays_of
+
+MESSAGES = tuple(dict.fromkeys(kind.__name__ for kind in (*TO_PARTICIPANT, *TO_COORDINATOR)))
+"""Every type of message of the Failure Recovery Protocol."""
+
+MOST_DELAY = 0.02
+"""Seconds from the message to the kill: by then the message may be on its way, handled, kept, or answered."""
+MOST_PAUSE = 3.0
+"""Seconds for which the victim is away."""
+MOST_ATTEMPTS = 4
+"""How often a run is begun anew when its kill came too late."""
+IMPOSSIBLE = "Jar003"
+"""Nothing can be put on it."""
+
+
+class Victim(StrEnum):
+    """What is struck."""
+
+    TASK_MANAGER = "task-manager"
+    DEVICE = "device"
+    """The process of the Service Manager of a device that was asked to take part."""
+    REGISTRY = "registry"
+    REPOSITORY = "repository"
+    LINK = "link"
+    """The connection between a device's Service Manager and the simulator: cut, and refused until it is mended."""
+
+
+CELLS = tuple((message, victim) for message in MESSAGES for victim in Victim)
+"""Every message with every victim; a seed stands for one of them, so that as many seeds in a row are all of them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One run. The victim is struck `delay` seconds after message number `nth` of the type, for `pause` seconds."""
+
+    seed: int
+    attempt: int
+    message: str
+    victim: Victim
+    play: Play
+    wanted: tuple[tuple[str, str], ...]
+    """Things, and where they are wanted."""
+    policy: Policy
+    nth: int
+    delay: float
+    pause: float
+    which: float
+    """Which of the devices, from 0 to 1: up to a half, the one that the message is from or for."""
+
+    @property
+    def wish(self) -> str:
+        return " AND ".join(f"{thing} isOn {place}" for thing, place in self.wanted)
+
+    def __str__(self) -> str:
+        when = f"{self.message} {self.nth}" + (f" + {self.delay * 1000:.0f} ms" if self.delay else "")
+        return f"{self.play.name} ({self.wish}): the {self.victim} is struck at {when}, for {self.pause:.1f} s"
+
+
+def drawn(seed: int, attempt: int = 0) -> Case:
+    """The run of a seed; a later attempt is another draw for the same message and victim."""
+    chance = random.Random(f"{seed}/{attempt}")
+    message, victim = CELLS[seed % len(CELLS)]
+    play = chance.choice(plays_of(message))
+    things = chance.sample(THINGS, chance.randint(1, play.most_things))
+    wanted = tuple((thing, chance.choice([place for place in PLACES if place != HOMES[thing]])) for thing in things)
+    if not play.possible:
+        wanted = (("Carton001", IMPOSSIBLE),)
+    most = 1 if attempt == MOST_ATTEMPTS - 1 else play.count(message, len(wanted))
+    return Case(
+        seed=seed,
+        attempt=attempt,
+        message=message,
+        victim=victim,
+        play=play,
+        wanted=wanted,
+        policy=chance.choice((Policy.PRICE, Policy.TIME)) if not (play.broken or play.breaks) else Policy.PRICE,
+        nth=chance.randint(1, most),
+        delay=chance.choice((0.0, 0.0, chance.uniform(0.0, MOST_DELAY))),
+        pause=chance.uniform(0.0, MOST_PAUSE),
+        which=chance.random(),
+    )
+
+
+HOMES = {"Jar002": "Cupboard001", "Jar003": "Cupboard001", "Carton001": "Table002"}
+"""Where things stand when a run begins."""
