@@ -2,6 +2,8 @@
 PYTHON ?= python3
 SCENARIO ?= 1b
 RUNS ?= 20
+N ?= 1000
+SEED_BASE ?= 0
 BIN := .venv/bin
 
 .PHONY: setup demo test lint scenarios benchmarks bench-coordination docs clean kill-runs
@@ -26,6 +28,9 @@ lint: setup
 # Slow suites: each prints `N passed, N failed`.
 scenarios: setup
 	@$(BIN)/python scripts/scenarios.py --runs $(RUNS)
+
+fault-runs: setup
+	@$(BIN)/python -m verification.fault_runs $(if $(SEED),--seed $(SEED),--runs $(N) --seed-base $(SEED_BASE))
 
 benchmarks: setup
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done

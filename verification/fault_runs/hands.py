@@ -243,10 +243,10 @@ class DeviceManager(ServiceManager):
 
     def forgotten_by(self, after: DeviceManager) -> str | None:
         """What this one knew and its next life does not."""
-        for (transaction, participant), job in self._jobs.items():
-            known = after.state(transaction, participant)
+        for job in self._jobs:
+            known = after.state(*job.key)
             if known is not job.session.state:
-                return f"{participant} in {transaction} was {job.session.state}, and is {known}"
+                return f"{job.key[1]} in {job.key[0]} was {job.session.state}, and is {known}"
         return None
 
     def handle(self, event: Input, now: float) -> list[Effect]:

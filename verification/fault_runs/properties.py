@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from somrs.entish.parse import parse
+from somrs.ontology.truth import holds
 from somrs.planner.problem import Problem
 from somrs.protocol import frp
 from somrs.protocol.clients import TaskRecord, TaskView, WorkView
@@ -98,7 +100,8 @@ class Witness:
         self._contracted(labour)
 
     def _contracted(self, labour: Labour) -> None:
-        """FRP, property 2. A contract is made when its Accept is taken by the participant while its Terms hold; it may begin later."""
+        """FRP, property 2. A contract is made when its Accept is taken by the participant while its Terms hold; it may begin later. An
+        Execute names the Terms, too: it is as good as an Accept that is lost or late."""
         pair = labour.transaction, labour.participant
         terms, taken = self._terms.get(pair), self._taken.get(pair)
         if terms is None or pair not in self._accepted:
@@ -129,7 +132,7 @@ class Witness:
                     self._updates[normalised_id(message.header.message_id)] = author, situation
                 case frp.Terms() as terms:
                     self._terms[pair] = terms
-                case frp.Accept():
+                case frp.Accept() | frp.Execute():
                     self._accepted[pair] = None
                 case frp.End() | frp.Cancel() | frp.Refuse():
                     self._released.add(pair)
@@ -205,6 +208,8 @@ class Witness:
         if decided is not None and decided is not seen.outcome:
             raise Violation(Property.RESTART, f"{task.id} was to end {decided}, and ended {seen.outcome}")
         if seen.outcome is Outcome.ACCOMPLISHED:
+            if not holds(parse(seen.effect), task.setting.replica.map, task.setting.replica.ontology):
+                raise Violation(Property.MAP, f"{task.id} ended accomplished, and {seen.effect} is not so on the map")
             return
         if not seen.explanation:
             raise Violation(Property.SILENCE, f"{task.id} ended {seen.outcome}, and nothing says why")
@@ -279,6 +284,9 @@ class Witness:
         for pair in self._accepted:
             if pair not in self._released:
                 raise Violation(Property.ORPHAN, f"{pair[1]} in {pair[0]} was committed, and nobody tells it that it is over")
+        for message in stage.world.messages:
+            if isinstance(message.body, frp.Fault) and message.header.sender in stage.managers and message.header.participant is not None:
+                raise Violation(Property.BREAKS, f"{message.header.participant} said what may not be said: {message.body.text}")
         for hands, labour in stage.working:
             raise Violation(Property.ORPHAN, f"{hands.name} is still at {labour.participant}")
         records: dict[str, TaskRecord] = {}
