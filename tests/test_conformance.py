@@ -102,7 +102,9 @@ def test_checking_what_an_update_touched_finds_what_checking_all_finds(demo: Map
         changes = [*changes, ObjectRemoved(data.draw(st.sampled_from([*demo.objects])))]
     after = demo.changed(changes)
     # That the map lacks a root at all is said of the map, not of an object.
-    assert said(violations_of(after, upper(), touched(demo, changes))) == said(violations(after, upper())) - {("map", "root")}
+    expected = said(violations(after, upper())) - {("map", "root")}
+    assert said(violations_of(after, upper(), touched(demo, changes))) == expected
+    assert said(violations_of(after, upper(), touched(demo, changes), demo)) == expected, "what did not change is in order"
 
 
 def test_constraint_speaks_of_sub_objects(demo: Map) -> None:
@@ -130,6 +132,7 @@ def test_constraint_speaks_of_sub_objects(demo: Map) -> None:
     assert violations(mended, ontology) == []
     raised = mended.changed([ValueSet("LowWall", "Shape.Height", 2.5)])
     assert said(violations_of(raised, ontology, ["LowWall"])) == {("Cellar", "constraint")}
+    assert said(violations_of(raised, ontology, ["LowWall"], mended)) == {("Cellar", "constraint")}
 
 
 def test_ontology_made_by_a_program_is_checked_too() -> None:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from somrs.entish import Name
-from somrs.entish.formula import substitute
+from somrs.entish.formula import Attribute, Call, Comparison, Not, literals, substitute, terms, variables
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectRemoved, objects_of
 from somrs.ontology.truth import holds
@@ -42,12 +42,13 @@ def violations(map: Map, ontology: Ontology) -> list[Violation]:
     return [*checker.rootless(), *checker.all()]
 
 
-def violations_of(map: Map, ontology: Ontology, objects: Iterable[str]) -> list[Violation]:
+def violations_of(map: Map, ontology: Ontology, objects: Iterable[str], before: Map | None = None) -> list[Violation]:
     """What is wrong with these objects, the facts about them, and what they are part of: what an update of them may have broken.
 
-    `touched` tells which objects changes concern.
+    `touched` tells which objects changes concern. With the map `before`, which was in order, an object whose values are as they were
+    there is not looked at for its values again.
     """
-    return [*_Checker(map, ontology, set(objects)).all()]
+    return [*_Checker(map, ontology, set(objects), before).all()]
 
 
 def touched(before: Map, changes: Iterable[Change]) -> set[str]:
@@ -63,8 +64,8 @@ def touched(before: Map, changes: Iterable[Change]) -> set[str]:
 class _Checker:
     """One pass over the map, or over what the `touched` objects concern."""
 
-    def __init__(self, map: Map, ontology: Ontology, touched: set[str] | None) -> None:
-        self.map, self.ontology, self.touched = map, ontology, touched
+    def __init__(self, map: Map, ontology: Ontology, touched: set[str] | None, before: Map | None = None) -> None:
+        self.map, self.ontology, self.touched, self.before = map, ontology, touched, before
         self.by_first: dict[str, list[Fact]] = {}
         self.facts: list[Fact] = []
         self.parts: dict[str, list[str]] = {}
@@ -111,11 +112,13 @@ class _Checker:
                 yield Violation(subject=name, rule="unknown-type", message=message, path="type")
                 continue
             schema = self._schema(object.type)
-            wrong = [*self._values(object, schema)]
+            same = self.before is not None and self.before.objects.get(name) is object
+            wrong = [*self._values(object, schema)] if not same else []
             yield from wrong
             yield from self._parts(object, schema)
             yield from self._place(object, schema)
-            yield from self._constraints(object, schema, {violation.path for violation in wrong})
+            constraints = schema.constraints if not same else schema.about_others
+            yield from self._constraints(object, constraints, schema, {violation.path for violation in wrong})
         for fact in self.facts:
             yield from self._fact(fact)
         for name, facts in self.by_first.items():
@@ -191,9 +194,11 @@ class _Checker:
             message = "is nowhere: it is part of nothing, has no position, and no fact such as isOn says where it is"
             yield Violation(subject=object.name, rule="place", message=message)
 
-    def _constraints(self, object: Object, schema: _Schema, wrong: set[str]) -> Iterator[Violation]:
+    def _constraints(
+        self, object: Object, constraints: Iterable[tuple[str, Constraint]], schema: _Schema, wrong: set[str]
+    ) -> Iterator[Violation]:
         """Constraints on values that are `wrong` already are left out, and formulas as soon as any value is."""
-        for owner, constraint in schema.constraints:
+        for owner, constraint in constraints:
             if constraint.formula is not None:
                 if not wrong and not self._holds(object, constraint.formula):
                     message = f"{constraint.doc or f'every {owner} obeys {constraint.formula}'}; this one does not"
@@ -240,15 +245,26 @@ class _Checker:
                     yield Violation(subject=str(fact), rule=rule, message=message)
 
 
+def _is_about_itself(text: str) -> bool:
+    """Whether a constraint's formula speaks of nothing but the object's own values."""
+    formula = parse(text)
+    atoms = (literal.atom if isinstance(literal, Not) else literal for literal in literals(formula))
+    simple = all(isinstance(atom, Comparison) and not any(isinstance(term, Call) for term in terms(atom)) for atom in atoms)
+    of_others = any(isinstance(term, Attribute) and isinstance(term.of, Name) for term in terms(formula))
+    return simple and not of_others and set(variables(formula)) <= {SELF}
+
+
 class _Schema:
     """What a type asks of its objects, inherited rules included, looked up once for all of them."""
 
     def __init__(self, ontology: Ontology, type_name: str) -> None:
         types: list[ObjectType] = [ontology.types[name] for name in ontology.ancestors(type_name)]
-        self.attributes: dict[str, AttributeType] = ontology.attributes_of(type_name)
+        self.attributes: Mapping[str, AttributeType] = ontology.attributes_of(type_name)
         self.required = tuple(dict.fromkeys(name for type in reversed(types) for name in type.required))
         self.parts = tuple(part for type in types for part in type.parts)
         self.constraints: tuple[tuple[str, Constraint], ...] = tuple((type.name, c) for type in reversed(types) for c in type.constraints)
+        self.about_others = tuple((owner, c) for owner, c in self.constraints if c.formula is not None and not _is_about_itself(c.formula))
+        """Those that may be broken by what happens to other objects."""
         self.defaults: dict[str, Value] = {}
         for type in reversed(types):
             self.defaults.update(type.defaults)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 from somrs.entish.parse import nearest
@@ -142,14 +142,14 @@ def _type(type: ObjectType, ontology: Ontology) -> Iterator[Violation]:
 
 
 def _constraint(
-    type: ObjectType, constraint: Constraint, path: str, attributes: dict[str, AttributeType], ontology: Ontology
+    type: ObjectType, constraint: Constraint, path: str, attributes: Mapping[str, AttributeType], ontology: Ontology
 ) -> Iterator[Violation]:
     if (constraint.attribute is None) == (constraint.formula is None):
         message = "a constraint has either an attribute with limits, or a formula"
         yield Violation(subject=type.name, rule="constraint", message=message, path=path)
     elif constraint.formula is not None:
         yield from _formula(type.name, constraint.formula, ontology, {SELF: type.name}, f"{path}.formula")
-    elif constraint.attribute not in attributes:
+    elif constraint.attribute is None or constraint.attribute not in attributes:
         yield _unknown(type.name, "attribute of this type", str(constraint.attribute), attributes, f"{path}.attribute")
     elif constraint.minimum is None and constraint.maximum is None and not constraint.values:
         message = f"says nothing about {constraint.attribute}; give minimum, maximum or values"

@@ -6,7 +6,7 @@ Every problem is found at once and says its file and line; what follows only fro
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import resources
@@ -214,7 +214,7 @@ class _Reading:
         self.has_map = True
         self.map_file = self.map_file or source
         objects, facts = source.data.get("objects"), source.data.get("facts")
-        kinds: dict[str, dict[str, AttributeType]] = {}
+        kinds: dict[str, Mapping[str, AttributeType]] = {}
         if isinstance(objects, dict):
             for name, body in objects.items():
                 self._object(source, ontology, kinds, name, body, ("objects", name), None)
@@ -226,7 +226,7 @@ class _Reading:
         self,
         source: Source,
         ontology: Ontology,
-        kinds: dict[str, dict[str, AttributeType]],
+        kinds: dict[str, Mapping[str, AttributeType]],
         name: Any,
         body: Any,
         path: Path,
@@ -251,7 +251,7 @@ class _Reading:
             for part, inner in parts.items():
                 self._object(source, ontology, kinds, part, inner, (*path, "parts", part), name)
 
-    def _values(self, name: str, body: dict[str, Any], kinds: dict[str, AttributeType], place: _Place) -> dict[str, Value]:
+    def _values(self, name: str, body: dict[str, Any], kinds: Mapping[str, AttributeType], place: _Place) -> dict[str, Value]:
         values: dict[str, Value] = {}
         written = [(path, value, path) for path, value in flat({key: value for key, value in body.items() if key not in RESERVED})]
         if isinstance(at := body.get("at"), list):

@@ -6,7 +6,7 @@ constraints. Effects need to know a little more of relations: what is functional
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from enum import StrEnum
 
 from msgspec import Struct
@@ -129,6 +129,8 @@ class Ontology:
         self.functions: dict[str, FunctionType] = {}
         self.types: dict[str, ObjectType] = {}
         self.services: dict[str, ServiceType] = {}
+        self._ancestors: dict[str, tuple[str, ...]] = {}
+        self._attributes_of: dict[str, Mapping[str, AttributeType]] = {}
         for definition in definitions:
             match definition:
                 case AttributeType():
@@ -153,14 +155,16 @@ class Ontology:
         """This ontology with more definitions; one with a known name replaces the old one."""
         return Ontology([*self, *definitions])
 
-    def ancestors(self, type_name: str) -> Iterator[str]:
+    def ancestors(self, type_name: str) -> tuple[str, ...]:
         """The type itself, then its parent, and so on up to the root. Unknown types and cycles end the walk."""
-        seen: set[str] = set()
+        if (known := self._ancestors.get(type_name)) is not None:
+            return known
+        seen: dict[str, None] = {}
         current: str | None = type_name
         while current is not None and current in self.types and current not in seen:
-            yield current
-            seen.add(current)
+            seen[current] = None
             current = self.types[current].parent
+        return self._ancestors.setdefault(type_name, tuple(seen))
 
     def is_a(self, type_name: str, ancestor: str) -> bool:
         """Whether every object of `type_name` is one of `ancestor` too."""
@@ -170,13 +174,15 @@ class Ontology:
         """The type itself and every type below it."""
         return (name for name in self.types if self.is_a(name, type_name))
 
-    def attributes_of(self, type_name: str) -> dict[str, AttributeType]:
+    def attributes_of(self, type_name: str) -> Mapping[str, AttributeType]:
         """What objects of the type may have, inherited ones included, complex ones spread out: by path (`Shape.Height`)."""
+        if (known := self._attributes_of.get(type_name)) is not None:
+            return known
         found: dict[str, AttributeType] = {}
         for ancestor in self.ancestors(type_name):
             for name in (*self.types[ancestor].attributes, *self.types[ancestor].required):
                 found.update(self._spread(name, name))
-        return found
+        return self._attributes_of.setdefault(type_name, found)
 
     def _spread(self, name: str, path: str) -> Iterator[tuple[str, AttributeType]]:
         attribute = self.attributes.get(name)

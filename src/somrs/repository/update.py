@@ -176,4 +176,4 @@ def _violations(before: Map, outcome: Outcome, ontology: Ontology) -> list[Viola
     removed = [before.objects[change.name].type for change in outcome.changes if isinstance(change, ObjectRemoved)]
     if any(ontology.is_a(type_name, ABSTRACT) for type_name in removed):
         return violations(outcome.map, ontology)  # it may have been the root, which is nobody's part
-    return violations_of(outcome.map, ontology, outcome.objects) if outcome.changes else []
+    return violations_of(outcome.map, ontology, outcome.objects, before) if outcome.changes else []

@@ -250,14 +250,14 @@ class TaskManager:
         else:
             self._until_known.append((version, then))
 
-    def _busy(self, provider: str) -> list[tuple[float, float]]:
-        return [
-            (run.start, run.finish)
-            for transaction in self._open.values()
-            for pursuit in transaction.pursuits
-            for run in pursuit
-            if run.progress in (Progress.ARRANGED, Progress.EXECUTING) and run.member is not None and run.member.offer.provider == provider
-        ]
+    def _busy(self) -> dict[str, list[tuple[float, float]]]:
+        found: dict[str, list[tuple[float, float]]] = {}
+        for transaction in self._open.values():
+            for pursuit in transaction.pursuits:
+                for run in pursuit:
+                    if run.progress in (Progress.ARRANGED, Progress.EXECUTING) and run.member is not None:
+                        found.setdefault(run.member.offer.provider, []).append((run.start, run.finish))
+        return found
 
     # Speaking
 

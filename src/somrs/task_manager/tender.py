@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from somrs.protocol import frp
@@ -16,8 +16,8 @@ from somrs.task_manager.workflow import Progress, StepRun
 REPLY_TIME = 10.0
 """Seconds that services have to answer Arrange."""
 
-Busy = Callable[[str], Iterable[tuple[float, float]]]
-"""From when until when a provider is committed."""
+Busy = Callable[[], Mapping[str, Sequence[tuple[float, float]]]]
+"""From when until when each provider is committed."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -57,7 +57,8 @@ class Tender:
                 member.last_word = self.run.excluded[member.offer.service] = "did not answer"
                 participants.dismiss(member, "no answer in time", now)
         bidders = {m.id: (m, m.bid) for m in self.invited if m.bid is not None and m.state is State.OFFERED}
-        bids = [fitted(bid, busy(m.offer.provider)) for m, bid in bidders.values() if m.offer.service not in broken]
+        taken = busy()
+        bids = [fitted(bid, taken.get(m.offer.provider, ())) for m, bid in bidders.values() if m.offer.service not in broken]
         if self.latest is not None:
             for late in [one for one in bids if one.finish > self.latest]:
                 member, _ = bidders[late.participant]
@@ -88,16 +89,19 @@ def call(run: StepRun, offers: Sequence[Offer], participants: Participants, earl
     precondition = run.precondition or run.step.precondition
     run.progress = Progress.ARRANGING
 
-    def arrange(offer: Offer) -> frp.Arrange:
-        return frp.Arrange(
-            service_type=offer.service_type.name,
-            inputs={name: str(term) for name, term in run.step.inputs.items()},
-            effect=str(run.step.effect),
+    inputs = {name: str(term) for name, term in run.step.inputs.items()}
+    effect = str(run.step.effect)
+    arranges = {
+        service_type: frp.Arrange(
+            service_type=service_type,
+            inputs=inputs,
+            effect=effect,
             precondition=str(precondition) if precondition is not None else None,
             earliest_start=earliest,
             latest_finish=latest,
             reply_by=now + REPLY_TIME,
         )
-
-    invited = [participants.invite(offer, run.label, run.key, arrange(offer), now, REPLY_TIME) for offer in offers]
+        for service_type in dict.fromkeys(offer.service_type.name for offer in offers)
+    }
+    invited = [participants.invite(offer, run.label, run.key, arranges[offer.service_type.name], now, REPLY_TIME) for offer in offers]
     return Tender(run=run, invited=invited, earliest=earliest, latest=latest, until=now + REPLY_TIME)
