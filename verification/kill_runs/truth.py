@@ -17,6 +17,7 @@ from somrs.protocol.knowledge import Event
 from somrs.task_manager.participants import SILENCE
 from verification.kill_runs.bystanders import AUTHOR, PATH, Acknowledged
 from verification.kill_runs.draw import HOMES, Case, Victim
+from verification.kill_runs.plays import ROBOTS
 
 REPORTS = ("Completed", "Failed", "Stopped", "Refuse", "Fault", "Status")
 """What a participant that was told to execute says when it does not work any more; a Status, when it has forgotten its contract."""
@@ -53,15 +54,21 @@ def outcome(case: Case, view: TaskView, struck: str, cancelled_at: float | None)
     too_late = Outcome.CANCELLED in case.play.ends and (cancelled_at is None or view.ended_at is None or cancelled_at > view.ended_at)
     if too_late and view.outcome is Outcome.ACCOMPLISHED:
         return
-    # A Service Manager that is killed at work reports Failed. In these plays, the other robot cannot take over, or has failed, too.
-    may_fail = case.victim is Victim.DEVICE and case.play.one_robot and struck in view.explanation
+    # A Service Manager that is killed at work reports Failed; the other robot may not be able to take over, or have failed, too.
+    may_fail = case.victim is Victim.DEVICE and (case.play.one_robot or nobody_left(view)) and struck in view.explanation
     if not (may_fail and view.outcome is Outcome.FAILED):
         yield f"the outcome is {view.outcome}, and without the kill it is {' or '.join(case.play.ends)}: {view.explanation}"
 
 
+def nobody_left(view: TaskView) -> bool:
+    """Whether all robots that carry things failed in the task. One may, without a kill, when the other stands where it has to."""
+    failed = {work.service.partition(".")[0] for work in view.work if work.state in (State.FAILED, State.STRANDED, State.UNREACHABLE)}
+    return failed >= set(ROBOTS)
+
+
 def undone(case: Case, view: TaskView, map: Map) -> Iterator[str]:
-    """When the task was cancelled, everything is where it was; but a device that was killed while it was to undo, may have failed."""
-    if view.outcome is Outcome.CANCELLED and case.victim is not Victim.DEVICE:
+    """When the task was cancelled, everything is where it was; unless there was no robot left that could undo it."""
+    if view.outcome is Outcome.CANCELLED and case.victim is not Victim.DEVICE and not nobody_left(view):
         for thing, home in HOMES.items():
             if [fact[1] for fact in map.facts_with("isOn", 0, thing)] != [home]:
                 yield f"the task was cancelled, and {thing} is not back on {home}: {view.explanation}"
