@@ -6,7 +6,7 @@ N ?= 1000
 SEED_BASE ?= 0
 BIN := .venv/bin
 
-.PHONY: setup demo test lint scenarios benchmarks bench-coordination docs clean kill-runs
+.PHONY: setup demo test lint scenarios fault-runs model-check benchmarks bench-coordination docs clean kill-runs
 
 setup: .venv/.ready
 
@@ -31,6 +31,10 @@ scenarios: setup
 
 fault-runs: setup
 	@$(BIN)/python -m verification.fault_runs $(if $(SEED),--seed $(SEED),--runs $(N) --seed-base $(SEED_BASE))
+
+# Every state of the protocol that can be reached; with MUTATE=1, each entry of its tables altered in turn.
+model-check: setup
+	@$(BIN)/python -m verification.model_check $(if $(MUTATE),--mutations)
 
 benchmarks: setup
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done

@@ -1,0 +1,78 @@
+"""What can still matter: the states that the tables let a side come to, and the messages that are past having an effect.
+
+A message that changes nothing and is answered by nothing, in every state that its receiver can still come to, is left out of
+the channels; and that a side has heard one is left out of its state when no such message can move it any more. Both
+forget only what makes no difference to anything that can follow, and both are read off the tables as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from somrs.protocol import states
+from somrs.protocol.frp import Cancel, End, State, Status
+from somrs.protocol.states import Kind, Said
+
+
+class Futures:
+    """Of both sides. With `lost_disk`, either may start anew. With `queries`, a Status that knows nothing counts."""
+
+    def __init__(self, *, lost_disk: bool, queries: bool = False) -> None:
+        self.queries = queries or lost_disk
+        participant = {
+            state: {entry.next for entry in row.values()} | set(states.PARTICIPANT_SENDS.get(state, {}).values())
+            for state, row in states.PARTICIPANT.items()
+        }
+        coordinator = {
+            state: {entry.next for entry in row.values()}
+            | set(states.COORDINATOR_SENDS.get(state, {}).values())
+            | ({states.GIVES_UP[state]} if state in states.GIVES_UP else set())
+            for state, row in states.COORDINATOR.items()
+        }
+        if lost_disk:
+            for following in (*participant.values(), *coordinator.values()):
+                following.add(State.NEW)
+        if self.queries:
+            for state in states.CONTRACTED:
+                coordinator[state].add(State.FAILED)
+        self.participant = {state: _reached(state, participant) for state in participant}
+        self.coordinator = {state: _reached(state, coordinator) for state in coordinator}
+
+    def moves_participant(self, state: State, name: str) -> bool:
+        """Whether a message of the type can move the participant, now or later."""
+        return any(states.PARTICIPANT[at][kind].kind is Kind.MOVES for at in self.participant[state] for kind in _named(name, at, True))
+
+    def moves_coordinator(self, state: State, name: str) -> bool:
+        return any(states.COORDINATOR[at][kind].kind is Kind.MOVES for at in self.coordinator[state] for kind in _named(name, at, False))
+
+    def past(self, coordinator: State, participant: State) -> tuple[frozenset[Said], frozenset[Said]]:
+        """The types of messages to the participant, and of those to the coordinator, that can have no effect any more."""
+        down = frozenset(kind for kind in states.TO_PARTICIPANT if self._without_effect_down(participant, kind, frozenset()))
+        silent = End in down and Cancel in down
+        up = frozenset(kind for kind in states.TO_COORDINATOR if self._without_effect_up(coordinator, kind, silent))
+        return frozenset(kind for kind in states.TO_PARTICIPANT if self._without_effect_down(participant, kind, up)), up
+
+    def _without_effect_down(self, participant: State, kind: Said, unheard: frozenset[Said]) -> bool:
+        entries = [states.PARTICIPANT[at][kind] for at in self.participant[participant]]
+        return all(entry.kind is not Kind.MOVES and (entry.send is None or entry.send in unheard) for entry in entries)
+
+    def _without_effect_up(self, coordinator: State, kind: Said, silent: bool) -> bool:
+        """`silent`: End and Cancel, with which a coordinator answers again, have no effect."""
+        if kind is Status and self.queries and self.coordinator[coordinator] & states.CONTRACTED:
+            return False
+        entries = [states.COORDINATOR[at][kind] for at in self.coordinator[coordinator]]
+        return all(entry.kind is not Kind.MOVES and (entry.send is None or (silent and entry.kind is Kind.ALREADY)) for entry in entries)
+
+
+def _named(name: str, at: State, participant: bool) -> Iterable[Said]:
+    row = (states.PARTICIPANT if participant else states.COORDINATOR)[at]
+    return (kind for kind in row if kind.__name__ == name)
+
+
+def _reached(state: State, following: dict[State, set[State]]) -> frozenset[State]:
+    found, waiting = {state}, [state]
+    while waiting:
+        for one in following[waiting.pop()] - found:
+            found.add(one)
+            waiting.append(one)
+    return frozenset(found)

@@ -1,0 +1,100 @@
+"""What must hold, named as in the protocol's design, and how a state of one participant's part can break it.
+
+Property 1 takes two participants and is `pair.py`'s; 3 and 7 are about all states together and are `explore.py`'s. Property 5, that
+the map tells the truth, is about the Task Manager's data and is tested with faults in running systems, not here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import StrEnum
+
+from somrs.protocol import states
+from somrs.protocol.frp import Accept, State
+from verification.model_check.coordinator import UNDONE_AT_LAST, Coordinator, Phase
+from verification.model_check.participant import Deed, Participant
+
+
+class Property(StrEnum):
+    """In the order in which they are printed."""
+
+    FITS = "no invalid state"
+    HANDS = "1 no double hands"
+    CONTRACT = "2 no work without a contract"
+    HOME = "3 everyone goes home"
+    HALF_DONE = "4 nothing half-done in silence"
+    ORPHAN = "6 no orphan"
+    RESTART = "7 restart changes nothing"
+
+
+Wrong = tuple[Property, str]
+
+REPORTS = frozenset((State.COMPLETED, State.FAILED, State.STOPPED, State.COMPENSATED, State.STRANDED))
+"""The coordinator's states that stand for a report, by the same name, that its participant has made."""
+
+Outcome = tuple[Phase, Deed, State | None]
+"""How the transaction ended for one participant: the outcome, what was really done, and what the coordinator last knew of it."""
+
+
+def wrongs(coordinator: Coordinator, participant: Participant) -> Iterator[Wrong]:
+    """What is wrong with the two states together. A side that lost its disk is not held to what it no longer knows."""
+    believed, real = coordinator.session.state, participant.session.state
+    if coordinator.phase is Phase.LOST:
+        return
+    if not participant.forgot:
+        yield from _fits(coordinator, participant)
+        yield from _contract(coordinator, participant)
+    if coordinator.phase is Phase.BROKEN and not _told(coordinator, participant):
+        yield Property.HALF_DONE, f"the work was {participant.deed.value}, and the coordinator last knew {coordinator.left}"
+    if coordinator.phase in (Phase.ACCOMPLISHED, Phase.BROKEN) and believed not in (State.NEW, State.ENDED):
+        yield Property.ORPHAN, f"the transaction is over, and {believed} was not told so"
+    dismissed = {"End", "Cancel"} & coordinator.session.said.keys()
+    if believed is State.ENDED and participant.committed and not dismissed:
+        yield Property.ORPHAN, f"the coordinator is done with a committed participant that is {real}, and told it nothing"
+
+
+def _fits(coordinator: Coordinator, participant: Participant) -> Iterator[Wrong]:
+    if coordinator.given_up:
+        return  # nothing is believed of it
+    believed = coordinator.session.state
+    known = coordinator.left if believed is State.ENDED else believed
+    if known in REPORTS and known.value not in participant.session.said:
+        yield Property.FITS, f"the coordinator holds it for {known}, and it never said so"
+    if participant.moving and believed not in states.HOLDS:
+        yield Property.FITS, f"its device moves, and the coordinator holds it for {believed}"
+
+
+def _contract(coordinator: Coordinator, participant: Participant) -> Iterator[Wrong]:
+    said, session = coordinator.session.said, participant.session
+    accept, terms = said.get("Accept"), session.said.get("Terms")
+    agreed = accept is not None and terms is not None and isinstance(accept.body, Accept) and accept.body.terms == terms.id
+    if participant.deed is not Deed.NOTHING and not (agreed and "Execute" in said):
+        yield Property.CONTRACT, "it began without terms that were accepted, or without an Execute"
+    if participant.deed is not Deed.NOTHING and "Refuse" in session.said:
+        yield Property.CONTRACT, "it began on terms that had expired"
+    if session.state is State.COMPENSATING and "Compensate" not in said:
+        yield Property.CONTRACT, "it undoes what nobody asked it to undo"
+
+
+def _told(coordinator: Coordinator, participant: Participant) -> bool:
+    """Whether the client is told how the work was left."""
+    left = coordinator.left
+    if participant.deed is Deed.NOTHING or coordinator.given_up or left is State.STRANDED:
+        return True
+    if left is State.COMPENSATED:
+        return participant.deed is Deed.UNDONE or participant.forgot
+    return coordinator.overdue and left in UNDONE_AT_LAST
+
+
+def at_home(coordinator: Coordinator, participant: Participant) -> bool:
+    """Whether the transaction is over for both, and the device at rest."""
+    real = participant.session.state
+    if coordinator.phase in (Phase.OPEN, Phase.STOPPING) or coordinator.session.state not in (State.NEW, State.ENDED) or participant.moving:
+        return False
+    if coordinator.phase is Phase.LOST or participant.forgot:  # there may be nobody to say End, or no reason to, but the device is free
+        return real in REPORTS | {State.NEW, State.ENDED}
+    return real is State.ENDED or (real is State.NEW and coordinator.session.state is State.NEW)
+
+
+def outcome(coordinator: Coordinator, participant: Participant) -> Outcome:
+    return coordinator.phase, participant.deed, coordinator.left
