@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from somrs.app.virtual import Work
-from somrs.ontology.objects import Change, ValueSet
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ValueSet
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol import frp
 from somrs.protocol.clients import CancelTask, Policy, TaskRecord, TaskView
@@ -118,6 +118,20 @@ def test_what_a_failure_left_in_the_way_is_undone_and_the_step_begun_again() -> 
     said = [pair for pair in system.said(task) if pair[1] == "Robot1"]
     assert said[-3:] == [("Compensate", "Robot1"), ("Compensated", "Robot1"), ("End", "Robot1")]
     assert view.steps[0].service == "Robot2.TransferObject"
+
+
+def test_who_cannot_undo_says_nothing_of_where_things_are_by_now() -> None:
+    """FRP, property 5: what it left is long ago, and somebody has told since."""
+    system = VirtualSystem(Robot("Robot1", 10, 60))
+    task = system.submit(BOTH)
+    until_one_is_done(system, task)
+    jar = next(step.inputs["Object"] for step in system.view(task).steps if step.state is State.COMPLETED)
+    update(system, FactRemoved(Fact("isOn", (jar, "Platform001"))), FactAdded(Fact("isHeldBy", (jar, "Robot4"))))
+    system.ask(CancelTask(task=task))
+    (view,) = system.finish(task)
+    assert jar in [work.inputs["Object"] for work in view.work if work.state is State.STRANDED]
+    assert system.map.holds("isHeldBy", (jar, "Robot4"))
+    assert not system.map.holds("isOn", (jar, "Platform001"))
 
 
 def test_a_robot_that_falls_silent_while_it_undoes_holds_nobody_up() -> None:

@@ -134,6 +134,8 @@ class ServiceManager:
                     inputs={**job.order.inputs, **message.body.inputs},
                     precondition=message.body.precondition or job.order.precondition,
                 )
+            if isinstance(message.body, frp.Compensate):
+                job.situation = None  # others may have gone on from what it left
             self._keep(job)
         self._effects += [Send(answer, now + REPORT_TIME if answer.header.recipient != ANONYMOUS else None) for answer in heard.answers]
         if heard.moved:
@@ -289,17 +291,19 @@ class ServiceManager:
             valid_until=now + self.profile.valid_for,
         )
 
+    def _done(self, job: Job, doing: str, value: Done) -> frp.Completed | frp.Compensated:
+        if doing == "Perform":
+            return frp.Completed(situation=job.situation or "", outputs=value.outputs)
+        wanted = job.session.heard["Compensate"].body
+        assert isinstance(wanted, frp.Compensate), "only what was told to is undone"
+        return frp.Compensated(situation=job.situation or wanted.situation)
+
     def _came_to(self, job: Job, doing: str, value: object, now: float) -> None:
         """The service, or its undoing, came to an end: it is done, it failed, it was interrupted, or its code is broken."""
         if isinstance(value, Done):
             job.fraction, job.situation = 1.0, value.situation or job.situation
             if job.session.state in WORKING:
-                done = job.situation or ""
-                self._say(
-                    job,
-                    frp.Completed(situation=done, outputs=value.outputs) if doing == "Perform" else frp.Compensated(situation=done),
-                    now,
-                )
+                self._say(job, self._done(job, doing, value), now)
             return
         if isinstance(value, ServiceFailed):
             job.situation = value.situation or job.situation
