@@ -2,8 +2,6 @@
 PYTHON ?= python3
 SCENARIO ?= 1b
 RUNS ?= 20
-N ?= 1000
-SEED_BASE ?= 0
 BIN := .venv/bin
 
 .PHONY: setup demo test lint scenarios fault-runs model-check benchmarks bench-coordination docs clean kill-runs
@@ -30,7 +28,7 @@ scenarios: setup
 	@$(BIN)/python scripts/scenarios.py --runs $(RUNS)
 
 fault-runs: setup
-	@$(BIN)/python -m verification.fault_runs $(if $(SEED),--seed $(SEED),--runs $(N) --seed-base $(SEED_BASE))
+	@$(BIN)/python -m verification.fault_runs $(if $(SEED),--seed $(SEED),--runs $(or $(N),1000) --seed-base $(or $(SEED_BASE),0))
 
 # Every state of the protocol that can be reached; with MUTATE=1, each entry of its tables altered in turn.
 model-check: setup
