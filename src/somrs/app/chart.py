@@ -45,8 +45,9 @@ def chart(lines: Sequence[Line], title: str) -> str:
         f'<text x="{LEFT - 60}" y="28" font-size="16" font-weight="600">{escape(title)}</text>',
     ]
     for party, x in place.items():
+        half = max(100, 4 * len(party) + 14)
         drawn.append(f'<line class="life" x1="{x}" y1="{TOP - 14}" x2="{x}" y2="{height - 20}"/>')
-        drawn.append(f'<rect class="head" x="{x - 100}" y="{TOP - 46}" width="200" height="30" rx="6"/>')
+        drawn.append(f'<rect class="head" x="{x - half}" y="{TOP - 46}" width="{2 * half}" height="30" rx="6"/>')
         drawn.append(f'<text class="name" x="{x}" y="{TOP - 26}">{escape(party)}</text>')
     start = lines[0].at if lines else 0.0
     for number, line in enumerate(lines):
