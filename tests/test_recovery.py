@@ -10,7 +10,7 @@ from somrs.protocol.clients import CancelTask, Policy, TaskRecord, TaskView
 from somrs.protocol.envelope import Header, Message, message_id
 from somrs.protocol.frp import Outcome, State
 from somrs.protocol.knowledge import UpdateMap
-from somrs.service_manager.orders import Advance, Done, Order, ServiceFailed
+from somrs.service_manager.orders import Advance, Done, Halt, Order, ServiceFailed
 from virtual_system import Robot, Script, VirtualSystem, done
 
 WISH = "Jar002 isOn Platform001"
@@ -118,6 +118,34 @@ def test_what_a_failure_left_in_the_way_is_undone_and_the_step_begun_again() -> 
     said = [pair for pair in system.said(task) if pair[1] == "Robot1"]
     assert said[-3:] == [("Compensate", "Robot1"), ("Compensated", "Robot1"), ("End", "Robot1")]
     assert view.steps[0].service == "Robot2.TransferObject"
+
+
+def test_nobody_takes_over_from_a_robot_that_may_still_be_undoing() -> None:
+    """FRP, property 1: it shows that it is alive, and does not come to an end."""
+    halted: list[float] = []
+
+    def never(order: Order, situation: str) -> Work:
+        yield 1e9, Done()
+
+    def carries(task: object) -> Work:
+        if isinstance(task, Halt):
+            yield 15.0, Done()
+            halted.append(system.world.now)
+        else:
+            yield from robot.carry_out(task)
+
+    robot = Robot("Robot1", 10, 5, undoes=never)
+    system = patrolled("Platform001", robot, Robot("Robot2", 25, 5))
+    system.world.remove("devices/Robot1")
+    system.world.add("devices/Robot1", system.devices["Robot1"], carries)
+    task = system.submit(BOTH)
+    until_one_is_done(system, task)
+    system.ask(CancelTask(task=task))
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.CANCELLED
+    undone = [work for work in view.work if work.step.startswith("undo")]
+    assert undone
+    assert min(work.began for work in undone) > max(halted)
 
 
 def test_who_cannot_undo_says_nothing_of_where_things_are_by_now() -> None:

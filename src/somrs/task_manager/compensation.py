@@ -63,7 +63,7 @@ class Undoing:
                     return True
                 self._work = self._left.popleft()
                 self._attempts = deque(_Attempt)
-            elif self._work.member.state is State.COMPENSATING:
+            elif self._work.member.state is State.COMPENSATING or self._work.member.halting:
                 return False
             elif self._work.state is State.COMPENSATED or self._is_as_it_was(self._work):
                 self._settle(self._work, State.COMPENSATED, "is undone", now)

@@ -48,6 +48,8 @@ class Member:
     """The version of the map when it was given up."""
     reported: bool = False
     """It said how its work ended."""
+    halting: bool = False
+    """It was sent home while it undid its work, and may be moving still."""
     left_in: State | None = None
     """Where it was when the transaction ended."""
 
@@ -208,11 +210,21 @@ class Participants:
         return None
 
     def overdue(self, participant: str, now: float) -> Member | None:
-        """It takes far longer than it said. One that executes is stopped; one that does not come to an end then is given up, and
-        returned."""
+        """It takes far longer than it said. One that executes is stopped; one that undoes is sent home, which stops it, too; one that
+        does not come to an end then is given up, and returned."""
         member = self._members.get(participant)
-        if member is None or member.state not in WORKING:
+        if member is None or not (member.state in WORKING or member.halting):
             return None
+        if member.state is State.COMPENSATING:
+            self._tell(now, f"{member.offer.service} takes far longer to undo it than it said; sending it home")
+            self.give_up(member)
+            self._send(member, frp.End(outcome=Outcome.FAILED), now, GOODBYE_TIME)
+            member.halting = True
+            self._setting.effects.append(Wake(self._timer("overdue", member), now + SILENCE))
+            return None
+        if member.halting:
+            member.halting = False
+            return member
         if member.state is State.EXECUTING:
             self._tell(now, f"{member.offer.service} takes far longer than it said; stopping it")
             self.halt(member, "it takes far longer than it said", now)
