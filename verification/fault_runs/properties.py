@@ -93,8 +93,8 @@ class Witness:
     def began(self, hands: Hands, labour: Labour) -> None:
         """A device begins to work, or to undo its work."""
         self._hear()
-        for other, its in self._stage.working if labour.order.method != LOOKING and labour.kind == "Perform" else ():
-            if its is not labour and its.kind == "Perform" and (its.transaction, its.object) == (labour.transaction, labour.object):
+        for other, its in self._stage.working if labour.order.method != LOOKING else ():
+            if its is not labour and (its.transaction, its.object) == (labour.transaction, labour.object):
                 text = f"{hands.name} begins {labour.participant} ({labour.kind}) while {other.name} is at {its.participant} ({its.kind})"
                 raise Violation(Property.HANDS, f"{text}; both have their hands on {labour.object} for {labour.transaction}")
         self._contracted(labour)
@@ -289,6 +289,7 @@ class Witness:
                 raise Violation(Property.BREAKS, f"{message.header.participant} said what may not be said: {message.body.text}")
         for hands, labour in stage.working:
             raise Violation(Property.ORPHAN, f"{hands.name} is still at {labour.participant}")
+        self._map_is_true()
         records: dict[str, TaskRecord] = {}
         for address in stage.managers:
             for entry in stage.world.records[address]:
@@ -299,6 +300,19 @@ class Witness:
             known = manager.transactions[task].outcome if manager is not None and task in manager.transactions else None
             if known is None or task not in records or records[task].outcome is not known:
                 raise Violation(Property.RESTART, f"{task} was taken, and is not on record as it ended")
+
+    def _map_is_true(self) -> None:
+        """At the end, when everything that was done has been reported: by whoever did it, or seen since. Only of a device that never
+        came back may the map not know better."""
+        stage, contents = self._stage, self._stage.contents
+        assert contents is not None, "whoever shares the Repository waits for it"
+        for deed in {deed.object: deed for deed in stage.reality.deeds}.values():
+            if deed.object in stage.reality.doubtful or f"devices/{deed.who}" not in stage.world.components:
+                continue
+            said = parse(stage.reality.said(deed.object))
+            known = contents.map.objects[deed.object].values.get("Unknown") is not True
+            if known and not holds(said, contents.map, contents.ontology):
+                raise Violation(Property.MAP, f"{deed.who} had {deed.object} {deed.after}, and when all is over the map does not know it")
 
 
 def _deeds(deeds: list[Deed]) -> str:

@@ -304,6 +304,7 @@ class Stage:
             self._tell("a person", f"{move.thing} isOn {move.place}")
 
     def _see(self, object: str) -> None:
+        self.reality.doubtful.add(object)  # what is seen while it moves may be on the map after where it came to rest
         self._tell("a camera", self.reality.said(object))
 
     def _tell(self, who: str, situation: str) -> None:
