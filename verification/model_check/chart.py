@@ -88,13 +88,14 @@ def _lines(link: Link, before: LinkState, move: Move, *, tm: int, sm: int, joint
     becomes = f" [{now}]" if now is not was else ""
     said = [(link.down if at_tm else link.up).name(token) for token in step.says]
     answers = f", says {', '.join(said)}" if said and not step.what.startswith("says ") else ""
-    about = f" to {'AB'[sm // 2]}" if at_tm and tm == 1 and not move.who.startswith("to") else ""
+    about = f" to {'AB'[sm // 2]}" if at_tm and tm == 1 else ""
+    what = step.what if step.what != "gives it up" or tm == 0 else f"gives up {'AB'[sm // 2]}"
     if move.who.startswith("to"):
         yield Line(lane=lane, source=source, text=f"{step.what.removeprefix('hears ')}{becomes}{answers}")
     elif joint:
-        yield Line(lane=lane, text=f"  and{answers}{about}{becomes}")
+        yield Line(lane=lane, text=f"  and{answers}{about if said else ''}{becomes}")
     else:
-        yield Line(lane=lane, text=f"{step.what}{answers}{about}{becomes}")
+        yield Line(lane=lane, text=f"{what}{answers}{about if said else ''}{becomes}")
 
 
 def _drawn(names: tuple[str, ...], lines: list[Line]) -> list[str]:

@@ -11,7 +11,7 @@ from enum import Enum
 from somrs.protocol import frp, states
 from somrs.protocol.frp import State
 from somrs.protocol.session import CoordinatorBody, CoordinatorSession
-from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Side, Step, key, trial
+from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Fair, Side, Step, key, trial
 
 # Bodies say nothing here: what they carry changes no state.
 COORDINATOR_SAYS: dict[type[object], CoordinatorBody] = {
@@ -38,7 +38,7 @@ class Phase(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Coordinator:
-    """The coordinator's side. `left` is the session's state before it ended."""
+    """The coordinator's side. `left` is the session's state before it ended, or its disk was lost."""
 
     session: CoordinatorSession
     phase: Phase = Phase.OPEN
@@ -111,32 +111,32 @@ class Coordinators(Side[Coordinator]):
                 if kind is frp.Compensate and undo:
                     yield self._say(at, kind, joint="claim")
                 elif kind is frp.Accept:
-                    yield self._say(at, kind, joint="claim", fair=True)
+                    yield self._say(at, kind, joint="claim", fair=Fair.YES)
                 elif kind not in (frp.End, frp.Compensate):
-                    yield self._say(at, kind, fair=kind in (frp.Arrange, frp.Execute))
+                    yield self._say(at, kind, fair=Fair.YES if kind in (frp.Arrange, frp.Execute) else Fair.NO)
             yield self._stop(at, "cancel")
             if state in OUT:
-                yield self._stop(at, "fail", fair=True)
+                yield self._stop(at, "fail", fair=Fair.YES)
             if state not in states.WORKING:
-                yield self._end(at, "accomplish+" if state is State.COMPLETED else "accomplish-", Phase.ACCOMPLISHED, fair=True)
+                yield self._end(at, "accomplish+" if state is State.COMPLETED else "accomplish-", Phase.ACCOMPLISHED, fair=Fair.YES)
         elif one.phase is Phase.STOPPING:
             if undo and frp.Compensate in allowed:
-                yield self._say(at, frp.Compensate, joint="claim", fair=True)
+                yield self._say(at, frp.Compensate, joint="claim", fair=Fair.YES)
             if state is State.UNREACHABLE and frp.Stop in allowed:
                 yield self._say(at, frp.Stop)
             if state not in states.WORKING and not undo:
-                yield self._end(at, "end", Phase.BROKEN, fair=True)
+                yield self._end(at, "end", Phase.BROKEN, fair=Fair.YES)
             yield self._end(at, "overdue", Phase.BROKEN)
         if one.phase in (Phase.OPEN, Phase.STOPPING) and state in states.GIVES_UP:
             yield self._give_up(at)
         if self.queries and one.phase in (Phase.OPEN, Phase.STOPPING) and state in states.WORKING:
             yield self._say(at, frp.Query)
 
-    def _say(self, at: int, kind: type[object], *, fair: bool = False, joint: str = "") -> Step:
+    def _say(self, at: int, kind: type[object], *, fair: Fair = Fair.NO, joint: str = "") -> Step:
         what = f"says {kind.__name__}"
         return trial(lambda: self._spoken_up(at, kind, what, fair, joint), what, at)
 
-    def _spoken_up(self, at: int, kind: type[object], what: str, fair: bool, joint: str) -> Step:
+    def _spoken_up(self, at: int, kind: type[object], what: str, fair: Fair, joint: str) -> Step:
         one, session = self.states[at], self.states[at].session.kept()
         if kind is frp.Query:
             session.said = {name: said for name, said in session.said.items() if name != "Query"}
@@ -146,7 +146,7 @@ class Coordinators(Side[Coordinator]):
         message = session.accept() if kind is frp.Accept else session.send(COORDINATOR_SAYS[kind])
         return Step(what, self._moved(one, session, one.phase), (self.says.number(message, session.number),), fair, joint)
 
-    def _stop(self, at: int, rule: str, *, fair: bool = False) -> Step:
+    def _stop(self, at: int, rule: str, *, fair: Fair = Fair.NO) -> Step:
         """As `Participants.stop` of the Task Manager: whoever works is told to stop, the others go home."""
 
         def step() -> Step:
@@ -159,7 +159,7 @@ class Coordinators(Side[Coordinator]):
 
         return trial(step, rule, at)
 
-    def _end(self, at: int, rule: str, phase: Phase, *, fair: bool = False) -> Step:
+    def _end(self, at: int, rule: str, phase: Phase, *, fair: Fair = Fair.NO) -> Step:
         """As `Participants.end` of the Task Manager: End to everyone that was committed, Cancel to the others."""
 
         def step() -> Step:
@@ -186,9 +186,9 @@ class Coordinators(Side[Coordinator]):
         session.give_up()
         return Step("gives it up", self._moved(replace(one, given_up=True), session, one.phase), joint="give up")
 
-    def without_memory(self) -> int:
+    def without_memory(self, at: int) -> int:
         """The state after the Task Manager's disk was lost."""
-        return self._add(Coordinator(session=_fresh_coordinator(), phase=Phase.LOST))
+        return self._add(Coordinator(session=_fresh_coordinator(), phase=Phase.LOST, left=self.states[at].session.state))
 
     def said(self, at: int) -> tuple[int, ...]:
         """Everything it said that its node may send again after a restart; orders only as long as they are wanted."""

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 from verification.model_check.coordinator import Phase
 from verification.model_check.properties import Outcome, Property, at_home, outcome, wrongs
+from verification.model_check.sides import Fair
 from verification.model_check.system import Link, LinkState, Lost, Move
 
 ENDED = (Phase.ACCOMPLISHED, Phase.BROKEN)
@@ -20,7 +21,7 @@ Tick = Callable[[int], None]
 """Told now and then how many states were found."""
 
 
-Kind = tuple[str, bool, bool]
+Kind = tuple[str, Fair, bool]
 """Of a move: the rule of the transaction, whether a fair run has it happen, and whether it is the coordinator's own."""
 
 
@@ -117,12 +118,17 @@ def _note_outcomes(space: Space) -> None:
 
 
 def _everyone_goes_home(space: Space) -> None:
-    """From every state fair moves lead to the end; and the transaction itself can end without a word from the participant."""
+    """From every state fair moves lead to the end; so they do, with a cancel, when work never ends by itself; and the transaction
+    can end without a word from the participant."""
     link = space.link
     home = [n for n, state in enumerate(space.states) if at_home(link.coordinator(state), link.participant(state))]
     fair = {label for label, (_, fair, _) in enumerate(space.kinds) if fair}
     if (stuck := first_without(space, home, fair)) is not None:
         space.falls[Property.HOME] = Falls(property=Property.HOME, why="no fair moves lead from here to the end", state=stuck)
+    endless = {label for label, (joint, fair, _) in enumerate(space.kinds) if fair is Fair.YES or joint == "cancel"}
+    if (stuck := first_without(space, home, endless)) is not None:
+        why = "work that does not end by itself cannot be ended from here"
+        space.falls.setdefault(Property.HOME, Falls(property=Property.HOME, why=why, state=stuck))
     over = [n for n, state in enumerate(space.states) if link.coordinator(state).phase not in (Phase.OPEN, Phase.STOPPING)]
     own = {label for label, (_, _, own) in enumerate(space.kinds) if own}
     if (stuck := first_without(space, over, own)) is not None:

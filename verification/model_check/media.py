@@ -65,6 +65,9 @@ class Medium:
     one_by_one: bool = False
     """Ordered and lossy only. The sender repeats its oldest message until it is acknowledged or out of time, and then the next."""
 
+    def __str__(self) -> str:
+        return self.name
+
     @property
     def reliable(self) -> bool:
         """Everything arrives, once."""

@@ -89,7 +89,7 @@ def explore_pair(quotient: Quotient, *, hasty: bool = False, tick: Tick | None =
     return space
 
 
-def successors(quotient: Quotient, both: Both) -> Iterator[tuple[bool, Both]]:
+def successors(quotient: Quotient, both: Both) -> Iterator[tuple[int, Both]]:
     """What either does, and what the transaction does to both."""
     one, other = both
     yield from _alone(quotient, one, other)
@@ -99,20 +99,20 @@ def successors(quotient: Quotient, both: Both) -> Iterator[tuple[bool, Both]]:
     for first, second in TOGETHER:
         for fair, after in mine.get(first, ()):
             for its_fair, its_after in its.get(second, ()):
-                yield fair and its_fair, (after, its_after) if after <= its_after else (its_after, after)
+                yield min(fair, its_fair), (after, its_after) if after <= its_after else (its_after, after)
 
 
-def _alone(quotient: Quotient, one: int, other: int) -> Iterator[tuple[bool, Both]]:
+def _alone(quotient: Quotient, one: int, other: int) -> Iterator[tuple[int, Both]]:
     held = quotient.shows[other].holds
     for (joint, fair, _), after in quotient.moves[one]:
         if joint == "" or (joint == "claim" and not held):
             yield fair, (after, other) if after <= other else (other, after)
 
 
-def _joint(quotient: Quotient, one: int) -> dict[str, list[tuple[bool, int]]]:
+def _joint(quotient: Quotient, one: int) -> dict[str, list[tuple[int, int]]]:
     if quotient.shows[one].phase not in (Phase.OPEN, Phase.STOPPING):
         return {}
-    found: dict[str, list[tuple[bool, int]]] = {}
+    found: dict[str, list[tuple[int, int]]] = {}
     for (joint, fair, _), after in quotient.moves[one]:
         if joint not in ("", "claim"):
             found.setdefault(joint, []).append((fair, after))

@@ -12,7 +12,7 @@ from enum import Enum
 from somrs.protocol import frp, states
 from somrs.protocol.frp import State
 from somrs.protocol.session import ParticipantBody, ParticipantSession
-from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Side, Step, forget_fleeting, key, trial
+from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Fair, Side, Step, forget_fleeting, key, trial
 
 # Bodies say nothing here: what they carry changes no state.
 PARTICIPANT_SAYS: dict[type[object], ParticipantBody] = {
@@ -105,7 +105,7 @@ class Participants(Side[Participant]):
         if one.halted and one.verdict is not None:
             yield self._say(at, one.verdict)
         if one.moving and state not in states.WORKING:
-            yield Step("comes to rest", self._add(replace(one, moving=False, deed=_interrupted(one))), fair=True)
+            yield Step("comes to rest", self._add(replace(one, moving=False, deed=_interrupted(one))), fair=Fair.YES)
         if one.moving and state in (State.EXECUTING, State.COMPENSATING):
             yield Step("is cut off, and halts", self._add(_halted(one)))
 
@@ -124,10 +124,13 @@ class Participants(Side[Participant]):
             wrong = f"says {kind.__name__}, and its device was stopped before that was true"
         if kind is not frp.Progress:
             after = replace(after, moving=False, verdict=None, halted=False, deed=_deed(one, kind))
-        # Terms are given in any fair run, and any work comes to some end; that an offer lapses, or a device breaks before it
-        # began, is left to chance, but where nobody is left who could say anything.
-        fair = kind is not frp.Progress and one.session.state not in (State.OFFERED, State.COMMITTED)
-        return Step(what, self._add(after), (self.says.number(message, session.number),), fair, "" if fair else "timer", wrong)
+        # That an offer lapses, or a device breaks before it began, is left to chance, but where nobody is left to wait for.
+        fair, timer = Fair.YES, one.session.state in (State.OFFERED, State.COMMITTED)
+        if timer:
+            fair = Fair.NO
+        elif one.session.state is State.EXECUTING and one.moving and kind is not frp.Progress:
+            fair = Fair.ENDING
+        return Step(what, self._add(after), (self.says.number(message, session.number),), fair, "timer" if timer else "", wrong)
 
     def restarted(self, at: int) -> tuple[int, tuple[int, ...]]:
         """The state after a restart, and what is said again. The device is halted, and what was under way is reported so."""

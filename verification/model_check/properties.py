@@ -91,8 +91,10 @@ def at_home(coordinator: Coordinator, participant: Participant) -> bool:
     real = participant.session.state
     if coordinator.phase in (Phase.OPEN, Phase.STOPPING) or coordinator.session.state not in (State.NEW, State.ENDED) or participant.moving:
         return False
-    if coordinator.phase is Phase.LOST or participant.forgot:  # there may be nobody to say End, or no reason to, but the device is free
-        return real in REPORTS | {State.NEW, State.ENDED}
+    # Nobody may be left who would say End to one whose report was heard, or who had a contract with one that forgot it.
+    heard = coordinator.left in REPORTS | {State.ENDED} or (coordinator.left is State.COMPENSATING and real in UNDONE_AT_LAST)
+    if coordinator.phase is Phase.LOST or participant.forgot:
+        return real in (State.NEW, State.ENDED) or (real in REPORTS and (heard or participant.forgot))
     return real is State.ENDED or (real is State.NEW and coordinator.session.state is State.NEW)
 
 

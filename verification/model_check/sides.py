@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Generic, NamedTuple, TypeVar
 
 from somrs.errors import UsageError
@@ -22,16 +23,23 @@ TM, SM, TRANSACTION, PARTICIPANT = "tm", "sm", "t", "service#step"
 FLEETING = ("Progress", "Status", "Fault", "Query")
 
 
-class Step(NamedTuple):
-    """Something that a side does or hears. `joint` names the rule of the transaction that it is subject to, if it is.
+class Fair(IntEnum):
+    """Whether a fair run has it happen, if it can for long enough."""
 
-    `fair`: in a fair run it happens if it can for long enough; no fault, no timer and no change of mind.
-    """
+    NO = 0
+    """A fault, a timer, a change of mind."""
+    ENDING = 1
+    """Work comes to an end by itself. That is fair, but there is work that never does, and then a cancel has to help."""
+    YES = 2
+
+
+class Step(NamedTuple):
+    """Something that a side does or hears. `joint` names the rule of the transaction that it is subject to, if it is."""
 
     what: str
     after: int
     says: tuple[int, ...] = ()
-    fair: bool = False
+    fair: Fair = Fair.NO
     joint: str = ""
     wrong: str = ""
     """Why this must never happen."""

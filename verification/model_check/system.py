@@ -14,12 +14,12 @@ from enum import Enum
 from typing import NamedTuple
 
 from somrs.protocol.frp import Compensate, Execute, State
-from somrs.protocol.states import Said
+from somrs.protocol.states import WORKING, Said
 from verification.model_check.coordinator import Coordinator, Coordinators, Phase
 from verification.model_check.futures import Futures
 from verification.model_check.media import EMPTY, Arrival, Channel, Event, Medium
 from verification.model_check.participant import Participant, Participants
-from verification.model_check.sides import Post, Step
+from verification.model_check.sides import Fair, Post, Step
 
 SURE = frozenset(("Cancel", "End", "Terms", "Refuse", "Completed", "Failed", "Stopped", "Compensated", "Stranded"))
 """What is sent again for a day. Signs of life, questions and Faults are not, and orders only while they are wanted."""
@@ -61,7 +61,7 @@ class Move(NamedTuple):
     """A step of the whole: who does what, and the state then."""
 
     joint: str
-    fair: bool
+    fair: Fair
     after: LinkState
     who: str
     step: Step | Event
@@ -118,11 +118,15 @@ class _Channels:
         return tuple(self.number(channel) for channel in self.medium.restarted(self.all[at]))
 
 
-def _fair(event: Event, wanted: bool) -> bool | None:
+def _fair(event: Event, wanted: bool) -> Fair | None:
     """Whether a fair run has it happen; None when it cannot happen, as the sender's time for what is wanted does not run out."""
     if event.word == "is out of time":
-        return None if wanted else True
-    return (wanted and event.sure) is (event.word == "is sent again")
+        return None if wanted else Fair.YES
+    return _yes((wanted and event.sure) is (event.word == "is sent again"))
+
+
+def _yes(fair: bool) -> Fair:
+    return Fair.YES if fair else Fair.NO
 
 
 class Link:
@@ -175,26 +179,26 @@ class Link:
         for step in self.coordinators.moves(c):
             if step.joint == "give up":
                 if (after := self._given_up(state, step)) is not None:
-                    yield Move("", False, after, "tm", step)
+                    yield Move("", Fair.NO, after, "tm", step)
             elif step.what != "says Query" or down == 0:  # it asks when all is silent
-                fair = step.fair or (asks and step.what == "says Query") or (waits and step.what == "says Cancel")
+                fair = step.fair or _yes((asks and step.what == "says Query") or (waits and step.what == "says Cancel"))
                 yield Move(step.joint, fair, (step.after, p, put_down(down, step.says), up), "tm", step, step.wrong)
         for step in self.participants.moves(p):
-            fair = step.fair or (late and step.joint == "timer")
+            fair = step.fair or _yes(late and step.joint == "timer")
             yield Move("", fair, (c, step.after, down, put_up(up, step.says)), "sm", step, step.wrong)
         for one, rest in self._to_participant.arrivals(down):
             step = self.participants.receive(p, one.token)
-            fair = one.sure and (reliable or self._is_wanted(c, one.token))
+            fair = _yes(one.sure and (reliable or self._is_wanted(c, one.token)))
             yield Move("", fair, (c, step.after, rest, put_up(up, step.says)), "to sm", step, step.wrong)
         for one, rest in self._to_coordinator.arrivals(up):
             step = self.coordinators.receive(c, one.token)
-            fair = one.sure and (reliable or self.up.name(one.token) in SURE)
+            fair = _yes(one.sure and (reliable or self._is_repeated(p, one.token)))
             yield Move("", fair, (step.after, p, put_down(down, step.says), rest), "to tm", step, step.wrong)
         for event, rest in self._to_participant.events(down):
             if (happens := _fair(event, self._is_wanted(c, event.token))) is not None:
                 yield Move("", happens, (c, p, rest, up), "down", event)
         for event, rest in self._to_coordinator.events(up):
-            if (happens := _fair(event, self.up.name(event.token) in SURE)) is not None:
+            if (happens := _fair(event, self._is_repeated(p, event.token))) is not None:
                 yield Move("", happens, (c, p, down, rest), "up", event)
         if self.model.restarts:
             yield from self._restarts(state)
@@ -217,20 +221,25 @@ class Link:
             self._wanted[c, token] = name in SURE or WANTED.get(name) is self.coordinators.states[c].session.state
         return self._wanted[c, token]
 
+    def _is_repeated(self, p: int, token: int) -> bool:
+        """Whether the participant says it until it arrives: a sign of life comes after the other, as long as it works."""
+        name = self.up.name(token)
+        return name in SURE or (name == "Progress" and self.participants.states[p].session.state in WORKING)
+
     def _restarts(self, state: LinkState) -> Iterator[Move]:
         c, p, down, up = state
         after, again = self.participants.restarted(p)
         for rest in self._to_coordinator.restarted(up):
             reached = (c, after, down, self._to_coordinator.put(rest, again))
             if reached != state:
-                yield Move("", False, reached, "sm", Step("is killed and restarts", after, again))
+                yield Move("", Fair.NO, reached, "sm", Step("is killed and restarts", after, again))
         # A Task Manager replays its journal and sends again what it had to send. Where messages are repeated anyhow, or may
         # arrive twice, that adds nothing.
         if self.model.medium.reliable and self.coordinators.states[c].phase is not Phase.LOST:
             for token in self.coordinators.said(c):
                 reached = (c, p, self._to_participant.put(down, (token,)), up)
                 if reached != state:
-                    yield Move("", False, reached, "tm", Step("is killed, restarts and says again", c, (token,)))
+                    yield Move("", Fair.NO, reached, "tm", Step("is killed, restarts and says again", c, (token,)))
 
     def _disk_lost(self, state: LinkState) -> Iterator[Move]:
         c, p, down, up = state
@@ -239,8 +248,8 @@ class Link:
         if whose is Lost.PARTICIPANT and not participant.forgot and participant.session.state is not State.NEW:
             for rest in self._to_coordinator.restarted(up):
                 after = self.participants.without_memory(p)
-                yield Move("", False, (c, after, down, rest), "sm", Step("loses its disk", after))
+                yield Move("", Fair.NO, (c, after, down, rest), "sm", Step("loses its disk", after))
         if whose is Lost.COORDINATOR and coordinator.phase is not Phase.LOST and coordinator.session.state is not State.NEW:
             for rest in self._to_participant.restarted(down):
-                after = self.coordinators.without_memory()
-                yield Move("", False, (after, p, rest, up), "tm", Step("loses its disk", after))
+                after = self.coordinators.without_memory(c)
+                yield Move("", Fair.NO, (after, p, rest, up), "tm", Step("loses its disk", after))

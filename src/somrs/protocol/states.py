@@ -144,8 +144,7 @@ COORDINATOR: Table = _complete(COORDINATOR_STATES, TO_COORDINATOR, {
     ARRANGING:    {**_UNKNOWN, Terms: to(OFFERED), Refuse: to(ENDED), Fault: to(ENDED, Cancel), Status: again()},
     OFFERED:      {**_UNKNOWN, Terms: again(), Refuse: to(ENDED), Fault: to(ENDED, Cancel), Status: again()},
     # Refuse from here on: the terms had expired before the Accept came, and nothing was or will be started.
-    COMMITTED:    {Terms: again(), Refuse: to(ENDED), Failed: to(FAILED), Completed: to(COMPLETED), Stopped: to(STOPPED),
-                   Status: again(), Fault: to(FAILED)},
+    COMMITTED:    {Terms: again(), Refuse: to(ENDED), Failed: to(FAILED), Status: again(), Fault: to(FAILED)},
     EXECUTING:    {Refuse: to(ENDED), Progress: to(EXECUTING), Completed: to(COMPLETED), Failed: to(FAILED), Stopped: to(STOPPED),
                    Status: again(), Fault: to(FAILED)},
     COMPLETED:    {Completed: again(), Status: again()},

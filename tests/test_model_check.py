@@ -1,0 +1,124 @@
+"""The model check itself: the protocol holds on small configurations, and tables that are wrong are found out."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.protocol import states
+from somrs.protocol.frp import Cancel, End, Fault, State, Stop
+from somrs.protocol.states import Entry, Kind
+from verification.model_check.explore import explore
+from verification.model_check.media import DUPLICATING, EMPTY, FIFO, LOSSY_FIFO, MEDIA, OUTBOX, UNORDERED, Medium
+from verification.model_check.mutations import Mutation, all_mutations, altered, noticed
+from verification.model_check.pair import explore_pair
+from verification.model_check.properties import Property
+from verification.model_check.quotient import Quotient, quotient
+from verification.model_check.suite import check_assumption, check_lost_disk, check_one, check_two
+from verification.model_check.system import Link, Lost, Model
+
+
+def _fallen(cells: dict[Property, object]) -> list[Property]:
+    return [which for which, broken in cells.items() if broken is not None]
+
+
+@pytest.mark.parametrize("medium", [OUTBOX if medium is LOSSY_FIFO else medium for medium in MEDIA], ids=str)
+def test_one_participant(medium: Medium) -> None:
+    result = check_one(medium)
+    assert _fallen({**result.cells}) == []
+    assert result.states > 1000, "restarts, timers and crossings were explored"
+
+
+def test_two_participants() -> None:
+    assert _fallen({**check_two(DUPLICATING).cells}) == []
+
+
+@pytest.mark.parametrize("whose", [Lost.COORDINATOR, Lost.PARTICIPANT])
+def test_everyone_goes_home_when_a_disk_is_lost(whose: Lost) -> None:
+    assert _fallen({**check_lost_disk(FIFO, whose).cells}) == []
+
+
+@pytest.mark.parametrize(("cut_off", "expiry"), [(False, True), (True, False)])
+def test_without_the_timing_assumption_two_work_on_one_step(cut_off: bool, expiry: bool) -> None:
+    broken = check_assumption(cut_off=cut_off, expiry=expiry).cells[Property.HANDS]
+    assert broken is not None
+    chart = "\n".join(broken.chart)
+    assert "gives up A [Unreachable]" in chart
+    assert chart.count("Execute [Executing]") == 2, chart
+
+
+WRONG = [
+    Mutation("PARTICIPANT", "Committed", "Execute", "ignored"),
+    Mutation("PARTICIPANT", "Executing", "Stop", "ignored"),
+    Mutation("PARTICIPANT", "Offered", "Stop", "unanswered"),
+    Mutation("COORDINATOR", "Executing", "Refuse", "ignored"),
+    Mutation("COORDINATOR_SENDS", "Executing", "Stop", "ignored"),
+    Mutation("PARTICIPANT_SENDS", "Executing", "Failed", "Ended"),
+    Mutation("GIVES_UP", "Stopping", "", "ignored"),
+    Mutation("RESUMES", "Executing", "", "Completed"),
+    Mutation("HOLDS", "Executing", "", "ignored"),
+]
+
+
+@pytest.mark.parametrize("mutation", WRONG, ids=str)
+def test_a_wrong_table_is_noticed(mutation: Mutation) -> None:
+    before = repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDS
+    assert mutation in all_mutations()
+    assert noticed(mutation)
+    assert before == (repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDS), "the tables are as before"
+
+
+def test_a_stop_that_crosses_a_report_may_not_be_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The flaw of WS-BusinessActivity: a message that crosses another meets a state that has no place for it."""
+    row = dict(states.PARTICIPANT[State.COMPLETED])
+    row[Stop] = Entry(Kind.LATE, State.COMPLETED, Fault)
+    monkeypatch.setitem(states.PARTICIPANT, State.COMPLETED, row)
+    for medium in (FIFO, UNORDERED):
+        broken = check_one(medium).cells[Property.FITS]
+        assert broken is not None
+        says, stop = (next(n for n, line in enumerate(broken.chart) if text in line) for text in ("says Completed", "| Stop"))
+        assert says < stop, "a shortest run that shows the crossing"
+
+
+def test_a_participant_that_nobody_sends_home_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = dict(states.PARTICIPANT[State.COMPENSATED])
+    row[End] = row[Cancel] = Entry(Kind.LATE, State.COMPENSATED)
+    monkeypatch.setitem(states.PARTICIPANT, State.COMPENSATED, row)
+    assert Property.HOME in _fallen({**check_one(DUPLICATING).cells})
+
+
+def test_mutations_are_undone() -> None:
+    before = list(states.GIVES_UP.items())
+    with altered(Mutation("GIVES_UP", "Executing", "", "ignored")):
+        assert State.EXECUTING not in states.GIVES_UP
+    assert before == list(states.GIVES_UP.items())
+
+
+def test_two_parts_joined_are_as_their_quotients_joined() -> None:
+    """The reduction beside what it reduces: every state as a class of its own."""
+    part = explore(Link(Model(medium=FIFO, restarts=False, cut_off=False)), alone=False)
+    small = quotient(part)
+    classes = [small.shows[block] for block in small.of]
+    moves = [tuple({(part.kinds[part.labels[move]], part.targets[move]) for move in part.moves(at)}) for at in range(len(part.states))]
+    whole = explore_pair(Quotient(part, list(range(len(part.states))), classes, moves))
+    reduced = explore_pair(small)
+    assert len(reduced.states) < len(whole.states) / 2
+    assert reduced.outcomes == whole.outcomes
+    assert reduced.falls.keys() == whole.falls.keys() == {Property.HANDS}
+    assert len(reduced.way(reduced.falls[Property.HANDS].state)) == len(whole.way(whole.falls[Property.HANDS].state))
+
+
+def test_media() -> None:
+    first, second = 0, 1
+    both = {medium: medium.put(medium.put(EMPTY, first), second) for medium in (*MEDIA, OUTBOX)}
+    arriving = {medium.name: {one.token for one in medium.arrivals(channel)} for medium, channel in both.items() if medium is not OUTBOX}
+    assert arriving["FIFO"] == arriving["FIFO, lossy"] == {first}
+    assert arriving["unordered"] == arriving["unordered, lossy"] == arriving["unordered, lossy, duplicating"] == {first, second}
+    (arrival,) = FIFO.arrivals(both[FIFO])
+    assert [one.token for one in FIFO.arrivals(arrival.after)] == [second]
+    again = {medium.name for medium, channel in both.items() for one in medium.arrivals(channel) if one.after == channel}
+    assert again == {"FIFO, lossy", "unordered, lossy"}, "an acknowledgement is lost, and the message comes again"
+    last = next(one for one in DUPLICATING.arrivals(both[DUPLICATING]) if one.token == first)
+    assert {one.token for one in DUPLICATING.arrivals(last.after)} == {first, second}, "long acknowledged, and here again"
+    assert {one.word for one in LOSSY_FIFO.events(both[LOSSY_FIFO])} == {"is lost"}
+    lost = next(LOSSY_FIFO.events(both[LOSSY_FIFO])).after
+    assert [(one.word, one.token) for one in LOSSY_FIFO.events(lost)] == [("is lost", second), ("is sent again", first)]
