@@ -104,7 +104,7 @@ class Rows(Struct, frozen=True, kw_only=True, tag=True):
 
 class UpdateMap(Struct, frozen=True, kw_only=True, tag=True):
     """Change the map: single changes, and a situation (a formula that holds now). All or nothing, checked against the types.
-    `expected_version`: only if no object it touches changed after that version."""
+    `expected_version`: only if no object of which it says something changed after that version; of a fact, that is the first."""
 
     changes: tuple[Change, ...] = ()
     situation: str | None = None

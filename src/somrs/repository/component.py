@@ -14,6 +14,7 @@ from somrs.errors import InputError
 from somrs.ontology.check import check
 from somrs.ontology.conformance import violations
 from somrs.ontology.consistency import ontology_violations
+from somrs.ontology.objects import objects_of
 from somrs.ontology.truth import bindings
 from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Undelivered, Wake
 from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
@@ -172,7 +173,8 @@ class Repository:
             return []
         if expected > self._contents.version:
             return [f"version {expected} is still to come, the map's version is {self._contents.version}: read the map again"]
-        changed = {name: self._contents.changed_at.get(name, 0) for name in result.objects}
+        # A fact says something of its first object: that a thing leaves a table is no news about the table.
+        changed = {name: self._contents.changed_at.get(name, 0) for name in (objects_of(change)[0] for change in result.changes)}
         return [
             f"{name}: changed in version {version}, after version {expected} that was expected; read it again and decide anew"
             for name, version in changed.items()
