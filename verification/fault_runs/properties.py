@@ -23,6 +23,7 @@ from somrs.protocol.session import service_of
 from somrs.repository.entries import Handled
 from somrs.service_manager.participant import ServiceManager
 from somrs.task_manager.manager import TaskManager, view
+from somrs.task_manager.pursuit import Purpose
 from somrs.task_manager.transaction import Transaction
 from verification.fault_runs.site import LOOKING
 from verification.fault_runs.truth import Deed
@@ -238,12 +239,19 @@ class Witness:
                 continue
             if any(deed.task != task.id and deed.at >= task.submitted_at for deed in deeds):
                 continue  # others had a hand in it
-            if not any(work.state is State.STRANDED and object in work.inputs.values() for work in seen.work):
+            if not any(self._tells_of(work, object) for work in seen.work):
                 raise Violation(
                     Property.SILENCE,
                     f"{seen.task} ended {seen.outcome}; {_deeds(deeds)}; and nobody says that {reality.said(object)} "
                     f"is left of it: {seen.explanation}",
                 )
+
+    def _tells_of(self, work: WorkView, object: str) -> bool:
+        """Whether the client finds out that the object is not as it was: it is stranded, or what undid other work left it so."""
+        if object not in work.inputs.values():
+            return False
+        left_so = work.situation is not None and self._stage.reality.said(object) in work.situation
+        return work.state is State.STRANDED or (work.step.startswith(Purpose.UNDO) and left_so)
 
     # The end
 
