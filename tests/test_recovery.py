@@ -143,6 +143,7 @@ def test_nobody_takes_over_from_a_robot_that_may_still_be_undoing() -> None:
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)
     assert view.outcome is Outcome.CANCELLED
+    system.world.run(60)
     undone = [work for work in view.work if work.step.startswith("undo")]
     assert undone
     assert min(work.began for work in undone) > max(halted)
