@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 
 import pytest
@@ -160,9 +161,12 @@ def test_stop_ends_the_running_command() -> None:
     ends = run.start("Robot1", DriveTo(x=6, y=3))
     for _ in range(100):
         run.step()
-    assert isinstance(run.do("Robot1", Stop()), Done)
+    stopped = run.do("Robot1", Stop())
+    assert isinstance(stopped, Done)
     assert [end.reason for end in ends if isinstance(end, Gave)] == ["stopped"]
     run.until(lambda: not run.simulation.busy, limit=2)
+    now = run.simulation.state("Robot1")
+    assert math.dist((now.x, now.y), (stopped.state.x, stopped.state.y)) < 0.003, "it says where it came to a stand"
 
 
 @pytest.mark.parametrize(

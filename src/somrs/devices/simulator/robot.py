@@ -26,6 +26,8 @@ TURNING, TURNING_UP = 1.6, 4.0
 """Of the base, rad/s and rad/s²."""
 RATES = {"turret": 1.3, "lift": 0.4, "reach": 0.4, "wrist": 2.5, "left": 0.08, "right": 0.08}
 """How fast the arm's joints are led to their targets, rad/s and m/s."""
+STANDING = 0.01
+"""A base slower than this stands, m/s and rad/s."""
 TOLERANCES = {"turret": 0.01, "lift": 0.006, "reach": 0.004, "wrist": 0.05, "left": 0.006, "right": 0.006}
 
 Routine = Generator[None, None, None]
@@ -74,6 +76,10 @@ class Robot:
     def mobile(self) -> bool:
         """Whether its drive works."""
         return not self.faults & {Fault.DRIVE, Fault.SILENT, Fault.LINK}
+
+    @property
+    def stands(self) -> bool:
+        return max(map(abs, self.joints.speed())) < STANDING
 
     def pose(self) -> tuple[float, float, float]:
         return self.joints.pose()
@@ -205,6 +211,14 @@ def _leaves(wanted: Capsule, claim: Capsule) -> bool:
     ahead = tuple(a + share * (b - a) for a, b in zip(wanted.start, wanted.end, strict=True))
     now = Capsule(wanted.start, wanted.start, wanted.radius).gap(claim)
     return now < GAP and Capsule((ahead[0], ahead[1]), (ahead[0], ahead[1]), wanted.radius).gap(claim) >= now
+
+
+def stand(robot: Robot) -> Routine:
+    """Come to a stand: a base rolls on for some centimetres."""
+    for _ in range(100):
+        yield
+        if robot.stands:
+            return
 
 
 def wait(seconds: float) -> Routine:

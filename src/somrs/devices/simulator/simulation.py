@@ -32,7 +32,7 @@ from somrs.devices.simulator.commands import (
 from somrs.devices.simulator.driving import drive_to, make_way
 from somrs.devices.simulator.handling import get_within_reach, pick, place, set_down, spots_on, top_of, withdraw
 from somrs.devices.simulator.navigation import Navigator
-from somrs.devices.simulator.robot import PERIOD, GivenUp, Robot, Routine
+from somrs.devices.simulator.robot import PERIOD, GivenUp, Robot, Routine, stand
 from somrs.devices.simulator.scene import Scene
 from somrs.devices.simulator.searching import look_around, look_at
 from somrs.devices.simulator.solids import Array, Role, Solid
@@ -92,7 +92,7 @@ class Simulation:
 
     def _at_rest(self) -> bool:
         things = all(self.scene.holder(thing) is not None or self.scene.still(thing) for thing in self.scene.things())
-        return things and all(max(map(abs, robot.joints.speed())) < 0.01 for robot in self.robots.values())
+        return things and all(robot.stands for robot in self.robots.values())
 
     def step(self) -> None:
         """Let one control period pass."""
@@ -130,7 +130,7 @@ class Simulation:
         reflex = running is not None and (running.command is None or running.given is not None) and Fault.DRIVE in one.faults
         if not reflex:
             self._end(robot, GivenUp("stopped", f"{robot} was told to do something else"))
-        if isinstance(command, Stop):
+        if isinstance(command, Stop) and reflex:
             on_end(Done(state=one.state()))
             return
         found: dict[str, Seen] = {}
@@ -160,6 +160,8 @@ class Simulation:
                 return look_at(robot, (x, y, z), name, found), ()
             case LookAround(object=name):
                 return look_around(robot, name, found), ()
+            case Stop():
+                return stand(robot), ()
             case PutDown():
                 return self._put_down(robot), (robot.holding,) if robot.holding else ()
         raise UsageError(f"a simulated robot cannot carry out {command!r}")
