@@ -22,6 +22,7 @@ from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.service_manager.device import Device, Situation, Task, service
 from somrs.service_manager.orders import Kept
+from somrs.service_manager.participant import REMEMBERED
 
 
 class Carrier(Device):
@@ -137,6 +138,33 @@ def test_the_journal_gives_the_latest_of_each_participant(tmp_path: Path) -> Non
     again = DeviceJournal(path)
     assert [(kept.session.participant, kept.session.number) for kept in again.load()] == [("B#1", 1), ("A#1", 2)]
     again.close()
+
+
+def test_devices_that_share_a_file_get_their_own_back(tmp_path: Path) -> None:
+    path = tmp_path / "devices.sqlite"
+    journal = DeviceJournal(path, "Robot1")
+    sessions = [ParticipantSession(transaction="t", participant=name, me="m", peer="p") for name in ("A#1", "B#1", "A#1")]
+    for device, session in zip(("Robot1", "Robot1", "Robot2"), sessions, strict=True):
+        session.me = device
+        journal.shared_with(device).keep(Kept(session=session))
+    journal.close()
+    again = DeviceJournal(path, "Robot1")
+    assert [(kept.session.participant, kept.session.me) for kept in again.load()] == [("A#1", "Robot1"), ("B#1", "Robot1")]
+    assert [(kept.session.participant, kept.session.me) for kept in again.shared_with("Robot2").load()] == [("A#1", "Robot2")]
+    again.close()
+
+
+def test_of_each_device_the_latest_participants_are_remembered(tmp_path: Path) -> None:
+    journal = DeviceJournal(tmp_path / "devices.sqlite", "Robot1")
+    other = journal.shared_with("Robot2")
+    for number in range(REMEMBERED + 2):
+        kept = Kept(session=ParticipantSession(transaction="t", participant=f"A#{number}", me="m", peer="p"))
+        journal.keep(kept)
+        if number < 5:
+            other.keep(kept)
+    assert [kept.session.participant for kept in journal.load()] == [f"A#{number}" for number in range(2, REMEMBERED + 2)]
+    assert len(other.load()) == 5
+    journal.close()
 
 
 def test_a_driver_is_found_in_a_module_or_a_file(tmp_path: Path) -> None:

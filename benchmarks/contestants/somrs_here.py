@@ -23,7 +23,7 @@ from somrs.task_manager.manager import TaskManager
 
 
 class Here:
-    """One Host with Repository, Registry, Task Manager and ten Service Managers."""
+    """One Host with Repository, Registry, Task Manager and ten Service Managers, whose devices share a file."""
 
     async def start(self, data: Path) -> None:
         self._host = host = Host()
@@ -37,8 +37,9 @@ class Here:
             "/repository", lambda address: Repository(address, contents), carry_out=store.carry_out, keep=store.keep, disk=store.disk
         ).address
         registry = host.add("/registry", lambda address: Registry(address, loaded.ontology, repository)).address
-        self._journals = [DeviceJournal(folder(data, "devices") / f"{name}.sqlite") for name in CARRIERS]
-        for name, journal in zip(CARRIERS, self._journals, strict=True):
+        self._kept = DeviceJournal(folder(data, "devices") / "all.sqlite")
+        for name in CARRIERS:
+            journal = self._kept.shared_with(name)
             device = Carrier(name)
             manager = ServiceManager(device.profile(), repository=repository, registry=registry)
             host.add(f"/devices/{name}", _given(manager), carry_out=_work(device), keep=journal.keep, disk=journal.disk)
@@ -57,8 +58,7 @@ class Here:
 
     async def stop(self) -> None:
         await self._host.stop()
-        for journal in self._journals:
-            journal.close()
+        self._kept.close()
         self._journal.close()
         self._store.close()
 

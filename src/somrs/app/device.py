@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import functools
 import importlib
 import importlib.util
 import logging
 import sqlite3
 import sys
 import uuid
+from collections import deque
+from copy import copy
 from pathlib import Path
 from types import ModuleType
 from urllib.parse import urlsplit
@@ -53,26 +54,42 @@ _KIND = Kind(
     holds="record of a participant",
     rival="another program of the same device",
     application=0x534F4D44,  # `SOMD` in ASCII
-    version=1,
+    version=2,
     tables="""
-    CREATE TABLE kept (number INTEGER PRIMARY KEY, "transaction" TEXT, participant TEXT, entry BLOB, UNIQUE ("transaction", participant));
+    CREATE TABLE kept (number INTEGER PRIMARY KEY, device TEXT NOT NULL, "transaction" TEXT NOT NULL, participant TEXT NOT NULL,
+      entry BLOB NOT NULL, UNIQUE ("transaction", participant, device));
     """,
 )
 
 
 class DeviceJournal:
-    """What a device promised and reported: the latest record of each participant, in a file of the device's own."""
+    """What a device promised and reported: the latest record of each participant, in a file of the device's own.
 
-    def __init__(self, path: Path) -> None:
+    Devices that share a process can share the file: what they have to keep at the same time is on disk by one commit then.
+    """
+
+    def __init__(self, path: Path, device: str = "") -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         self.disk = Disk(path, _KIND)
+        self._device = device
+        self._queued: deque[tuple[str, Kept]] = deque()
+
+    def shared_with(self, device: str) -> DeviceJournal:
+        """The journal of another device of this process, in the same file. Whoever closes one of them closes all."""
+        other = copy(self)
+        other._device = device
+        return other
 
     def load(self) -> list[Kept]:
         """The latest record of each participant, as far as they are remembered."""
 
         def read(db: sqlite3.Connection) -> list[Kept]:
-            db.execute("DELETE FROM kept WHERE number <= (SELECT max(number) FROM kept) - ?", (REMEMBERED,))
-            rows = db.execute("SELECT entry FROM kept ORDER BY number").fetchall()
+            db.execute(
+                "DELETE FROM kept WHERE device = ?1 AND number <= "
+                "(SELECT number FROM kept WHERE device = ?1 ORDER BY number DESC LIMIT 1 OFFSET ?2)",
+                (self._device, REMEMBERED),
+            )
+            rows = db.execute("SELECT entry FROM kept WHERE device = ? ORDER BY number", (self._device,)).fetchall()
             return [msgspec.msgpack.decode(entry, type=Kept) for (entry,) in rows]
 
         return self.disk.do(read)
@@ -80,17 +97,25 @@ class DeviceJournal:
     def keep(self, entry: object) -> None:
         """Have a record on disk, soon."""
         assert isinstance(entry, Kept), f"a Service Manager keeps participants, not {type(entry).__name__}"
-        # Encoded by the disk's thread: a record is a value, which stays as it is.
-        self.disk.write(functools.partial(_put, entry))
+        self._queued.append((self._device, entry))
+        self.disk.write(self._flush)
 
     def close(self) -> None:
         """Write what is to be written, and close the file."""
         self.disk.close()
 
-
-def _put(entry: Kept, db: sqlite3.Connection) -> None:
-    values = (*entry.key, msgspec.msgpack.encode(entry))
-    db.execute('INSERT OR REPLACE INTO kept ("transaction", participant, entry) VALUES (?, ?, ?)', values)
+    def _flush(self, db: sqlite3.Connection) -> None:
+        """Write all that is queued, of each participant the latest; it may be more than was when this was asked for, and the next
+        then finds nothing. Encoded here, by the disk's thread: a record is a value, which stays as it is."""
+        latest: dict[tuple[str, str, str], Kept] = {}
+        while self._queued:
+            device, entry = self._queued.popleft()
+            key = (*entry.key, device)
+            latest.pop(key, None)  # behind those that were kept before it
+            latest[key] = entry
+        if latest:
+            rows = [(*key, msgspec.msgpack.encode(entry)) for key, entry in latest.items()]
+            db.executemany('INSERT OR REPLACE INTO kept ("transaction", participant, device, entry) VALUES (?, ?, ?, ?)', rows)
 
 
 class DeviceRunner:

@@ -61,7 +61,7 @@ class Disk:
         self.failed: UsageError | None = None
         self._batch: list[_Write] = []
         self._jobs: queue.SimpleQueue[list[_Write] | _Now | None] = queue.SimpleQueue()
-        self._listeners: list[tuple[asyncio.AbstractEventLoop, Callable[[], None]]] = []
+        self._listeners: dict[asyncio.AbstractEventLoop, list[Callable[[], None]]] = {}
         opened: Future[None] = Future()
         self._thread = threading.Thread(target=self._run, args=(opened,), name=f"disk {path.name}", daemon=True)
         self._thread.start()
@@ -96,7 +96,7 @@ class Disk:
 
     def listen(self, told: Callable[[], None]) -> None:
         """Have the function called in the running event loop whenever `durable` or `failed` changed."""
-        self._listeners.append((asyncio.get_running_loop(), told))
+        self._listeners.setdefault(asyncio.get_running_loop(), []).append(told)
 
     def close(self) -> None:
         """Write what is to be written, and close the file."""
@@ -162,9 +162,9 @@ class Disk:
             self.failed = UsageError(f"{self.path}: {type(error).__name__}: {error}")
         else:
             self.durable = writes[-1].position
-        for loop, told in self._listeners:
+        for loop, listeners in [*self._listeners.items()]:
             with contextlib.suppress(RuntimeError):  # the loop was closed: nobody waits there any more
-                loop.call_soon_threadsafe(told)
+                loop.call_soon_threadsafe(_tell, listeners)
 
     def _open(self) -> sqlite3.Connection:
         with self.explained():
@@ -222,6 +222,11 @@ class Disk:
             ) from None
         except (msgspec.MsgspecError, KeyError) as error:
             raise UsageError(f"{self.path}: holds something that is no {self.kind.holds} ({error}); put a copy back") from None
+
+
+def _tell(listeners: list[Callable[[], None]]) -> None:
+    for told in listeners:
+        told()
 
 
 @dataclass(frozen=True, slots=True)

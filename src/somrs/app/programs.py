@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import contextlib
+import gc
 import multiprocessing
 import os
 import signal
@@ -37,6 +38,9 @@ MAP_TIME = 60.0
 
 PARENT_CHECK = 1.0
 """Seconds between two looks whether the parent process is still there."""
+
+YOUNG_OBJECTS = 20_000
+"""So many objects are made before Python looks for cycles among them; almost all are values without any."""
 
 SWITCH_TIME = 0.0005
 """Seconds after which a thread that waits for the interpreter gets it."""
@@ -253,6 +257,7 @@ def run_program(main: Coroutine[Any, Any, None]) -> None:
     # The thread that writes to disk needs the interpreter for moments only, but often; by default a busy loop makes it wait 5 ms
     # for each, and a commit takes several.
     sys.setswitchinterval(SWITCH_TIME)
+    gc.set_threshold(YOUNG_OBJECTS)
     try:
         import uvloop
     except ImportError:
