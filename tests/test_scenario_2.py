@@ -8,7 +8,7 @@ from simulator_room import Run
 from somrs.app.system import devices
 from somrs.devices.simulator.commands import Done, Gave, Grip, LookAround, Place, Sense
 from somrs.ontology.files import Loaded, load
-from somrs.ontology.objects import Map
+from somrs.ontology.objects import Map, ValueSet
 
 THINGS = ("Jar002", "Jar003", "Carton001")
 
@@ -58,3 +58,12 @@ def test_the_camera_sees_the_shelf_and_the_patrol_what_is_about_it() -> None:
     assert isinstance(patrol, Done)
     assert [one.object for one in camera.seen] == ["Shelf001"]
     assert "Platform001" in [one.object for one in patrol.seen]
+
+
+def test_a_robot_that_is_parked_where_another_has_to_stand_makes_way() -> None:
+    map = site()[1]
+    there = {"PositionX": 0.945, "PositionY": 5.537, "RotationZ": -2.993}
+    run = Run(map.changed([ValueSet("Robot1", path, value) for path, value in there.items()]))
+    run.all("Robot2", Grip(object="Jar002"), Place(on="Platform001"))
+    assert run.simulation.seen("Jar002").on == "Platform001"
+    assert not run.collisions

@@ -205,6 +205,18 @@ def _unblock(robot: Robot, other: Robot | None, patience: float) -> Generator[No
     return 0.5
 
 
+def ask_aside(robot: Robot, place: Point) -> Routine:
+    """Have those that do nothing leave a place, and the way to it."""
+    robot.plan = route(robot, place, ()) or [robot.pose()[:2], place]
+    for other in robot.others():
+        room = robot.size.radius + other.size.radius + 0.12
+        idle = other.doing is None and not other.plan and other.mobile
+        if idle and path_distance([other.pose()[:2]], robot.plan) < room:
+            other.asked = robot
+    yield from wait(0.5)
+    robot.plan = []
+
+
 def make_way(robot: Robot, other: Robot) -> Generator[None, None, bool]:
     """Leave the way of another robot, and wait until that has passed. Whether there was anywhere to go."""
     refuge, goal = _refuge(robot, other), robot.plan[-1] if robot.plan else None

@@ -9,10 +9,10 @@ import numpy as np
 
 from somrs.devices.simulator.chassis import FINGER, OPENING
 from somrs.devices.simulator.commands import Fault
-from somrs.devices.simulator.driving import PATIENCE, drive_to
+from somrs.devices.simulator.driving import PATIENCE, ask_aside, drive_to
 from somrs.devices.simulator.robot import PERIOD, GivenUp, Robot, Routine, wait
 from somrs.devices.simulator.solids import Array, Point, Role, Solid
-from somrs.devices.simulator.standing import ARM, free_spots, order, others_near, reachable_now, spots_here, stands
+from somrs.devices.simulator.standing import ARM, Stand, free_spots, order, others_near, reachable_now, spots_here, stands
 from somrs.devices.simulator.traffic import Capsule
 
 SLOWLY = 0.08
@@ -89,7 +89,8 @@ def get_within_reach(robot: Robot, what: str, spots: Spots, top: float, ignored:
             return float(found[here][0]), float(found[here][1])
         robot.need_drive()
         ranked = stands(robot, found, top, penalties, ignored)
-        if not ranked and not stands_without_others(robot, found, top, penalties, ignored):
+        wished = ranked or stands_without_others(robot, found, top, penalties, ignored)
+        if not wished:
             raise GivenUp("unreachable", f"there is no place for {robot.name} from which it could reach {what}")
         started = robot.scene.time
         yield from withdraw(robot)
@@ -103,16 +104,16 @@ def get_within_reach(robot: Robot, what: str, spots: Spots, top: float, ignored:
                 problem = given
         if not ranked:
             problem = GivenUp("blocked", f"others stand where {robot.name} could reach {what}")
-            yield from wait(0.5)
+            yield from ask_aside(robot, wished[0].base)
         waited += robot.scene.time - started
         if waited > PATIENCE or problem.reason == "unreachable":
             raise problem
 
 
-def stands_without_others(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str]) -> bool:
-    """Whether there would be a place to stand if no other robot were there."""
+def stands_without_others(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str]) -> list[Stand]:
+    """Where it could stand if no other robot were there."""
     alone = Robot(robot.solid, robot.scene, robot.navigator, {})
-    return bool(stands(alone, spots, top, penalties, ignored))
+    return stands(alone, spots, top, penalties, ignored)
 
 
 def claim_arm(robot: Robot, spot: Point) -> Routine:

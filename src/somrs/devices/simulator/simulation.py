@@ -104,8 +104,8 @@ class Simulation:
         for name, robot in self.robots.items():
             if robot.asked is not None and name not in self._work:
                 other, robot.asked = robot.asked, None
-                if robot.mobile and not robot.arm_out:
-                    self._work[name] = _Work(make_way(robot, other), None, None)
+                if robot.mobile:
+                    self._work[name] = _Work(_after(withdraw(robot), make_way(robot, other)), None, None)
             robot.end_period()
         self.scene.step(round(PERIOD / STEP))
 
@@ -394,7 +394,7 @@ def _drive(robot: Robot, x: float, y: float, yaw: float | None) -> Routine:
     yield from drive_to(robot, (x, y), yaw)
 
 
-def _after(first: Generator[None, None, object], second: Routine) -> Routine:
+def _after(first: Generator[None, None, object], second: Generator[None, None, object]) -> Routine:
     """One routine after the other, whether or not the first can be carried out."""
     with suppress(GivenUp):
         yield from first
