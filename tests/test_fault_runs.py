@@ -144,6 +144,13 @@ def test_a_device_that_goes_on_when_it_is_cut_off_is_noticed() -> None:
     assert noticed(CUT_OFF, Devices(Careless)) is Property.HANDS
 
 
+def test_who_was_not_heard_to_begin_may_have_begun_late() -> None:
+    """The device hears that it is to begin just before it is given up, and then is cut off again."""
+    for reached in (20.0, 39.8):
+        cuts = Cut(at=0.1105, target="devices/Robot1", seconds=reached), Cut(at=0.1120 + reached, target="devices/Robot1", seconds=30.0)
+        assert noticed(story(*cuts, devices=(carrier(1, duration=100.0), carrier(2), LOOKER))) is None
+
+
 def test_a_device_that_works_on_terms_that_ran_out_is_noticed() -> None:
     class Generous(DeviceManager):
         def handle(self, event: Input, now: float) -> list[Effect]:

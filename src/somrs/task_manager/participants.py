@@ -28,6 +28,10 @@ LEAST_TIME = 60.0
 """Seconds that every service has at least, however short it said that it takes."""
 
 
+IDLE = {State.EXECUTING: (State.OFFERED, State.COMMITTED), State.COMPENSATING: (State.COMPLETED, State.FAILED, State.STOPPED)}
+"""What a participant says of its state, by the coordinator's, when it was not reached by what it was told: it is told again."""
+
+
 @dataclass(slots=True, kw_only=True, eq=False)
 class Member:
     """One participant of the transaction, as the coordinator sees it. `step` is the step that it is asked for, `label` what people
@@ -43,6 +47,10 @@ class Member:
     note: str = ""
     heard_at: float = 0.0
     queried: bool = False
+    told: Message | None = None
+    """The Execute or Compensate that it was told last."""
+    begins_by: float = 0.0
+    """Until when that may reach it, while it has not been heard to begin."""
     last_word: str = ""
     lost_at: int | None = None
     """The version of the map when it was given up."""
@@ -92,17 +100,20 @@ class Participants:
         self._send(member, frp.Accept(terms=terms), now, SILENCE)
 
     def execute(self, member: Member, execute: frp.Execute, now: float) -> None:
-        self._send(member, execute, now, SILENCE)
-        self._watch(member, now)
+        self._have_begin(member, execute, now)
 
     def compensate(self, member: Member, situation: str, now: float) -> bool:
         """Have it undo what it did. Whether it can be told to."""
         if frp.Compensate not in COORDINATOR_SENDS.get(member.state, {}):
             return False
         member.reported, member.lost_at = False, None
-        self._send(member, frp.Compensate(situation=situation), now, SILENCE)
-        self._watch(member, now)
+        self._have_begin(member, frp.Compensate(situation=situation), now)
         return True
+
+    def _have_begin(self, member: Member, body: frp.Execute | frp.Compensate, now: float) -> None:
+        member.told = self._send(member, body, now, SILENCE)
+        member.begins_by = now + SILENCE
+        self._watch(member, now)
 
     def dismiss(self, member: Member, reason: str, now: float) -> None:
         """It is not needed, and has not begun."""
@@ -136,10 +147,11 @@ class Participants:
         """Once the transaction is over: all but those that were given up, whose report may still come."""
         self._members = {id: member for id, member in self._members.items() if member.lost_at is not None and not member.reported}
 
-    def _send(self, member: Member, body: CoordinatorBody, now: float, seconds: float) -> None:
+    def _send(self, member: Member, body: CoordinatorBody, now: float, seconds: float) -> Message:
         message = member.session.send(body)
         self._note(now, message)
         self._setting.effects.append(Send(message, now + seconds))
+        return message
 
     # Hearing
 
@@ -155,6 +167,11 @@ class Participants:
             self._note(now, answer)
             self._setting.effects.append(Send(answer))
         member.heard_at, member.queried = now, False
+        if heard.moved:
+            member.begins_by = 0.0
+        elif isinstance(message.body, frp.Status) and message.body.state in IDLE.get(member.state, ()) and member.told is not None:
+            member.begins_by = now + SILENCE
+            self._setting.effects.append(Send(member.told, member.begins_by))
         if heard.before in WORKING and heard.state not in WORKING:
             self._unwatch(member)
         elif heard.before not in WORKING and heard.state in WORKING:
@@ -172,28 +189,19 @@ class Participants:
                 self.dismiss(member, trouble, now)
             case frp.Accept() if member.state is State.COMMITTED:
                 self.give_up(member)
-            case frp.Execute() if member.state is State.EXECUTING:
-                self._repeat(message, now)
-                return None
             case frp.Stop() if member.state is State.STOPPING:
-                self._repeat(message, now)
-                return None
-            case frp.Compensate() if member.state is State.COMPENSATING:
-                self._repeat(message, now)
+                self._setting.effects.append(Send(message, now + SILENCE))
                 return None
             case _:
                 return None
         member.last_word = trouble
         return member
 
-    def _repeat(self, message: Message, now: float) -> None:
-        """It may be back before its silence is too long; a Query alone would find it alive and idle."""
-        self._setting.effects.append(Send(message, now + SILENCE))
-
     # Silence, and lateness
 
     def silent(self, participant: str, now: float) -> Member | None:
-        """The heartbeat of one that works may have stopped: ask it, and after as long again give it up, and return it."""
+        """The heartbeat of one that works may have stopped: ask it, and after as long again give it up, and return it. One that was
+        never heard to begin may have begun as late as that could reach it, and is waited for from then on."""
         member = self._members.get(participant)
         if member is None or member.state not in WORKING:
             return None
@@ -201,8 +209,9 @@ class Participants:
             self._setting.effects.append(Wake(self._timer("silence", member), member.heard_at + SILENCE))
         elif not member.queried:
             member.queried = True
-            self._send(member, frp.Query(), now, SILENCE)
-            self._setting.effects.append(Wake(self._timer("silence", member), now + SILENCE))
+            until = max(now + SILENCE, member.begins_by + 2 * SILENCE)
+            self._send(member, frp.Query(), now, until - now)
+            self._setting.effects.append(Wake(self._timer("silence", member), until))
             self._tell(now, f"{member.offer.service} is silent; asking for its state")
         else:
             self.give_up(member)
