@@ -21,6 +21,13 @@ from verification.model_check.suite import LOST, Result, check_assumption, every
 
 COLUMNS = 160
 
+BOUNDS = (
+    "One copy of a message is under way at a time, but on the duplicating medium, which delivers whatever the others can.",
+    "Two participants, FIFO and lossy: senders repeat their oldest message first, as the nodes do that run; one participant: in any order.",
+    "A lost disk: one, once, with no other restarts; only property 3 is asked for, as nobody is held to what is forgotten.",
+    "Property 5, the map tells the truth, is about the Task Manager's data and not in this model: it is checked in the fault runs.",
+)
+
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m verification.model_check", description="Checks the Failure Recovery Protocol.")
@@ -56,6 +63,8 @@ def _properties(console: Console) -> tuple[int, int]:
             bar.advance(task)
     console.print(table(results, "The Failure Recovery Protocol, in every state that can be reached"))
     console.print(table(without, "Without the timing assumption property 1 has to fall: it is no protocol's to keep"))
+    for bound in BOUNDS:
+        console.print(f"- {bound}")
     _charts(console, [*results, *without])
     looked = [broken for result in results for broken in result.cells.values()]
     failed = sum(broken is not None for broken in looked) + sum(result.cells[Property.HANDS] is None for result in without)

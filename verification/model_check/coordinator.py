@@ -25,6 +25,15 @@ COORDINATOR_SAYS: dict[type[object], CoordinatorBody] = {
 }
 
 
+# What a Task Manager says in each state (`task_manager.participants`), whatever the table lets it; Cancel and End where it does.
+MUST_SAY: dict[State, type[object]] = {
+    State.NEW: frp.Arrange,
+    State.OFFERED: frp.Accept,
+    State.COMMITTED: frp.Execute,
+    State.EXECUTING: frp.Stop,
+}
+
+
 class Phase(Enum):
     """How far the transaction is. Failed and cancelled ones go the same way, so both are `BROKEN`."""
 
@@ -107,7 +116,7 @@ class Coordinators(Side[Coordinator]):
         allowed = states.COORDINATOR_SENDS.get(state, {})
         undo = state in UNDONE_AT_LAST and "Execute" in said
         if one.phase is Phase.OPEN:
-            for kind in allowed:
+            for kind in dict.fromkeys((*allowed, *([MUST_SAY[state]] if state in MUST_SAY else []))):
                 if kind is frp.Compensate and undo:
                     yield self._say(at, kind, joint="claim")
                 elif kind is frp.Accept:

@@ -185,14 +185,8 @@ def noticed(mutation: Mutation, trials: Iterable[Trial] = TRIALS) -> str:
 
 
 def judge(mutation: Mutation, trials: Iterable[Trial] = TRIALS) -> Verdict:
-    explanation = next((text for pattern, text in EXPLANATIONS.items() if _fits(pattern, mutation)), "")
+    explanation = EXPLANATIONS.get((mutation.table, mutation.state, mutation.message, mutation.how), "")
     return Verdict(mutation=mutation, caught_by=noticed(mutation, trials), explanation=explanation)
-
-
-def _fits(pattern: tuple[str, str, str, str], mutation: Mutation) -> bool:
-    """A star in a pattern is anything."""
-    own = (mutation.table, mutation.state, mutation.message, mutation.how)
-    return all(wanted in ("*", have) for wanted, have in zip(pattern, own, strict=True))
 
 
 def try_all(mutations: Sequence[Mutation], processes: int) -> Iterator[Verdict]:

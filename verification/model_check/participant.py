@@ -27,6 +27,17 @@ PARTICIPANT_SAYS: dict[type[object], ParticipantBody] = {
 }
 
 
+# What a Service Manager says in each state (`service_manager.participant`): a table that does not let it is wrong.
+MUST_SAY: dict[State, tuple[type[object], ...]] = {
+    State.ARRANGING: (frp.Terms, frp.Refuse),
+    State.OFFERED: (frp.Refuse,),
+    State.COMMITTED: (frp.Failed,),
+    State.EXECUTING: (frp.Progress, frp.Completed, frp.Failed),
+    State.STOPPING: (frp.Progress, frp.Completed, frp.Failed, frp.Stopped),
+    State.COMPENSATING: (frp.Progress, frp.Compensated, frp.Stranded),
+}
+
+
 class Deed(Enum):
     """What a participant has really done to the world."""
 
@@ -99,7 +110,7 @@ class Participants(Side[Participant]):
     def _all_moves(self, at: int) -> Iterator[Step]:
         one = self.states[at]
         state = one.session.state
-        for kind in states.PARTICIPANT_SENDS.get(state, {}):
+        for kind in dict.fromkeys((*states.PARTICIPANT_SENDS.get(state, {}), *MUST_SAY.get(state, ()))):
             if (not one.halted and (one.moving or state not in states.WORKING)) or kind is frp.Progress:
                 yield self._say(at, kind)
         if one.halted and one.verdict is not None:
