@@ -149,6 +149,22 @@ def test_nobody_takes_over_from_a_robot_that_may_still_be_undoing() -> None:
     assert min(work.began for work in undone) > max(halted)
 
 
+def test_what_a_failed_undoing_left_is_looked_at() -> None:
+    """FRP, properties 4 and 5: it was picked up to be brought back, and fell."""
+
+    def fails(order: Order, situation: str) -> Work:
+        yield 5.0, ServiceFailed("the gripper is stuck", None)
+
+    system = patrolled("Floor001", Robot("Robot1", 10, 60, undoes=fails))
+    task = system.submit(BOTH)
+    until_one_is_done(system, task)
+    jar = next(step.inputs["Object"] for step in system.view(task).steps if step.state is State.COMPLETED)
+    system.ask(CancelTask(task=task))
+    assert system.world.run(600, lambda: system.map.holds("isOn", (jar, "Floor001")))
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.CANCELLED
+
+
 def test_who_cannot_undo_says_nothing_of_where_things_are_by_now() -> None:
     """FRP, property 5: what it left is long ago, and somebody has told since."""
     system = VirtualSystem(Robot("Robot1", 10, 60))

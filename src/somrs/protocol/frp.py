@@ -141,10 +141,11 @@ class Compensated(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Stranded(Struct, frozen=True, kw_only=True, tag=True):
-    """Could not be undone; a person or another service must."""
+    """Could not be undone; a person or another service must. `tried` FALSE: nothing was done about it, and things are as they were."""
 
     description: str
     situation: str | None = None
+    tried: bool = True
 
 
 class Query(Struct, frozen=True, kw_only=True, tag=True):

@@ -261,7 +261,7 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
             "Fault": Fault(code=NOT_ALLOWED, text=f"{asked} does not fit the state {self.state.value}"),
             "Failed": Failed(description=f"there is no contract here, so {asked} started nothing"),
             "Stopped": Stopped(),
-            "Stranded": Stranded(description="nothing was done under this contract that could be undone"),
+            "Stranded": Stranded(description="nothing was done under this contract that could be undone", tried=False),
         }
         if entry.kind is Kind.ALREADY and name not in _FLEETING:
             return self._again(name)

@@ -195,7 +195,7 @@ class ServiceManager:
         capability = next((one for one in self.profile.capabilities if job.order and one.method == job.order.method), None)
         if capability is None or not capability.undoable:
             text = f"{self.profile.name} cannot undo {capability.type_name if capability else 'what it does not know'}"
-            self._say(job, frp.Stranded(description=text, situation=job.situation), now)
+            self._say(job, frp.Stranded(description=text, tried=False), now)
             return
         self._timer(job, "heartbeat", now + self.profile.heartbeat)
         self._enqueue(job, now)

@@ -65,6 +65,12 @@ class Member:
     def state(self) -> State:
         return self.session.state
 
+    @property
+    def tried_to_undo(self) -> bool:
+        """Whether things may be another way than before it was told to undo its work, which it could not."""
+        said = self.session.heard.get("Stranded")
+        return said is not None and isinstance(said.body, frp.Stranded) and said.body.tried
+
 
 class Participants:
     """They join with `invite`, and leave with Cancel or End. `tell` notes what the client may want to know, `note` each message."""

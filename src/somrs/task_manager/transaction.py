@@ -356,7 +356,8 @@ class Transaction:
         pursuit, run = self._at(member)
         if pursuit is not None and run is not None and run.progress is Progress.REPORTING:
             pursuit.over(run, situation, trouble)
-        silent_about = work is not None and not compensated and (situation is None or not work.is_told_of_by(parse(situation)))
+        tried = member.state is State.STRANDED and member.tried_to_undo
+        silent_about = work is not None and (tried or not compensated) and (situation is None or not work.is_told_of_by(parse(situation)))
         if work is not None and trouble is not None and silent_about and not called_off:
             self._looks.want(work)
 
