@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from somrs.entish import Formula, Name
-from somrs.entish.formula import Attribute, Comparison, Not, Relation, conjunction, names
+from somrs.entish.formula import Attribute, Comparison, Not, Relation, conjunction, conjuncts, names
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, ValueSet, objects_of
@@ -150,7 +150,8 @@ def concerned(step: Step, map: Map, ontology: Ontology) -> tuple[str, ...]:
         made = changes(step.effect, map, ontology)
     except FormulaError:
         return ()
-    found = dict.fromkeys(objects_of(change)[0] for change in made)
+    spoken_of = (names(part)[0] for part in conjuncts(step.effect) if names(part))  # it may be so already, and then be made otherwise
+    found = dict.fromkeys(objects_of(change)[0] for change in made) or dict.fromkeys(spoken_of)
     others = tuple(name for name in found if name != step.provider)
     return others or tuple(found)
 
