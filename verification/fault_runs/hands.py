@@ -72,10 +72,10 @@ class Hands:
 
     def died(self) -> None:
         """Its program is dead: a watchdog stops it."""
+        if self.character.drops:
+            self.reality.drop_all(self.name, self.now(), [labour.object for labour in self.labours.values()])
         self.labours.clear()
         self._questions.clear()
-        if self.character.drops:
-            self.reality.drop_all(self.name, self.now())
 
     def carry_out(self, task: object) -> Work:
         _, question = self._questions.pop(id(task), (None, ""))

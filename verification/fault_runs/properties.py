@@ -311,11 +311,12 @@ class Witness:
 
     def _map_is_true(self) -> None:
         """At the end, when everything that was done has been reported: by whoever did it, or seen since. Only of a device that never
-        came back may the map not know better."""
+        came back may the map not know better; and of a thing that two tasks moved, the later report may be of the earlier deed."""
         stage, contents = self._stage, self._stage.contents
         assert contents is not None, "whoever shares the Repository waits for it"
         for deed in {deed.object: deed for deed in stage.reality.deeds}.values():
-            if deed.object in stage.reality.doubtful or f"devices/{deed.who}" not in stage.world.components:
+            tasks = {one.task for one in stage.reality.deeds if one.object == deed.object}
+            if deed.object in stage.reality.doubtful or f"devices/{deed.who}" not in stage.world.components or len(tasks) > 1:
                 continue
             said = parse(stage.reality.said(deed.object))
             known = contents.map.objects[deed.object].values.get("Unknown") is not True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Relation, Truth, conjuncts
@@ -70,10 +70,12 @@ class Reality:
             self.where[object] = to
         self.deeds.append(Deed(at, object, before, to, task, who))
 
-    def drop_all(self, device: str, at: float) -> None:
-        """Whatever it holds falls."""
+    def drop_all(self, device: str, at: float, at_work_on: Collection[str]) -> None:
+        """Whatever it holds falls. Of what it does not work on, nobody is to know."""
         for thing, place in self.where.items():
             if place == ("isHeldBy", device):
+                if thing not in at_work_on:
+                    self.doubtful.add(thing)
                 self.put(thing, ("isOn", FLOOR), at, None, device)
 
     def is_so(self, formula: Formula) -> bool:
