@@ -15,10 +15,10 @@ from typing import TypeVar
 
 import aiohttp
 import uvicorn
-from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import PlainTextResponse, Response
-from starlette.routing import Route
+from starlette.types import Receive, Scope
+from starlette.types import Send as SendPart
 
 from somrs.errors import InputError, RemoteError, UsageError, WireError
 from somrs.protocol import frp, soap
@@ -45,6 +45,9 @@ KEPT_TIME = 60
 CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
 HANG_UP = {"Connection": "close"}
 STOPPING = "this component is stopping"
+
+_NOT_SAID = ("Accept", "Accept-Encoding", "User-Agent")
+"""What aiohttp would say by itself: that anything may come back, even compressed, which is not read here."""
 
 NONE = "http://www.w3.org/2005/08/addressing/none"
 """WS-Addressing 1.0 Core, 2.1: what is sent there is thrown away."""
@@ -97,9 +100,9 @@ class Server:
             listening.close()
             raise UsageError(f"cannot listen at {self.host}:{self.port}: {error.strerror}; another --port may be free") from None
         self.port = listening.getsockname()[1]
-        routes = [Route("/{path:path}", self._take, methods=["POST"]), Route("/{path:path}", self._show, methods=["GET"])]
         config = uvicorn.Config(
-            Starlette(routes=routes),
+            self._serve,
+            interface="asgi3",
             log_level="warning",
             access_log=False,
             lifespan="off",
@@ -126,10 +129,23 @@ class Server:
             with contextlib.suppress(asyncio.CancelledError):
                 await self._serving
 
+    async def _serve(self, scope: Scope, receive: Receive, send: SendPart) -> None:
+        """One request, as ASGI has it. There is nothing to be routed but by the method, and every message comes this way."""
+        request = Request(scope, receive)
+        match request.method:
+            case "POST":
+                response = await self._take(request)
+            case "GET" | "HEAD":
+                response = await self._show(request)
+            case _:
+                response = PlainTextResponse("send messages with POST\n", 405, headers={"Allow": "GET, HEAD, POST"})
+        await response(scope, receive, send)
+
     async def _take(self, request: Request) -> Response:
-        handler = self.parts.get(request.url.path)
+        path = request.scope["path"]
+        handler = self.parts.get(path)
         if handler is None:
-            return PlainTextResponse(f"nothing is at {request.url.path}; here are {', '.join(self.parts) or 'no parts'}\n", 404)
+            return PlainTextResponse(f"nothing is at {path}; here are {', '.join(self.parts) or 'no parts'}\n", 404)
         if not _is_soap(request):
             return PlainTextResponse(f"send {CONTENT_TYPE}, not compressed\n", 415, headers=HANG_UP)
         try:
@@ -164,10 +180,6 @@ class Server:
         except Exception:  # a defect here must not end the server, nor show the sender its stack trace
             log.exception("a %s could not be handled", type(message.body).__name__ if message else "message")
             return _fault(WireError(soap.RECEIVER, "this message met a defect here; see the log"), message)
-        try:
-            return Response(soap.encode(answer), _status(answer), media_type=CONTENT_TYPE)
-        except WireError as error:
-            return _fault(WireError(soap.RECEIVER, f"the {type(answer.body).__name__} cannot be sent: {error.text}"), message)
 
     async def _unless_stopped(self, work: Awaitable[T]) -> T:
         """What the work comes to. Raises RemoteError when the server stops before."""
@@ -277,7 +289,9 @@ class Wire:
             raise RemoteError(f"nobody waits for this {type(message.body).__name__}: its recipient is anonymous")
         if self._session is None:
             connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT_TIME)
-            self._session = aiohttp.ClientSession(connector=connector, cookie_jar=aiohttp.DummyCookieJar(), auto_decompress=False)
+            self._session = aiohttp.ClientSession(
+                connector=connector, cookie_jar=aiohttp.DummyCookieJar(), auto_decompress=False, skip_auto_headers=_NOT_SAID
+            )
         try:
             document = soap.encode(message)
         except WireError as error:
