@@ -56,7 +56,7 @@ def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many: Result) ->
 PRINTED = """
 from verification.fault_runs.draw import draw
 from verification.fault_runs.result import played
-for seed in range(40, 52):
+for seed in range(40, 47):
     story = draw(seed)
     stage, violation = played(story)
     print(story, violation, stage.log, stage.reality.deeds, [m.header.message_id for m in stage.world.messages])

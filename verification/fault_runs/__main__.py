@@ -20,6 +20,9 @@ from verification.fault_runs.stage import Stage
 from verification.fault_runs.story import Story
 from verification.fault_runs.told import Ear, figures, log
 
+TOLD_EVERY = 5000
+"""Runs between two lines of a file that the progress is written to."""
+
 MOST_NAMED, MOST_TOLD = 25, 5
 """So many failing seeds are named, and so many of them are made short and told."""
 
@@ -46,6 +49,8 @@ def _run(base: int, count: int, jobs: int, console: Console) -> int:
             total.add(result)
             rate = total.runs / (time.perf_counter() - began)
             progress.update(bar, advance=1, description=f"fault runs, {rate:.0f}/s, {len(total.failed)} failed")
+            if not console.is_terminal and total.runs % TOLD_EVERY == 0:
+                console.print(f"{total.runs} of {count} runs, {rate:.0f}/s, {len(total.failed)} failed")
             for seed, (property, seen) in result.failed.items() if len(total.failed) <= MOST_NAMED else ():
                 console.print(f"seed {seed}: [red]{property}[/red]: {escape(seen)}\n  make fault-runs SEED={seed}")
     console.print(figures(total, time.perf_counter() - began))
