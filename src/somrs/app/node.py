@@ -239,13 +239,13 @@ class Node:
 
     def _come(self, effect: Effect, number: int) -> None:
         """Carry an effect out, now or when all that it may depend on is on disk."""
-        match effect:
-            case Wake(timer, at):
-                self._set(timer, at)  # seen by nobody; what its ringing comes to waits in its turn
-            case Record(entry):
-                self._record(entry)
-            case _:
-                self.output.put(effect, number)
+        # Every effect comes this way, and class patterns take longer.
+        if isinstance(effect, Wake):
+            self._set(effect.timer, effect.at)  # seen by nobody; what its ringing comes to waits in its turn
+        elif isinstance(effect, Record):
+            self._record(effect.entry)
+        else:
+            self.output.put(effect, number)
 
     def _record(self, entry: object) -> None:
         try:

@@ -9,6 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 from somrs.entish import Name
 from somrs.entish.formula import Attribute, Call, Comparison, Not, literals, substitute, terms, variables
@@ -245,6 +246,7 @@ class _Checker:
                     yield Violation(subject=str(fact), rule=rule, message=message)
 
 
+@lru_cache(maxsize=1024)
 def _is_about_itself(text: str) -> bool:
     """Whether a constraint's formula speaks of nothing but the object's own values."""
     formula = parse(text)

@@ -127,18 +127,19 @@ class _Session(Struct, kw_only=True):
         """A new message. Ids are made of the transaction, the participant, the side, a number and the type."""
         name = type(body).__name__
         if relates_to is None:
-            relates_to = next((self.heard[kind].id for kind in _ANSWERS.get(name, ()) if kind in self.heard), None)
+            for kind in _ANSWERS.get(name, ()):
+                if (heard := self.heard.get(kind)) is not None:
+                    relates_to = heard.id
+                    break
         if name in _FLEETING:
             # Counted apart, so that a restart from a journal without them gives no id to two different messages.
-            self.said = {
-                **self.said,
-                name: Said(id=self._fleeting_id(side, name, relates_to), body=body, relates_to=relates_to, state=self.state),
-            }
+            identity = self._fleeting_id(side, name, relates_to)
         else:
             self.number += 1
             identity = message_id(self.transaction, self.participant, side, self.number, name)
-            self.said = {**self.said, name: Said(id=identity, body=body, relates_to=relates_to, state=self.state)}
-        return self._message(self.said[name])
+        said = Said(id=identity, body=body, relates_to=relates_to, state=self.state)
+        self.said = {**self.said, name: said}
+        return self._message(said)
 
     def _fleeting_id(self, side: str, name: str, relates_to: str | None) -> str:
         before = self.said[name].id if name in self.said else ""

@@ -13,6 +13,8 @@ def free_from(commitments: Sequence[Commitment], earliest: float, duration: floa
 
     Room changes only where a commitment ends, so these are the only times to try besides `earliest`.
     """
+    if len(commitments) < capacity:
+        return earliest
     starts = sorted({earliest, *(end for _, end in commitments if end > earliest)})
     return next(start for start in starts if _most_at_once(commitments, start, start + duration) < capacity)
 

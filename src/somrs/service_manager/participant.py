@@ -101,8 +101,7 @@ class ServiceManager:
         """From when until when the device is committed, as far as can be told; what is overdue starts, or ends, now."""
         busy: list[Commitment] = []
         for job in self._jobs:
-            terms = job.session.terms
-            if terms is None or job.session.state not in _COMMITTED:
+            if job.session.state not in _COMMITTED or (terms := job.session.terms) is None:
                 continue
             start = job.began if job.began is not None else max(terms.start_from or now, now)
             busy.append((start, max(start + terms.duration, now)))

@@ -265,12 +265,15 @@ class TaskManager:
         self._effects.append(Send(reply(to, body, self.address)))
 
     def _tell_watchers(self) -> None:
-        for id, watcher in [*self._watchers.items()]:
-            transaction = self.transactions[watcher.task]
-            if len(transaction.events) > watcher.after or transaction.outcome is not None:
-                del self._watchers[id]
-                self._effects.append(Wake(f"watch {id}", None))
-                self._tell(watcher)
+        due = [(id, watcher) for id, watcher in self._watchers.items() if self._has_news(watcher)]
+        for id, watcher in due:
+            del self._watchers[id]
+            self._effects.append(Wake(f"watch {id}", None))
+            self._tell(watcher)
+
+    def _has_news(self, watcher: _Watcher) -> bool:
+        transaction = self.transactions[watcher.task]
+        return transaction.outcome is not None or len(transaction.events) > watcher.after
 
     def _tell(self, watcher: _Watcher) -> None:
         transaction = self.transactions[watcher.task]
