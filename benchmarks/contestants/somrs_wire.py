@@ -1,4 +1,4 @@
-"""SO-MRS as it is on one machine: each part in a process of its own, and SOAP over HTTP between them; five devices share a process."""
+"""SO-MRS on one machine: each part in a process of its own, SOAP over HTTP between them; five devices share a process, and a file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from contestants.contest import BIDDERS
 from contestants.programs import Programs, free_port, ready, until_told
 from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, one_step, site
 from somrs.app.client import Addresses
-from somrs.app.device import DeviceRunner
+from somrs.app.device import DeviceJournal, DeviceRunner
 from somrs.app.host import Host
 from somrs.app.http import Wire
 from somrs.app.journal import Journal
@@ -86,13 +86,17 @@ async def _task_manager(data: Path, port: int) -> None:
 
 async def _devices(data: Path, first: int) -> None:
     addresses = Addresses.read(data)
-    runners = [DeviceRunner(Carrier(name), addresses, data, HOST) for name in CARRIERS[first : first + GROUP]]
+    kept = DeviceJournal(data / "devices" / f"{first}.sqlite")
+    runners = [
+        DeviceRunner(Carrier(name), addresses, data, HOST, journal=kept.shared_with(name)) for name in CARRIERS[first : first + GROUP]
+    ]
     for runner in runners:
         await runner.start()
     ready()
     await until_stopped()
     for runner in runners:
         await runner.stop()
+    kept.close()
 
 
 def _part(name: str, number: int) -> Coroutine[None, None, None]:
@@ -101,7 +105,7 @@ def _part(name: str, number: int) -> Coroutine[None, None, None]:
         case "repository":
             return run_repository(folder(data, "repository"), [data / "site.yaml"], HOST, number)
         case "registry":
-            return run_registry(Addresses.read(data), HOST, number)
+            return run_registry(folder(data, "registry"), Addresses.read(data), HOST, number)
         case "task-manager":
             return _task_manager(data, number)
         case _:

@@ -119,13 +119,17 @@ class DeviceJournal:
 
 
 class DeviceRunner:
-    """A device at work: join with `start`, take leave with `stop`. `data` is where its journal is."""
+    """A device at work: join with `start`, take leave with `stop`. `data` is where its journal is, unless it is given one that it
+    shares with others; whoever made that closes it."""
 
-    def __init__(self, device: Device, addresses: Addresses, data: Path, host: str = "127.0.0.1") -> None:
+    def __init__(
+        self, device: Device, addresses: Addresses, data: Path, host: str = "127.0.0.1", *, journal: DeviceJournal | None = None
+    ) -> None:
         self.device = device
         device.data = data
         self._addresses = addresses
-        self._journal = DeviceJournal(data / "devices" / f"{device.name}.sqlite")
+        self._own_journal = journal is None
+        self._journal = journal if journal is not None else DeviceJournal(data / "devices" / f"{device.name}.sqlite")
         self._kept = self._journal.load()
         self._host = host
         self._rim: Host | None = None
@@ -164,7 +168,8 @@ class DeviceRunner:
         if self._rim is not None:
             await self._rim.stop()
         await self.device.close()
-        self._journal.close()
+        if self._own_journal:
+            self._journal.close()
 
     async def _listen(self) -> Host:
         """Where the device was reached before, if that can be: those who have a contract with it know that address."""
