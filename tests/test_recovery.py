@@ -343,6 +343,21 @@ def test_a_robot_that_takes_far_longer_than_it_said_is_stopped() -> None:
     assert view.steps[0].service == "Robot2.TransferObject"
 
 
+def test_one_that_comes_back_has_stopped_before_another_takes_its_step() -> None:
+    """FRP, property 1: its Service Manager is started again while somebody looks, and it takes long to stand still."""
+    robot1, robot2 = Robot("Robot1", 10, 600, halts=14.0), Robot("Robot2", 25, 60)
+    system = patrolled("Floor001", robot1, robot2)
+    task = system.submit(WISH)
+    goes_silent(system, task)
+    assert system.world.run(200, lambda: ("Execute", "Robot3") in system.said(task))
+    system.restart(robot1)
+    assert system.world.run(200, lambda: ("Execute", "Robot2") in system.said(task))
+    assert ("Stop", "Robot1") in system.said(task)
+    assert system.devices["Robot1"].idle
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+
+
 # What was laid down
 
 

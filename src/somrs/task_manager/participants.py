@@ -89,6 +89,10 @@ class Participants:
         """Those whose devices may be moving."""
         return [member for member in self if member.state in WORKING]
 
+    def held(self, step: str) -> bool:
+        """Whether the step is somebody's: one that was given up may have come back, and is being stopped."""
+        return any(member.step == step and member.state in HOLDS for member in self)
+
     # Speaking
 
     def invite(self, offer: Offer, label: str, step: str, arrange: frp.Arrange, now: float, seconds: float) -> Member:
@@ -101,8 +105,7 @@ class Participants:
         return member
 
     def accept(self, member: Member, terms: str, now: float) -> None:
-        rivals = [other for other in self if other.step == member.step and other.state in HOLDS]
-        assert not rivals, "a step is one participant's at a time (FRP, property 1)"
+        assert not self.held(member.step), "a step is one participant's at a time (FRP, property 1)"
         self._send(member, frp.Accept(terms=terms), now, SILENCE)
 
     def execute(self, member: Member, execute: frp.Execute, now: float) -> None:

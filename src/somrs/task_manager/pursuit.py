@@ -186,8 +186,10 @@ class Pursuit:
                     self._execute(run, now)
 
     def _arrange(self, run: StepRun, now: float) -> None:
-        """Ask every able service for terms."""
+        """Ask every able service for terms. One that had the step and came back has to stop first: its report is awaited."""
         assert self.workflow is not None
+        if self._owner.participants.held(run.key):
+            return
         invited = self._owner.offered.able(run)
         if not invited:
             why = "; ".join(f"{service}: {reason}" for service, reason in run.excluded.items())

@@ -67,6 +67,9 @@ class Tender:
         if not bids:
             self.withdraw(participants, "it failed at another step", now)
             return None
+        if participants.held(self.run.key):
+            self.withdraw(participants, "one that had it has come back, and has to stop first", now)
+            return None
         best = choose(bids, task, now)
         for member, _ in bidders.values():
             if member.id == best.participant:
