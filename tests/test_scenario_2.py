@@ -6,7 +6,7 @@ from importlib import resources
 
 from simulator_room import Run
 from somrs.app.system import devices
-from somrs.devices.simulator.commands import Done, Gave, Grip, LookAround, Place, Sense
+from somrs.devices.simulator.commands import Done, Gave, Grip, LookAround, Place, Sense, Stop
 from somrs.ontology.files import Loaded, load
 from somrs.ontology.objects import Map, ValueSet
 
@@ -66,4 +66,23 @@ def test_a_robot_that_is_parked_where_another_has_to_stand_makes_way() -> None:
     run = Run(map.changed([ValueSet("Robot1", path, value) for path, value in there.items()]))
     run.all("Robot2", Grip(object="Jar002"), Place(on="Platform001"))
     assert run.simulation.seen("Jar002").on == "Platform001"
+    assert not run.collisions
+
+
+def test_who_makes_way_for_a_robot_that_is_stopped_meanwhile_goes_on() -> None:
+    map = site()[1]
+    there = {"PositionX": 0.945, "PositionY": 5.537, "RotationZ": -2.993}
+    run = Run(map.changed([ValueSet("Robot1", path, value) for path, value in there.items()]))
+    parked = run.simulation.robots["Robot1"]
+    gripping = run.start("Robot1", Grip(object="Jar002"))
+    run.until(lambda: parked.arm_out)
+    run.do("Robot1", Stop())
+    assert gripping, "it was told that it was stopped"
+    run.until(lambda: not run.simulation.busy)
+    height = parked.joints["lift"]
+    run.start("Robot2", Grip(object="Jar002"))
+    run.until(lambda: abs(parked.joints["lift"] - height) > 0.02)  # it draws its arm in, to make way
+    run.do("Robot2", Stop())
+    run.until(lambda: not run.simulation.busy)
+    run.all("Robot2", Grip(object="Jar002"), Place(on="Platform001"))
     assert not run.collisions

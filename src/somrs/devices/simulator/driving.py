@@ -218,7 +218,9 @@ def ask_aside(robot: Robot, place: Point) -> Routine:
 
 
 def make_way(robot: Robot, other: Robot) -> Generator[None, None, bool]:
-    """Leave the way of another robot, and wait until that has passed. Whether there was anywhere to go."""
+    """Leave the way of another robot, and wait until that has passed. Whether there was anywhere to go; not if it goes nowhere by now."""
+    if not other.plan:
+        return False
     refuge, goal = _refuge(robot, other), robot.plan[-1] if robot.plan else None
     if refuge is None:
         return False
