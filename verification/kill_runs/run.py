@@ -98,6 +98,9 @@ class Run:
             await self._judge(result, acknowledged)
         except (Trouble, SomrsError, TimeoutError, OSError) as error:
             result.problems.append(f"{type(error).__name__}: {error}")
+        if result.missed and (result.problems or result.lost):
+            result.problems.append(f"and there was no kill: {result.missed}")
+            result.missed = ""  # what is wrong is wrong without a kill, too
         result.took = time.monotonic() - began
         return result
 
