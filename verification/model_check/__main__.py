@@ -75,8 +75,8 @@ def _properties(console: Console) -> tuple[int, int]:
 def table(results: list[Result], title: str) -> Table:
     """Media by properties; a dash where a property was not looked for."""
     drawn = Table(title=title, title_justify="left")
-    drawn.add_column("medium")
-    drawn.add_column("with")
+    drawn.add_column("medium", no_wrap=True)
+    drawn.add_column("with", no_wrap=True)
     for which in Property:
         drawn.add_column(str(which), justify="center")
     drawn.add_column("states", justify="right")
@@ -111,9 +111,11 @@ def _mutations(console: Console, processes: int) -> tuple[int, int]:
         drawn.add_row(str(verdict.mutation), verdict.explanation or "UNEXPLAINED")
     console.print(drawn)
     caught, explained = len(verdicts) - len(quiet), sum(bool(verdict.explanation) for verdict in quiet)
-    stale = [verdict for verdict in verdicts if verdict.caught_by and verdict.explanation]
+    stale = [verdict for verdict in verdicts if verdict.misexplained]
     for verdict in stale:
-        console.print(f"{verdict.mutation}: explained as unnoticed, and noticed: {verdict.caught_by}")
+        console.print(
+            f"{verdict.mutation}: the explanation is wrong: {verdict.caught_by or ('it is used' if verdict.met else 'it is never met')}"
+        )
     unexplained = len(quiet) - explained
     console.print(f"{len(verdicts)} alterations in {time.perf_counter() - began:.0f} s")
     console.print(f"{caught} caught, {explained} explained, {unexplained} unexplained")

@@ -7,6 +7,8 @@ from collections.abc import Iterable
 Pattern = tuple[str, str, str, str]
 """Table, state, message and alteration, as in a `Mutation`."""
 
+NEVER_MET = "never met"
+
 REPEATED = "sooner only: the report is repeated until it is acknowledged, whether it is asked for again or not"
 OVERTAKEN = "sooner only: its next report, or its lapse, is answered with End or Cancel again, and then it ends"
 LOST = "sooner only: one that lost its journal is found out by the question that follows its silence"
@@ -50,12 +52,13 @@ EXPLANATIONS: dict[Pattern, str] = {
     **_each("PARTICIPANT", ("Stopping", "Compensating"), ("End",), ("ignored",), OVERTAKEN),
     **_each(
         "PARTICIPANT",
-        ("Arranging", "Offered", "Committed", "Executing", "Completed", "Failed", "Stopping", "Stopped", "Compensating", "Compensated",
+        ("Executing", "Completed", "Failed", "Stopping", "Stopped", "Compensating", "Compensated",
          "Stranded", "Ended"),
         ("Query",),
         ("ignored",),
         ASKED,
     ),
+    **_each("PARTICIPANT", ("Arranging", "Offered", "Committed"), ("Query",), ("ignored",), f"{NEVER_MET}: one that works is asked"),
     **_each("COORDINATOR", ("New",), ("Terms",), ("ignored", "unanswered"), "sooner only: terms that nobody accepts expire"),
     **_each("COORDINATOR", ("Arranging", "Offered"), ("Progress", *REPORTS), ("ignored", "unanswered"), BREAKS_RULES),
     **_each("COORDINATOR", ("Arranging", "Offered"), ("Fault",), ("ignored", "unanswered"), FAULT),

@@ -15,7 +15,7 @@ from typing import Any
 from somrs.protocol import states
 from somrs.protocol.frp import Completed, Failed, State, Stopped, Stranded
 from somrs.protocol.states import Kind
-from verification.model_check.explanations import EXPLANATIONS
+from verification.model_check.explanations import EXPLANATIONS, NEVER_MET
 from verification.model_check.explore import Space, explore
 from verification.model_check.media import DUPLICATING, FIFO, UNORDERED, UNORDERED_LOSSY
 from verification.model_check.pair import explore_pair
@@ -51,6 +51,15 @@ class Verdict:
     mutation: Mutation
     caught_by: str
     explanation: str
+    met: bool = True
+    """Some configuration uses the entry."""
+
+    @property
+    def misexplained(self) -> bool:
+        """It is noticed after all, or an entry is used that is said to be never met, or the other way round."""
+        if not self.explanation:
+            return False
+        return bool(self.caught_by) or self.explanation.startswith(NEVER_MET) is self.met
 
 
 def all_mutations() -> list[Mutation]:
@@ -184,9 +193,9 @@ def noticed(mutation: Mutation, trials: Iterable[Trial] = TRIALS) -> str:
     return ""
 
 
-def judge(mutation: Mutation, trials: Iterable[Trial] = TRIALS) -> Verdict:
+def judge(mutation: Mutation, trials: Sequence[Trial] = TRIALS) -> Verdict:
     explanation = EXPLANATIONS.get((mutation.table, mutation.state, mutation.message, mutation.how), "")
-    return Verdict(mutation=mutation, caught_by=noticed(mutation, trials), explanation=explanation)
+    return Verdict(mutation=mutation, caught_by=noticed(mutation, trials), explanation=explanation, met=bool(trials))
 
 
 def try_all(mutations: Sequence[Mutation], processes: int) -> Iterator[Verdict]:
