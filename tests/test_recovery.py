@@ -343,6 +343,23 @@ def test_a_robot_that_takes_far_longer_than_it_said_is_stopped() -> None:
     assert view.steps[0].service == "Robot2.TransferObject"
 
 
+def test_who_looks_and_sees_nothing_has_found_nothing() -> None:
+    """FRP, property 5: as long as nobody has called the jar unknown, the map says that it is known."""
+
+    def blind(order: Order) -> Work:
+        yield 5.0, ServiceFailed("it sees nothing", None)
+
+    system = VirtualSystem(Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    system.join(Robot("Robot3", 1, 10, works=blind), service="RecognizeSituation")
+    system.world.run(2)
+    task = system.submit(WISH)
+    goes_silent(system, task)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.FAILED
+    assert system.map.objects["Jar002"].values["Unknown"] is True
+    assert "nothing is known of Jar002" in view.explanation
+
+
 def test_one_that_comes_back_has_stopped_before_another_takes_its_step() -> None:
     """FRP, property 1: its Service Manager is started again while somebody looks, and it takes long to stand still."""
     robot1, robot2 = Robot("Robot1", 10, 600, halts=14.0), Robot("Robot2", 25, 60)

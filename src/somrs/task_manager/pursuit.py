@@ -298,7 +298,8 @@ class Pursuit:
         """Climb the ladder: the step is nobody's now, and something has to be done about it."""
         owner = self._owner
         begun = run.failure is not None
-        if begun and self._so_already(run):
+        looked = self.purpose is Purpose.LOOK  # that the map does not call a thing unknown is no finding
+        if begun and not looked and self._so_already(run):
             run.failure, run.progress = None, Progress.DONE
             self._tell(now, "what it was to bring about is so", run)
             owner.proceed(now)
