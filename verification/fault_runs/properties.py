@@ -237,7 +237,7 @@ class Witness:
             first = next(deed for deed in deeds if deed.task == task.id)
             if object in reality.doubtful or deeds[-1].task != task.id or reality.state(object) == first.before:
                 continue
-            if any(deed.task != task.id and deed.at >= task.submitted_at for deed in deeds):
+            if any(self._meanwhile(deed, task) for deed in deeds):
                 continue  # others had a hand in it
             if not any(self._tells_of(work, object) for work in seen.work):
                 raise Violation(
@@ -245,6 +245,15 @@ class Witness:
                     f"{seen.task} ended {seen.outcome}; {_deeds(deeds)}; and nobody says that {reality.said(object)} "
                     f"is left of it: {seen.explanation}",
                 )
+
+    def _meanwhile(self, deed: Deed, task: Transaction) -> bool:
+        """Whether somebody else did it while the task was under way, or for a task that was under way then, too."""
+        if deed.task == task.id:
+            return False
+        other = self.outcomes.get(deed.task) if deed.task is not None else None
+        over = deed.at if other is None or other.ended_at is None else other.ended_at
+        under_way = deed.task is not None and other is None
+        return under_way or max(deed.at, over) >= task.submitted_at
 
     def _tells_of(self, work: WorkView, object: str) -> bool:
         """Whether the client finds out that the object is not as it was: it is stranded, or what undid other work left it so."""
