@@ -275,6 +275,21 @@ def test_a_quote_waits_for_a_link_that_was_lost_just_now() -> None:
     run(test())
 
 
+def test_where_it_went_without_work_is_told_too() -> None:
+    async def test() -> None:
+        async with desk() as at:
+            await at.device._link.drive_to(3, 2)  # as if another robot wanted to pass
+            robot = (await at.operator.robots())["Robot1"]
+            async with asyncio.timeout(10):
+                while at.repository.contents.map.objects["Robot1"].values["PositionX"] != pytest.approx(robot.x, abs=0.001):
+                    await asyncio.sleep(0.1)
+            version = at.repository.contents.version
+            await asyncio.sleep(2.5)
+            assert at.repository.contents.version == version, "what was told is not told again"
+
+    run(test())
+
+
 def test_stopped_in_the_middle_it_puts_the_jar_down_and_says_where() -> None:
     async def test() -> None:
         async with desk(speed=20) as at:

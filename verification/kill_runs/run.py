@@ -33,7 +33,9 @@ MOST_TIME = 180.0
 PATIENCE = 90.0
 """Seconds for which a client waits for a Task Manager that is away."""
 HOME_TIME = 20.0
-"""Seconds after the outcome in which everyone has to be at home, and the map has to agree with the world."""
+"""Seconds after the outcome in which everyone has to be at home."""
+NOTICED = 6.0
+"""Seconds that the map may take to agree with the world, once everyone is at home."""
 
 
 class Result(msgspec.Struct, kw_only=True):
@@ -277,9 +279,9 @@ class Run:
             await asyncio.sleep(0.05)
 
     async def _disagreements(self, result: Result) -> list[str]:
-        """Where the map and the world differ once nothing moves any more."""
+        """Where the map and the world differ once nothing moves any more, and those who made way have said where they are."""
         stage = self._stage
-        end = time.monotonic() + 3.0
+        end = time.monotonic() + NOTICED
         while True:
             await stage.operator.idle()
             map = await stage.client.map()

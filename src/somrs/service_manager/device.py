@@ -34,7 +34,7 @@ from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Definition, ObjectType, Value
 from somrs.protocol.bodies import Body
 from somrs.protocol.frp import Fault
-from somrs.protocol.knowledge import MapPage, QueryMap, ReadMap, Rows
+from somrs.protocol.knowledge import MapPage, QueryMap, ReadMap, Rejected, Rows, Updated, UpdateMap
 from somrs.service_manager.orders import Advance, Capability, Order, Profile
 from somrs.service_manager.values import filled_in, money, python_value, seconds
 
@@ -62,7 +62,7 @@ Able = Callable[[Any, "Task"], Awaitable[None] | None]
 
 
 class MapReader:
-    """Reads the map of the environment in the Repository."""
+    """Reads the map of the environment in the Repository, and tells it what a device notices besides its work."""
 
     def __init__(self, ask: Ask) -> None:
         self._ask = ask
@@ -83,6 +83,13 @@ class MapReader:
 
     async def holds(self, formula: str | Formula) -> bool:
         return bool(await self.query(formula, limit=1))
+
+    async def tell(self, situation: str | Formula, author: str) -> None:
+        """Have it on the map that the situation holds. Raises RemoteError when the Repository does not take that."""
+        answer = await self._answer(UpdateMap(situation=str(situation), author=author))
+        if not isinstance(answer, Updated):
+            problems = "; ".join(answer.problems) if isinstance(answer, Rejected) else type(answer).__name__
+            raise RemoteError(f"the Repository does not take {situation}: {problems}")
 
     async def _answer(self, body: Body) -> Body:
         answer = await self._ask(body)

@@ -28,6 +28,7 @@ class FixedCamera(SimulatedDevice):
 
     type = "Camera"
     features = ("OperationRange", "FieldOfView", "Price")
+    mobile = False
 
     async def view(self) -> dict[str, Seen]:
         """What it sees now, by name."""

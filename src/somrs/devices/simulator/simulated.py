@@ -6,6 +6,7 @@ All that a driver knows of its device comes over the robot link, all it knows of
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import TypeVar
@@ -29,10 +30,17 @@ ANSWERING = 2.0
 """Seconds that the device has to say how it is, when it is to give a quote."""
 REPORTING = 2.0
 """Seconds between two reports while it drives."""
+NOTICING = 1.0
+"""Seconds between two looks at where an idle device is; it has to be at the same place twice."""
+STANDING = 0.005
+"""What is nearer than this, in m, or twice that in rad, is no other place."""
 MOST_LOSSES = 5
 """How often the link may be lost in a piece of work."""
 
 T = TypeVar("T")
+Pose = tuple[float, float, float]
+
+log = logging.getLogger(__name__)
 
 
 class SimulatedDevice(Device):
@@ -47,6 +55,9 @@ class SimulatedDevice(Device):
     away: float = 6.0
     """Seconds for which a link that was lost is waited for; it is tried again every other second."""
 
+    mobile: bool = True
+    """Whether it may be elsewhere than it was."""
+
     async def open(self) -> None:
         host, _, port = (self.simulator or "").rpartition(":")
         if not host or not port.isdigit():
@@ -55,9 +66,38 @@ class SimulatedDevice(Device):
         await self._link.connect()
         await self._link.status()
         self.attributes = {name: value for name in self.features for value in await self._feature(name)}
+        self._working = 0
+        self._told: Pose | None = None
+        self._noticing = asyncio.create_task(self._notice()) if self.mobile else None
 
     async def close(self) -> None:
+        if self._noticing is not None:
+            self._noticing.cancel()
+            await asyncio.wait({self._noticing})
         await self._link.close()
+
+    async def _notice(self) -> None:
+        """Tell the Repository where the device is when that changed though it did not work: it made way for another, say."""
+        before: Pose | None = None
+        while True:
+            await asyncio.sleep(NOTICING)
+            state = self._link.state
+            idle = self._link.connected and not self._link.silent and not self._working and state is not None and state.doing is None
+            now = _pose(state) if idle and state is not None else None
+            if state is not None and now is not None and before is not None and _same(now, before):
+                try:
+                    if not _same(now, self._told or await self._on_map()):
+                        await self.map.tell(" AND ".join(self._own_pose(state)), self.name)
+                except RemoteError as error:
+                    self._told = None
+                    log.warning("%s could not tell where it is: %s", self.name, error)
+            before = now
+
+    async def _on_map(self) -> Pose:
+        rows = await self.map.query(f"{self.name}.PositionX = ?X AND {self.name}.PositionY = ?Y AND {self.name}.RotationZ = ?Yaw", limit=1)
+        found = [term(str(row[name])) for row in rows for name in ("X", "Y", "Yaw")]
+        x, y, yaw = (one.value if isinstance(one, Number) else math.inf for one in found or (None, None, None))
+        return x, y, yaw
 
     async def _feature(self, name: str) -> list[Value]:
         rows = await self.map.query(f"{self.name}.{name} = ?Feature", limit=1)
@@ -86,13 +126,17 @@ class SimulatedDevice(Device):
     async def persistent(self, work: Callable[[], Awaitable[T]]) -> T:
         """Do it; when the link is lost meanwhile, and made again soon, do it again. Robots stop, and keep hold of what they hold, when
         their links are lost; so the work has to begin with how things are. Raises RobotGaveUp."""
-        for _ in range(MOST_LOSSES):
-            try:
-                return await work()
-            except RobotGaveUp as gave:
-                if gave.reason != "link-lost" or not await self._link.back(self.away):
-                    raise
-        return await work()
+        self._working += 1
+        try:
+            for _ in range(MOST_LOSSES):
+                try:
+                    return await work()
+                except RobotGaveUp as gave:
+                    if gave.reason != "link-lost" or not await self._link.back(self.away):
+                        raise
+            return await work()
+        finally:
+            self._working -= 1
 
     async def price(self, task: Task, way: float) -> float | str:
         """Its Price on the map, and what it asks for a way of so many metres."""
@@ -126,9 +170,21 @@ class SimulatedDevice(Device):
             driving.cancel()
 
     def _own_pose(self, state: RobotState) -> list[str]:
-        """Where the device is, in parts of a formula."""
+        """Where the device is, in parts of a formula that will be told."""
+        self._told = _pose(state)
         pose = {"PositionX": state.x, "PositionY": state.y, "RotationZ": state.yaw}
         return [f"{self.name}.{path} = {plain(value)}" for path, value in pose.items()]
+
+
+def _pose(state: RobotState) -> Pose:
+    return state.x, state.y, state.yaw
+
+
+def _same(one: Pose, other: Pose) -> bool:
+    """Whether nobody would call them different places."""
+    if not all(map(math.isfinite, other)):
+        return False
+    return math.dist(one[:2], other[:2]) < STANDING and abs(math.remainder(one[2] - other[2], math.tau)) < 2 * STANDING
 
 
 async def is_a(task: Task, object: str, kind: str) -> bool:
