@@ -212,7 +212,8 @@ class Run:
             case Act.STRAY:
                 body = frp.Compensate(situation=self._case.wish) if self._case.which < 0.5 else frp.Stopped()
                 coordinator = stage.system.addresses.task_manager
-                await stage.say(self._addresses[device], line.transaction, line.participant, body, sender=coordinator)
+                with contextlib.suppress(RemoteError):  # it may be just what is struck; without its Fault, the kill counts as missed
+                    await stage.say(self._addresses[device], line.transaction, line.participant, body, sender=coordinator)
 
     # The judgement
 
