@@ -443,3 +443,21 @@ def test_the_task_manager_may_be_killed_at_any_time() -> None:
         assert system.view(task).outcome is Outcome.ACCOMPLISHED
         executes = {m.header.message_id for m in system.world.messages if isinstance(m.body, frp.Execute)}
         assert len(executes) == 3, "Robot1, whoever looked, Robot2: nothing was done twice"
+
+
+def test_what_a_robot_lays_down_that_comes_back_when_all_is_over_comes_to_the_map() -> None:
+    def carries(order: Order) -> Work:
+        yield 10.0, Advance(fraction=0.4, situation="Jar002 isHeldBy Robot1")
+        yield 500.0, Done(situation=done(order))
+
+    robot = Robot("Robot1", 10, 60, works=carries, lays_down="Jar002 isOn Floor001")
+    system = VirtualSystem(robot)
+    task = system.submit(WISH)
+    assert system.world.run(60, lambda: system.map.holds("isHeldBy", ("Jar002", "Robot1")))
+    system.world.kill("devices/Robot1")
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.FAILED
+    system.restart(robot)
+    system.world.run(30)
+    assert system.devices["Robot1"].state(task, "Robot1.TransferObject#step1") is State.ENDED
+    assert system.map.holds("isOn", ("Jar002", "Floor001"))

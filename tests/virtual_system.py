@@ -70,6 +70,8 @@ class Robot:
     mute: bool = False
     halts: float = 1.0
     valid_for: float = 60.0
+    lays_down: str | None = None
+    """What holds once it was stopped; None: it does not say."""
     undoes: Undoes | None = None
     """What it does to undo its work; None: it cannot."""
     orders: list[Order] = field(default_factory=list)
@@ -92,7 +94,7 @@ class Robot:
             case Undo(order, situation) if self.undoes is not None:
                 yield from self.undoes(order, situation)
             case Halt() | Undo():
-                yield self.halts, Done()
+                yield self.halts, Done(situation=self.lays_down)
             case _:
                 yield 0.0, None
 

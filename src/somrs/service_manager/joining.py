@@ -30,6 +30,9 @@ from somrs.service_manager.device import before
 from somrs.service_manager.orders import Capability, Profile, Report
 
 TIMER = "joining"
+TELLING = 60.0
+"""Seconds for which the Repository is told what a service left; later than that, others may know better."""
+
 PATIENCE = 5.0
 """Seconds after which a request without an answer is made anew."""
 
@@ -53,7 +56,7 @@ class Joining:
         self._profile, self._repository, self._registry = profile, repository, registry
         self._address = ""
         self._incarnation = 0.0
-        self._asked = 0
+        self._asked = self._told = 0
         self._waits_for = ""
         self._after = 0
         self._types: dict[str, ServiceType] = {c.type_name: c.type for c in profile.capabilities if isinstance(c.type, ServiceType)}
@@ -155,6 +158,13 @@ class Joining:
         self._waits_for = message_id(self._address, self._incarnation, self._asked)
         header = Header(sender=self._address, recipient=to, message_id=self._waits_for, reply_to=self._address)
         return Send(Message(header=header, body=body), now + PATIENCE)
+
+    def tell(self, situation: str, service: str, now: float) -> Send:
+        """Have the Repository know what a service left of which no Task Manager waits to hear any more."""
+        self._told += 1
+        identity = message_id(self._address, self._incarnation, "told", self._told)
+        header = Header(sender=self._address, recipient=self._repository, message_id=identity, reply_to=self._address)
+        return Send(Message(header=header, body=UpdateMap(situation=situation, author=service)), now + TELLING)
 
     def _offers(self) -> tuple[Offer, ...]:
         return tuple(self._offer(capability) for capability in self._profile.capabilities)

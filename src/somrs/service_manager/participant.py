@@ -248,6 +248,8 @@ class ServiceManager:
         elif doing == "Halt":
             if isinstance(value, Done) and value.situation is not None:
                 job.situation = value.situation
+                if job.session.state is State.ENDED:
+                    self._effects.append(self._joining.tell(value.situation, service_of(job.session.participant), now))
             self._conclude(job, now)
         else:
             self._came_to(job, doing, value, now)

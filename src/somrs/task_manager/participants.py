@@ -87,7 +87,7 @@ class Participants:
     @property
     def working(self) -> list[Member]:
         """Those whose devices may be moving."""
-        return [member for member in self if member.state in WORKING]
+        return [member for member in self if member.state in WORKING or member.halting]
 
     def held(self, step: str) -> bool:
         """Whether the step is somebody's: one that was given up may have come back, and is being stopped."""
@@ -235,10 +235,7 @@ class Participants:
             return None
         if member.state is State.COMPENSATING:
             self._tell(now, f"{member.offer.service} takes far longer to undo it than it said; sending it home")
-            self.give_up(member)
-            self._send(member, frp.End(outcome=Outcome.FAILED), now, GOODBYE_TIME)
-            member.halting = True
-            self._setting.effects.append(Wake(self._timer("overdue", member), now + SILENCE))
+            self.send_home(member, now)
             return None
         if member.halting:
             member.halting = False
@@ -250,6 +247,13 @@ class Participants:
             return None
         self.give_up(member)
         return member
+
+    def send_home(self, member: Member, now: float) -> None:
+        """It does not come to an end of undoing its work: an End stops that, too. `overdue` returns it once it stands still."""
+        self.give_up(member)
+        self._send(member, frp.End(outcome=Outcome.FAILED), now, GOODBYE_TIME)
+        member.halting = True
+        self._setting.effects.append(Wake(self._timer("overdue", member), now + SILENCE))
 
     def give_up(self, member: Member) -> None:
         """It may do anything from now on, but nobody waits for it."""

@@ -427,8 +427,11 @@ class Transaction:
         if self.outcome is not None or self._ending is None:
             return
         for member in self.participants.working:
-            self.participants.give_up(member)
-            self._lost(member, "did not say that it stopped; nothing is known of what it left", now)
+            if member.state is State.COMPENSATING:
+                self.participants.send_home(member, now)
+            elif not member.halting:
+                self.participants.give_up(member)
+                self._lost(member, "did not say that it stopped; nothing is known of what it left", now)
         self.proceed(now)
 
     def _end(self, now: float, outcome: Outcome) -> None:
