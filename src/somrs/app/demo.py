@@ -54,6 +54,9 @@ STEPS = {
 }
 """Of the paper's Figure "Moving a jar" scenario. Without a failure A, B and F are left."""
 
+SPEED = "15"
+"""Simulated seconds in a second: slow enough for pictures to be taken at their moments, also on a busy machine."""
+
 UNDER_WAY = 1.2
 """Metres from where the jar was gripped at which transport is under way well enough for a picture."""
 
@@ -83,7 +86,7 @@ async def play(scenario: str, out: Path, seed: int | None, console: Console | No
         shutil.rmtree(out)
     out.mkdir(parents=True)
     site, distance = prepare(scenario, out, seed)
-    system = System([site], out / "run", speed=recovery_demo.SPEED if scenario == "2" else "max")
+    system = System([site], out / "run", speed=recovery_demo.SPEED if scenario == "2" else SPEED)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the Service Managers ..."):
             await system.start()
