@@ -9,34 +9,14 @@ from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from somrs.devices.simulator.commands import (
-    Approach,
-    Command,
-    Done,
-    DriveTo,
-    Fault,
-    Gave,
-    Grip,
-    LookAround,
-    LookAt,
-    Place,
-    PutDown,
-    RobotState,
-    Seen,
-    Sense,
-    Status,
-    Stop,
-)
-from somrs.devices.simulator.driving import drive_to, make_way
-from somrs.devices.simulator.handling import get_within_reach, pick, place, set_down, spots_on, top_of, withdraw
+from somrs.devices.simulator.commands import Command, Done, Fault, Gave, RobotState, Seen, Sense, Status, Stop
+from somrs.devices.simulator.driving import make_way
+from somrs.devices.simulator.handling import set_down, withdraw
 from somrs.devices.simulator.navigation import Navigator
-from somrs.devices.simulator.robot import PERIOD, GivenUp, Robot, Routine, stand
+from somrs.devices.simulator.robot import PERIOD, GivenUp, Robot, Routine
+from somrs.devices.simulator.routines import carried_out, concerned
 from somrs.devices.simulator.scene import Scene
-from somrs.devices.simulator.searching import look_around, look_at
-from somrs.devices.simulator.solids import Array, Role, Solid
-from somrs.devices.simulator.standing import outline_spots
+from somrs.devices.simulator.solids import Role, Solid
 from somrs.devices.simulator.vision import StationaryCamera, view
 from somrs.devices.simulator.world import STEP
 from somrs.errors import UsageError
@@ -134,7 +114,7 @@ class Simulation:
             on_end(Done(state=one.state()))
             return
         found: dict[str, Seen] = {}
-        routine, touched = self._routine(one, command, found)
+        routine, touched = carried_out(command, one, self.scene, found), concerned(command, one)
         if reflex and running is not None:
             self._end_callback_only(robot)
             routine = _after(running.routine, routine)
@@ -145,26 +125,6 @@ class Simulation:
         """End the running command towards its sender, but let the robot finish putting down what it holds."""
         work = self._work.pop(robot)
         self._report(robot, work, work.given or GivenUp("stopped", f"{robot} was told to do something else"))
-
-    def _routine(self, robot: Robot, command: Command, found: dict[str, Seen]) -> tuple[Routine, tuple[str, ...]]:
-        match command:
-            case DriveTo(x=x, y=y, yaw=yaw):
-                return _drive(robot, x, y, yaw), ()
-            case Approach(object=name):
-                return self._approach(robot, name), (name,)
-            case Grip(object=name):
-                return self._grip(robot, name), (name,)
-            case Place(on=name):
-                return self._place(robot, command), (robot.holding,) if robot.holding else ()
-            case LookAt(x=x, y=y, z=z, object=name):
-                return look_at(robot, (x, y, z), name, found), ()
-            case LookAround(object=name):
-                return look_around(robot, name, found), ()
-            case Stop():
-                return stand(robot), ()
-            case PutDown():
-                return self._put_down(robot), (robot.holding,) if robot.holding else ()
-        raise UsageError(f"a simulated robot cannot carry out {command!r}")
 
     def _advance(self, name: str) -> None:
         robot, work = self.robots[name], self._work[name]
@@ -220,59 +180,6 @@ class Simulation:
             on_end(Done(state=one.state(), seen=seen))
         else:
             on_end(Gave(reason=given.reason, description=given.description, state=one.state(), seen=seen))
-
-    # What the commands do
-
-    def _approach(self, robot: Robot, name: str) -> Routine:
-        solid = self._solid(name)
-        if solid.role is Role.THING:
-            yield from get_within_reach(robot, name, lambda: self._spot_of(name), self.scene.pose(name)[2], [name])
-            return
-        if solid.role in (Role.SUPPORT, Role.FLOOR, Role.MARK):
-            yield from get_within_reach(robot, name, spots_on(robot, solid, None), top_of(solid))
-            return
-        spots = outline_spots(solid)
-        # Only to be near it: the arm is not going to reach into it, so no height is in the way.
-        yield from get_within_reach(robot, name, lambda: (spots, np.zeros(len(spots))), max(solid.top, 1.5), [name])
-
-    def _grip(self, robot: Robot, name: str) -> Routine:
-        self._able(robot)
-        solid = self._solid(name)
-        if robot.holding is not None:
-            raise GivenUp("holding", f"{robot.name} holds {robot.holding} already")
-        if solid.role is not Role.THING:
-            raise GivenUp("not-possible", f"{name} is a {solid.type}, not a thing that can be carried")
-        holder = self.scene.holder(name)
-        if holder is not None:
-            raise GivenUp("not-possible", f"{name} is held by {holder}")
-        robot.need_gripper()
-        yield from get_within_reach(robot, name, lambda: self._spot_of(name), self.scene.pose(name)[2], [name])
-        yield from pick(robot, name)
-
-    def _place(self, robot: Robot, command: Place) -> Routine:
-        self._able(robot)
-        solid = self._solid(command.on)
-        if robot.holding is None:
-            raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put on {command.on}")
-        if solid.role not in (Role.SUPPORT, Role.FLOOR, Role.MARK):
-            raise GivenUp("not-possible", f"nothing can be put on {command.on}, which is a {solid.type}")
-        robot.need_gripper()
-        at = (command.x, command.y) if command.x is not None and command.y is not None else None
-        yield from place(robot, solid, at)
-
-    def _put_down(self, robot: Robot) -> Routine:
-        self._able(robot)
-        if robot.holding is None:
-            raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put down")
-        yield from set_down(robot)
-
-    def _able(self, robot: Robot) -> None:
-        if not robot.size.gripper:
-            raise GivenUp("not-possible", f"{robot.name} has no gripper")
-
-    def _spot_of(self, thing: str) -> tuple[Array, Array]:
-        x, y, _, _ = self.scene.pose(thing)
-        return np.array([[x, y]]), np.zeros(1)
 
     # What is seen
 
@@ -382,16 +289,6 @@ class Simulation:
         if name not in self.linked:
             raise UsageError(f"{name} is not a robot in the simulated world; there are {', '.join(self.linked) or 'none'}")
         return self.linked[name]
-
-    def _solid(self, name: str) -> Solid:
-        if name not in self.scene.world.solids:
-            raise GivenUp("unknown-object", f"{name} is not in the simulated world")
-        return self.scene.world.solids[name]
-
-
-def _drive(robot: Robot, x: float, y: float, yaw: float | None) -> Routine:
-    yield from withdraw(robot)
-    yield from drive_to(robot, (x, y), yaw)
 
 
 def _after(first: Generator[None, None, object], second: Generator[None, None, object]) -> Routine:
