@@ -6,15 +6,11 @@ Each prints one line of JSON when it is ready, ends at SIGTERM or SIGINT, and en
 from __future__ import annotations
 
 import asyncio
-import concurrent.futures
 import contextlib
 import gc
-import multiprocessing
 import os
 import signal
 import sys
-import threading
-import time
 from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,18 +59,6 @@ async def until_stopped() -> None:
     while not stopped.is_set() and os.getppid() == parent:
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stopped.wait(), PARENT_CHECK)
-
-
-def end_with_parent() -> None:
-    """Have this process end when the one that started it is gone, however that came."""
-    parent = os.getppid()
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(PARENT_CHECK)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 def say_ready(name: str, at: str) -> None:
@@ -147,8 +131,8 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
     """The Task Manager, with the planner in a process beside it, so that planning holds nothing up. What it had under way when
     its process ended, it goes on with, at the address that it had."""
     from somrs.app.archive import FILE
-    from somrs.app.engines import plan_in_process
     from somrs.app.journal import Journal
+    from somrs.app.planner_process import PlannerProcess
     from somrs.protocol.clients import ReadRecords
     from somrs.task_manager.manager import TaskManager
 
@@ -157,14 +141,12 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
     try:
         trace = Trace(data / "messages.jsonl")
         rim = await _where_it_was(journal, host, port, trace)
-        # Spawned, not forked: a fork would keep the sockets of this process open when it is killed.
-        spawned = multiprocessing.get_context("spawn")
-        with concurrent.futures.ProcessPoolExecutor(max_workers=1, mp_context=spawned, initializer=end_with_parent) as planners:
+        with PlannerProcess() as planner:
 
             async def carry_out(task: object, report: Report) -> object:
                 if isinstance(task, ReadRecords):
                     return await journal.answer(task)
-                return await asyncio.get_running_loop().run_in_executor(planners, plan_in_process, task)
+                return await planner.plan(task)
 
             trace.coordinator = f"{rim.url}/task-manager"
             node = rim.add_journaled(

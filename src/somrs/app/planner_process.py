@@ -1,0 +1,102 @@
+"""The planner in a process beside the Task Manager's, so that planning holds nothing up. One that was killed is started again."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+
+from somrs.app.engines import plan_in_process
+from somrs.errors import RemoteError
+
+PARENT_CHECK = 1.0
+"""Seconds between two looks whether the parent process is still there."""
+
+MOST_STARTS = 2
+"""So many processes try a question: what kills two of them (its memory, perhaps) would kill more."""
+
+
+class PlannerProcess:
+    """Answers one question after the other. A context manager; the process is there from the first question on.
+
+    A pipe, and no process pool: a pool is of no use any more once its process was killed, and leaves semaphores behind when this one is.
+    """
+
+    def __init__(self) -> None:
+        self._talking = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
+        self._running: tuple[SpawnProcess, Connection] | None = None
+
+    @property
+    def pid(self) -> int | None:
+        return self._running[0].pid if self._running is not None else None
+
+    async def plan(self, problem: object) -> object:
+        """A Plan or NoPlan. Raises what the planner raises, and RemoteError when its process ends again and again."""
+        return await asyncio.get_running_loop().run_in_executor(self._talking, self._ask, problem)
+
+    def __enter__(self) -> PlannerProcess:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._talking.shutdown(cancel_futures=True)
+        self._end()
+
+    def _ask(self, problem: object) -> object:
+        for _ in range(MOST_STARTS):
+            _, connection = self._running or self._start()
+            try:
+                connection.send(problem)
+                answer = connection.recv()
+            except (EOFError, OSError):  # it has ended
+                self._end()
+                continue
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
+        raise RemoteError(f"the planner's process ended {MOST_STARTS} times without an answer")
+
+    def _start(self) -> tuple[SpawnProcess, Connection]:
+        # Spawned, not forked: a fork would keep the sockets of this process open when it is killed.
+        spawned = multiprocessing.get_context("spawn")
+        here, there = spawned.Pipe()
+        process = spawned.Process(target=_serve, args=(there,), daemon=True)
+        process.start()
+        there.close()
+        self._running = process, here
+        return self._running
+
+    def _end(self) -> None:
+        if self._running is not None:
+            process, connection = self._running
+            connection.close()
+            process.join()
+            self._running = None
+
+
+def _serve(questions: Connection) -> None:
+    """What the process does, until nobody can ask it any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in a terminal is for the Task Manager, which ends this process, too
+    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            problem = questions.recv()
+            answer: object
+            try:
+                answer = plan_in_process(problem)
+            except Exception as error:  # noqa: BLE001  # whatever went wrong is the answer; the Task Manager says what it means
+                answer = error
+            questions.send(answer)
+
+
+def _end_with_parent(parent: int) -> None:
+    """End amid a question, too, when the process that started this one is gone, however that came."""
+    while os.getppid() == parent:
+        time.sleep(PARENT_CHECK)
+    os._exit(1)
