@@ -114,7 +114,7 @@ class TaskManager:
             return
         if isinstance(body, FrpBody) and message.header.transaction is not None:
             if (transaction := self.transactions.get(message.header.transaction)) is not None:
-                transaction.receive(message, now)
+                transaction.hearing.receive(message, now)
             else:
                 self._effects += sent_home(message, self.address)
         elif not self.replica.ready and isinstance(body, clients.Submit | clients.Preview):
@@ -225,7 +225,7 @@ class TaskManager:
 
     def _undelivered(self, message: Message, reason: str, now: float) -> None:
         if (transaction := self.transactions.get(message.header.transaction or "")) is not None:
-            transaction.undelivered(message, reason, now)
+            transaction.hearing.undelivered(message, reason, now)
 
     # The map
 
@@ -293,9 +293,9 @@ def _ring(transaction: Transaction, what: str, now: float) -> None:
         case "bids":
             transaction.bids_due(participant, now)
         case "silence":
-            transaction.silent(participant, now)
+            transaction.hearing.silent(participant, now)
         case "overdue":
-            transaction.overdue(participant, now)
+            transaction.hearing.overdue(participant, now)
         case "deadline":
             transaction.give_up(now, f"the deadline of {transaction.task.deadline:g} s is over")
         case "stop":
