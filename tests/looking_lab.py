@@ -6,19 +6,14 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
+import robot_lab
 from somrs.devices.simulator.fixed_camera import FixedCamera
 from somrs.devices.simulator.link import OperatorLink
 from somrs.devices.simulator.manipulator import Manipulator
 from somrs.devices.simulator.patrol import PatrolRobot
 from somrs.devices.simulator.server import Server
 from somrs.devices.simulator.simulated import SimulatedDevice
-from somrs.devices.simulator.simulation import Simulation
-from somrs.entish.parse import parse
-from somrs.ontology.check import check
-from somrs.ontology.effects import changes
-from somrs.ontology.files import Loaded, load_text, upper
 from somrs.ontology.objects import Map
-from somrs.ontology.truth import holds
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
 from somrs.service_manager.device import Device, MapReader
@@ -51,20 +46,9 @@ facts:
 KINDS: dict[str, type[SimulatedDevice]] = {"Robot1": Manipulator, "Patrol1": PatrolRobot, "Camera1": FixedCamera}
 
 
-def site() -> tuple[Loaded, Map]:
-    loaded = load_text(SITE, base=upper())
-    assert loaded.map is not None
-    return loaded, loaded.map
-
-
 def after(situation: str | None) -> Map:
-    """The map in which the situation was made to hold: it is Entish about what is there."""
-    assert situation is not None
-    loaded, map = site()
-    formula = check(parse(situation), loaded.ontology, map)
-    changed = map.changed(changes(formula, map, loaded.ontology))
-    assert holds(formula, changed, loaded.ontology)
-    return changed
+    """The map of the rooms in which the situation was made to hold."""
+    return robot_lab.after(situation, SITE)
 
 
 def looking(object: str) -> Order:
@@ -112,16 +96,11 @@ class Lab:
 
 @asynccontextmanager
 async def lab(speed: float | None = None) -> AsyncIterator[Lab]:
-    loaded, map = site()
-    server = Server(Simulation(map, loaded.ontology), speed=speed)
-    await server.start()
-    try:
-        async with OperatorLink(server.host, server.port) as operator:
-            at = Lab(server, operator, Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map)))
-            try:
-                yield at
-            finally:
-                for device in at.devices.values():
-                    await device.close()
-    finally:
-        await server.stop()
+    loaded, map = robot_lab.site(SITE)
+    async with robot_lab.simulator(speed, SITE) as server, OperatorLink(server.host, server.port) as operator:
+        at = Lab(server, operator, Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map)))
+        try:
+            yield at
+        finally:
+            for device in at.devices.values():
+                await device.close()

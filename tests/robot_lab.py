@@ -1,4 +1,4 @@
-"""A small room with two robots, for tests of what reaches simulated robots over TCP."""
+"""A small room with two robots, for tests of what reaches simulated robots over TCP; and how such a site is loaded and served."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ from contextlib import asynccontextmanager
 
 from somrs.devices.simulator.server import Server
 from somrs.devices.simulator.simulation import Simulation
+from somrs.entish.parse import parse
+from somrs.ontology.check import check
+from somrs.ontology.effects import changes
 from somrs.ontology.files import Loaded, load_text, upper
 from somrs.ontology.objects import Map
+from somrs.ontology.truth import holds
 
 SITE = """
 map: Lab
@@ -34,16 +38,26 @@ facts:
 """
 
 
-def site() -> tuple[Loaded, Map]:
-    loaded = load_text(SITE, base=upper())
+def site(text: str = SITE) -> tuple[Loaded, Map]:
+    loaded = load_text(text, base=upper())
     assert loaded.map is not None
     return loaded, loaded.map
 
 
+def after(situation: str | None, text: str = SITE) -> Map:
+    """The site's map in which the situation was made to hold: it is Entish about what is there."""
+    assert situation is not None
+    loaded, map = site(text)
+    formula = check(parse(situation), loaded.ontology, map)
+    changed = map.changed(changes(formula, map, loaded.ontology))
+    assert holds(formula, changed, loaded.ontology)
+    return changed
+
+
 @asynccontextmanager
-async def simulator(speed: float | None = None) -> AsyncIterator[Server]:
-    """The room, served at a free port."""
-    loaded, map = site()
+async def simulator(speed: float | None = None, text: str = SITE) -> AsyncIterator[Server]:
+    """The site, served at a free port."""
+    loaded, map = site(text)
     server = Server(Simulation(map, loaded.ontology), speed=speed)
     await server.start()
     try:

@@ -10,17 +10,14 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from robot_lab import run, simulator, site
+from robot_lab import after, run, simulator, site
 from somrs.devices.simulator.commands import Fault
 from somrs.devices.simulator.link import OperatorLink
 from somrs.devices.simulator.manipulator import Manipulator, Spot, where
 from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import DeviceError
-from somrs.ontology.check import check
-from somrs.ontology.effects import changes
 from somrs.ontology.objects import Map
-from somrs.ontology.truth import holds
 from somrs.ontology.values import value_of
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
@@ -51,16 +48,6 @@ class Desk:
         done = await self.do(Perform(order))
         assert isinstance(done, Done)
         return after(done.situation)
-
-
-def after(situation: str | None) -> Map:
-    """The map in which the situation was made to hold: it is Entish about what is there."""
-    assert situation is not None
-    loaded, map = site()
-    formula = check(parse(situation), loaded.ontology, map)
-    changed = map.changed(changes(formula, map, loaded.ontology))
-    assert holds(formula, changed, loaded.ontology)
-    return changed
 
 
 def order(object: str = "Jar1", destination: str = "Platform1", precondition: str | None = None) -> Order:
