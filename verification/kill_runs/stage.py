@@ -61,7 +61,7 @@ class Stage:
             host, _, port = (self.system.addresses.simulator or "").rpartition(":")
             self.operator = await self._open.enter_async_context(OperatorLink(host, int(port)))
             self._open.push_async_callback(self._wire.close)
-        except BaseException:
+        except BaseException:  # interrupted, too: no process is to be left
             await self._open.aclose()
             raise
         return self

@@ -72,7 +72,7 @@ class System:
     async def __aenter__(self) -> System:
         try:
             await self.start()
-        except BaseException:
+        except BaseException:  # cancelled by Ctrl-C, too: no process is to be left
             await self.stop()
             raise
         return self

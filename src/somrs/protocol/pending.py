@@ -134,9 +134,9 @@ class Journaled:
         for entry in entries:
             try:
                 effects = self.handle(entry)
-            except Exception:
+            except Exception:  # a defect of the component: it met the input so when it came first, too, and went on as it was then
                 if entry.number != self.number:
-                    raise
-                continue  # it met the same defect when it came first, and the component went on as it was then
+                    raise  # the journal itself has a gap
+                continue
             records += [effect for effect, _ in effects if isinstance(effect, Record)]
         return records

@@ -113,7 +113,7 @@ class _Link:
         self._keeping = asyncio.create_task(self._keep())
         try:
             await self._connected()
-        except BaseException:
+        except BaseException:  # cancelled, too: nobody would close the connection otherwise
             await self.close()
             raise
 
