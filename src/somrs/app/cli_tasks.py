@@ -13,6 +13,7 @@ from somrs.app.cli_options import HERE, Data, Formula, Json, awaited, fail, guar
 
 tasks_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
+TaskName = Annotated[str, typer.Argument(help="The task's id, or its beginning; or `last`.")]
 PROCEDURE = "[SERVICE TYPE:] FORMULA [WHEN FORMULA]; it may speak of the step's inputs, such as ?Object. Can be given several times."
 
 
@@ -95,7 +96,7 @@ def tasks(
 
 @tasks_app.command()
 def task(
-    task: Annotated[str, typer.Argument(help="The task's id, or its beginning; or `last`.")],
+    task: TaskName,
     messages: Annotated[bool, typer.Option("--messages", help="The sequence of its messages.")] = False,
     chart: Annotated[Path | None, typer.Option(help="Write the messages as a sequence chart to this SVG file.")] = None,
     data: Data = HERE,
@@ -109,7 +110,7 @@ def task(
 
 @tasks_app.command()
 def cancel(
-    task: Annotated[str, typer.Argument(help="The task's id, or its beginning; or `last`.")],
+    task: TaskName,
     reason: Annotated[str, typer.Option(help="Why.")] = "cancelled by the client",
     data: Data = HERE,
 ) -> None:
