@@ -312,7 +312,7 @@ docs = st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=20)
 
 @st.composite
 def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | FunctionType | ObjectType | ServiceType]:
-    a, b, c, d, e, f, g, h = (f"New{name}" for name in draw(st.lists(names, min_size=8, max_size=8, unique=True)))
+    a, b, c, d, e, f, g, h, i = (f"New{name}" for name in draw(st.lists(names, min_size=9, max_size=9, unique=True)))
     low = draw(st.none() | st.just(0.0) | st.floats(-1e9, 1e9))
     return [
         AttributeType(name=a, kind=Kind.NUMBER, unit=draw(st.sampled_from([None, "m", "km/h", "percent"])), minimum=low, doc=draw(docs)),
@@ -331,6 +331,7 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
         RelationType(name=e, joins=(d, "Object"), functional=draw(st.booleans()), excludes=draw(st.none() | names)),
         RelationType(name=f, joins=(d, d), symmetric=True),
         FunctionType(name=g, parameters=(d,), attribute=a),
+        FunctionType(name=i, parameters=(d, d), values={f"{a} {b}": draw(numbers), f"{b} {a}": 0.0}),
         ServiceType(
             name=h,
             inputs=(Parameter(name="x", type=d), Parameter(name="n", type="number")),
@@ -338,6 +339,7 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
             kind=draw(st.sampled_from(ServiceKind)),
             precondition=draw(st.none() | st.just(f"?x.{a} > ?n")),
             effect=f"?x {e} ?y",
+            cost=draw(st.sampled_from([None, "3", f"{i}(?x, ?x)", f"?x.{a}"])),
         ),
     ]
 

@@ -230,6 +230,16 @@ def parse(text: str) -> Formula:
     return read(text).formula
 
 
+def parse_term(text: str) -> Term:
+    """The term that `text` says. Raises FormulaError, which shows the place."""
+    formula = parse(f"{text} = 0")
+    if not isinstance(formula, Comparison) or formula.right != Number(0.0):
+        raise FormulaError(
+            text, 0, "this is no term", "write a number, an attribute such as ?Jar.Weight, or a function such as range(?Provider)"
+        )
+    return formula.left
+
+
 @lru_cache(maxsize=4096)
 def read(text: str) -> Reading:
     """The formula that `text` says, with the places of its parts. Raises FormulaError, which shows the place."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
-from somrs.entish.parse import nearest
+from somrs.entish import Comparison, Number
+from somrs.entish.formula import variables
+from somrs.entish.parse import nearest, parse_term
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.conformance import SELF, Violation, value_problem
@@ -114,6 +116,13 @@ def _function(function: FunctionType, ontology: Ontology) -> Iterator[Violation]
     elif function.attribute is not None and len(function.parameters) != 1:
         message = "a function that reads an attribute has one parameter, the object whose attribute it is"
         yield Violation(subject=function.name, rule="function", message=message, path="parameters")
+    if function.attribute is not None and function.values:
+        message = "a function either reads an attribute or is a table of values; leave one of them out"
+        yield Violation(subject=function.name, rule="function", message=message, path="values")
+    for key in function.values:
+        if len(key.split()) != len(function.parameters):
+            message = f"{key!r} should name {len(function.parameters)} objects, with a space between two"
+            yield Violation(subject=function.name, rule="function", message=message, path=f"values.{key}")
 
 
 def _type(type: ObjectType, ontology: Ontology) -> Iterator[Violation]:
@@ -174,6 +183,8 @@ def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
     for key, text in (("precondition", service.precondition), ("effect", service.effect)):
         if text is not None and known:
             yield from _formula(service.name, text, ontology, typed, key)
+    if service.cost is not None and known:
+        yield from _cost(service, service.cost, ontology, typed)
     for index, handler in enumerate(service.handlers):
         for key, text in (("when", handler.when), ("effect", handler.effect)):
             if text is not None and known:
@@ -185,6 +196,20 @@ def _formula(subject: str, text: str, ontology: Ontology, typed: dict[str, str],
         check(text, ontology, None, typed)
     except FormulaError as error:
         yield Violation(subject=subject, rule="formula", message=str(error), path=path)
+
+
+def _cost(service: ServiceType, text: str, ontology: Ontology, typed: dict[str, str]) -> Iterator[Violation]:
+    """A term is checked as one side of a comparison with a number."""
+    try:
+        term = parse_term(text)
+        check(Comparison(term, ">=", Number(0)), ontology, None, typed)
+    except FormulaError as error:
+        yield Violation(subject=service.name, rule="formula", message=str(error), path="cost")
+        return
+    for name in variables(term):
+        if name not in typed:
+            message = f"?{name} is no input; a cost is a term over the inputs and ?{PROVIDER}"
+            yield Violation(subject=service.name, rule="formula", message=message, path="cost")
 
 
 def _parent(subject: str, parent: str | None, what: str, known: dict[str, ObjectType] | dict[str, ServiceType]) -> Iterator[Violation]:

@@ -96,7 +96,7 @@ def _relation(relation: RelationType) -> dict[str, Any]:
 
 
 def _function(function: FunctionType) -> dict[str, Any]:
-    return _fields(function, "parameters", "attribute", "unit", "doc")
+    return _fields(function, "parameters", "attribute", "values", "unit", "doc")
 
 
 def _type(type: ObjectType) -> dict[str, Any]:
@@ -126,7 +126,7 @@ def _service(service: ServiceType) -> dict[str, Any]:
     handlers = [{"on": handler.on.value, **_fields(handler, "when", "effect")} for handler in service.handlers]
     return {
         **body,
-        **_fields(service, "parent", "precondition", "effect"),
+        **_fields(service, "parent", "precondition", "effect", "cost"),
         **({"handlers": handlers} if handlers else {}),
         **_fields(service, "doc"),
     }
@@ -138,7 +138,7 @@ def _fields(definition: Any, *names: str) -> dict[str, Any]:
     for name in names:
         value = getattr(definition, name)
         if value or (value == 0 and name in ("minimum", "maximum") and value is not None):
-            found[name] = [_plain(item) for item in value] if isinstance(value, tuple) else _plain(value)
+            found[name] = _plain(value)
     return found
 
 
@@ -148,6 +148,10 @@ def _is_number(value: Value | None) -> bool:
 
 def _plain(value: Any) -> Any:
     """Whole numbers without a point; they are read back as the same numbers."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 1e15 else value
 
 

@@ -47,7 +47,8 @@ class FunctionEntry(_Entry):
     """A function of objects whose result is a number."""
 
     parameters: list[str] = Field(min_length=1, description="The type of each argument")
-    attribute: str | None = Field(None, description="The attribute of its one argument that it reads; without, SO-MRS computes it")
+    attribute: str | None = Field(None, description="The attribute of its one argument that it reads")
+    values: dict[str, float] = Field({}, description="Its values, by the names of its arguments joined by spaces: Depot Harbour: 12")
     unit: str | None = None
     doc: str = ""
 
@@ -102,6 +103,7 @@ class ServiceEntry(_Entry):
     kind: ServiceKind = Field(ServiceKind.PHYSICAL, strict=False)
     parent: str | None = None
     handlers: list[HandlerEntry] = []
+    cost: str | float | None = Field(None, description="A number, or an Entish term over the inputs and ?Provider: what doing it costs")
     doc: str = ""
 
 

@@ -57,7 +57,8 @@ class ServiceType(Struct, frozen=True, kw_only=True):
     """What a service of this type needs and brings about.
 
     `precondition` (None: always) and `effect` are Entish; their variables are the inputs, the outputs and `?Provider`.
-    A variable of the precondition that is no input is found in the map (`?Object isOn ?Source`).
+    A variable of the precondition that is no input is found in the map (`?Object isOn ?Source`). `cost` is an Entish term over
+    the inputs and `?Provider`: what doing it costs, as far as can be told before anybody is asked.
     """
 
     name: str
@@ -68,4 +69,5 @@ class ServiceType(Struct, frozen=True, kw_only=True):
     kind: ServiceKind = ServiceKind.PHYSICAL
     parent: str | None = None
     handlers: tuple[Handler, ...] = ()
+    cost: str | None = None
     doc: str = ""

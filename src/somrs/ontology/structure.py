@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from somrs.entish import Number
 from somrs.entish.parse import nearest
 from somrs.errors import Problem
 from somrs.ontology.nodes import Path, Source
@@ -55,7 +56,9 @@ def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Defin
         case ServiceEntry():
             inputs, outputs = (tuple(Parameter(name=n, type=t) for n, t in side.items()) for side in (entry.inputs, entry.outputs))
             handlers = tuple(Handler(**handler.model_dump()) for handler in entry.handlers)
-            return ServiceType(**{**entry.model_dump(), "name": name, "inputs": inputs, "outputs": outputs, "handlers": handlers})
+            cost = str(Number(entry.cost)) if isinstance(entry.cost, float) else entry.cost
+            given = {**entry.model_dump(), "name": name, "inputs": inputs, "outputs": outputs, "handlers": handlers, "cost": cost}
+            return ServiceType(**given)
         case TypeEntry():
             return ObjectType(
                 **{

@@ -69,11 +69,13 @@ class RelationType(Struct, frozen=True, kw_only=True):
 
 class FunctionType(Struct, frozen=True, kw_only=True):
     """A function of objects, with a number as result. With `attribute` it reads that attribute of its one argument
-    (`range(?Provider)`); without, it is one that SO-MRS computes (`distance`)."""
+    (`range(?Provider)`); with `values` it is a table, by the names of its arguments joined by spaces (`Depot Harbour`);
+    with neither, it is one that SO-MRS computes (`distance`)."""
 
     name: str
     parameters: tuple[str, ...]
     attribute: str | None = None
+    values: dict[str, float] = {}
     unit: str | None = None
     doc: str = ""
 

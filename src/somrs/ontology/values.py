@@ -92,6 +92,9 @@ def _function_value(name: str, arguments: list[str], map: Map, ontology: Ontolog
         return None
     if function.attribute is not None:
         return _attribute_value(arguments[0], function.attribute, map, ontology)
+    if function.values:
+        value = function.values.get(" ".join(arguments))
+        return Measured(Number(value, function.unit)) if value is not None else None
     if name == "distance":
         metres = _distance(arguments[0], arguments[1], map, ontology)
         return Measured(Number(metres, "m")) if metres is not None else None
