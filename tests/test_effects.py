@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,7 +13,7 @@ from somrs.entish.formula import Attribute, Comparison, Formula, Literal, Name, 
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ValueSet
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.truth import holds
 
 MAP = Map(
@@ -150,3 +152,46 @@ def test_indexes_follow_the_changes(sequence: list[Formula], map: Map) -> None:
         for name in OBJECTS:
             assert set(map.facts_about(name)) == set(fresh.facts_about(name)) == {f for f in map.facts() if name in f.arguments}
             assert set(map.facts_with("isOn", 0, name)) == {f.arguments for f in map.facts("isOn") if f.arguments[0] == name}
+
+
+NAMES = ("A", "B", "C")
+anything = st.one_of(
+    st.builds(
+        ObjectAdded,
+        st.builds(
+            Object,
+            name=st.sampled_from(NAMES),
+            type=st.sampled_from(["Jar", "Shelf"]),
+            values=st.dictionaries(st.sampled_from(["Open", "Weight"]), st.sampled_from([True, False]), max_size=2),
+        ),
+    ),
+    st.builds(ObjectRemoved, st.sampled_from(NAMES)),
+    st.builds(ValueSet, st.sampled_from(NAMES), st.sampled_from(["Open", "Weight"]), st.sampled_from([None, True, False])),
+    st.builds(FactAdded, st.builds(Fact, st.just("near"), st.tuples(st.sampled_from(NAMES), st.sampled_from(NAMES)))),
+    st.builds(FactRemoved, st.builds(Fact, st.just("near"), st.tuples(st.sampled_from(NAMES), st.sampled_from(NAMES)))),
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.lists(anything, max_size=4), max_size=4))
+def test_every_index_follows_any_change(sequence: list[list[Change]]) -> None:
+    """Each map of a history, asked when it was new and when all of its successors are there."""
+    maps = [Map([Object(name=name, type="Jar", values={"Open": True}) for name in NAMES])]
+    answers = [_answers(maps[0])]
+    for changes_ in sequence:
+        try:
+            maps.append(maps[-1].changed(changes_))
+        except KeyError:
+            continue  # a value for an object that was removed
+        answers.append(_answers(maps[-1]))
+    for map, answer in zip(maps, answers, strict=True):
+        fresh = pickle.loads(pickle.dumps(map))
+        assert fresh == map
+        assert _answers(map) == answer == _answers(fresh)
+
+
+def _answers(map: Map) -> list[set[object]]:
+    asked: list[set[object]] = [set(map.of_type(name)) for name in ("Jar", "Shelf")]
+    asked += [set(map.with_value(path, value)) for path in ("Open", "Weight") for value in (True, False)]
+    asked += [set(map.facts_with("near", place, name)) for place in (0, 1) for name in NAMES]
+    return asked

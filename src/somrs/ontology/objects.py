@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator
 
 from msgspec import Struct, structs
 
+from somrs.ontology.indexes import Index
 from somrs.ontology.types import PART_OF, Value
 
 
@@ -78,9 +79,11 @@ class Map:
     def __init__(self, objects: Iterable[Object] = (), facts: Iterable[Fact] = ()) -> None:
         self.objects: dict[str, Object] = {object.name: object for object in objects}
         self._facts: dict[str, dict[tuple[str, ...], None]] = {}
-        # Made when first asked for: the facts of a relation by the object at a place in them, the objects by exact type.
-        self._by_argument: dict[str, dict[int, dict[str, list[tuple[str, ...]]]]] = {}
-        self._by_type: dict[str, list[str]] | None = None
+        # Made when first asked for: the facts of a relation by the object at a place in them; the objects by exact type, and by
+        # the values of an attribute.
+        self._by_argument: dict[str, dict[int, Index[str, tuple[str, ...]]]] = {}
+        self._by_type: Index[str, str] | None = None
+        self._by_value: dict[str, Index[Value, str]] = {}
         for fact in facts:
             self._facts.setdefault(fact.relation, {})[fact.arguments] = None
 
@@ -88,6 +91,13 @@ class Map:
         return isinstance(other, Map) and self.objects == other.objects and set(self.facts()) == set(other.facts())
 
     __hash__ = None  # type: ignore[assignment]  # compared by content, too large to be a key
+
+    def __getstate__(self) -> tuple[dict[str, Object], dict[str, dict[tuple[str, ...], None]]]:
+        return self.objects, self._facts  # its indexes are sooner made than read
+
+    def __setstate__(self, state: tuple[dict[str, Object], dict[str, dict[tuple[str, ...], None]]]) -> None:
+        Map.__init__(self)
+        self.objects, self._facts = state
 
     def holds(self, relation: str, arguments: tuple[str, ...]) -> bool:
         """Whether the fact is on the map as written; symmetry is `truth`'s business."""
@@ -103,19 +113,13 @@ class Map:
         """How many facts of the relation there are."""
         return len(self._facts.get(relation, ()))
 
-    def facts_with(self, relation: str, place: int, name: str) -> Sequence[tuple[str, ...]]:
+    def facts_with(self, relation: str, place: int, name: str) -> Collection[tuple[str, ...]]:
         """The arguments of the relation's facts in which the object is the argument at `place`, counted from 0."""
-        return self._index(relation, place).get(name, ())
-
-    def _index(self, relation: str, place: int) -> Mapping[str, list[tuple[str, ...]]]:
         places = self._by_argument.setdefault(relation, {})
         if place not in places:
-            index: dict[str, list[tuple[str, ...]]] = {}
-            for arguments in self._facts.get(relation, ()):
-                if place < len(arguments):
-                    index.setdefault(arguments[place], []).append(arguments)
-            places[place] = index
-        return places[place]
+            tuples = self._facts.get(relation, ())
+            places[place] = Index((arguments[place], arguments) for arguments in tuples if place < len(arguments))
+        return places[place].under(name)
 
     def facts_about(self, name: str) -> Iterator[Fact]:
         """The facts in which the object takes part."""
@@ -124,14 +128,18 @@ class Map:
             about = (arguments for place in range(arity) for arguments in self.facts_with(relation, place, name))
             yield from (Fact(relation, arguments) for arguments in dict.fromkeys(about))
 
-    def of_type(self, type_name: str) -> Sequence[str]:
+    def of_type(self, type_name: str) -> Collection[str]:
         """The names of the objects of exactly this type; sub-types are the ontology's business."""
         if self._by_type is None:
-            by_type: dict[str, list[str]] = {}
-            for object in self.objects.values():
-                by_type.setdefault(object.type, []).append(object.name)
-            self._by_type = by_type
-        return self._by_type.get(type_name, ())
+            self._by_type = Index((object.type, object.name) for object in self.objects.values())
+        return self._by_type.under(type_name)
+
+    def with_value(self, path: str, value: Value) -> Collection[str]:
+        """The names of the objects that have the value of their own; defaults are the ontology's business."""
+        if path not in self._by_value:
+            own = ((object.values.get(path), object.name) for object in self.objects.values())
+            self._by_value[path] = Index((value, name) for value, name in own if value is not None)
+        return self._by_value[path].under(value)
 
     def parts(self, whole: str) -> Iterator[Object]:
         """The direct sub-objects."""
@@ -152,32 +160,82 @@ class Map:
         after.objects = dict(self.objects)
         after._facts = dict(self._facts)
         after._by_argument = dict(self._by_argument)
-        after._by_type = self._by_type
-        copied: set[str] = set()
-
-        def relation(name: str) -> dict[tuple[str, ...], None]:
-            if name not in copied:
-                after._facts[name] = dict(after._facts.get(name, ()))
-                copied.add(name)
-                after._by_argument.pop(name, None)
-            return after._facts[name]
-
+        after._by_type = self._by_type.copy() if self._by_type is not None else None
+        after._by_value = dict(self._by_value)
+        own: set[str] = set()
+        """The relations and attributes of which `after` has facts and indexes of its own."""
         for change in changes:
             match change:
                 case ObjectAdded(object):
-                    after.objects[object.name] = object
-                    after._by_type = None
+                    after._leave(object.name, own)
+                    after._enter(object, own)
                 case ObjectRemoved(name):
+                    after._leave(name, own)
                     after.objects.pop(name, None)
-                    after._by_type = None
                     for fact in [fact for fact in after.facts() if name in fact.arguments]:
-                        relation(fact.relation).pop(fact.arguments)
+                        after._remove(fact, own)
                 case ValueSet(name, path, value):
                     object = after.objects[name]
+                    after._set(object, path, value, own)
                     values = {**object.values, path: value} if value is not None else {p: v for p, v in object.values.items() if p != path}
                     after.objects[name] = structs.replace(object, values=values)
                 case FactAdded(fact):
-                    relation(fact.relation)[fact.arguments] = None
+                    after._own_relation(fact.relation, own)[fact.arguments] = None
+                    for place, index in after._by_argument.get(fact.relation, {}).items():
+                        if place < len(fact.arguments):
+                            index.add(fact.arguments[place], fact.arguments)
                 case FactRemoved(fact):
-                    relation(fact.relation).pop(fact.arguments, None)
+                    after._remove(fact, own)
         return after
+
+    # Changing a map that nobody else has yet
+
+    def _enter(self, object: Object, own: set[str]) -> None:
+        self.objects[object.name] = object
+        if self._by_type is not None:
+            self._by_type.add(object.type, object.name)
+        for path in self._by_value:
+            if (value := object.values.get(path)) is not None:
+                self._own_values(path, own).add(value, object.name)
+
+    def _leave(self, name: str, own: set[str]) -> None:
+        """The indexes forget an object, if they know it."""
+        object = self.objects.get(name)
+        if object is None:
+            return
+        if self._by_type is not None:
+            self._by_type.remove(object.type, name)
+        for path in self._by_value:
+            self._set(object, path, None, own)
+
+    def _set(self, object: Object, path: str, value: Value | None, own: set[str]) -> None:
+        """The index of the attribute's values learns the new value of an object, whose old one it has."""
+        if path not in self._by_value:
+            return
+        index = self._own_values(path, own)
+        if (before := object.values.get(path)) is not None:
+            index.remove(before, object.name)
+        if value is not None:
+            index.add(value, object.name)
+
+    def _remove(self, fact: Fact, own: set[str]) -> None:
+        if not self.holds(fact.relation, fact.arguments):
+            return
+        del self._own_relation(fact.relation, own)[fact.arguments]
+        for place, index in self._by_argument.get(fact.relation, {}).items():
+            if place < len(fact.arguments):
+                index.remove(fact.arguments[place], fact.arguments)
+
+    def _own_relation(self, name: str, own: set[str]) -> dict[tuple[str, ...], None]:
+        if name not in own:
+            own.add(name)
+            self._facts[name] = dict(self._facts.get(name, ()))
+            if name in self._by_argument:
+                self._by_argument[name] = {place: index.copy() for place, index in self._by_argument[name].items()}
+        return self._facts[name]
+
+    def _own_values(self, path: str, own: set[str]) -> Index[Value, str]:
+        if "." + path not in own:
+            own.add("." + path)
+            self._by_value[path] = self._by_value[path].copy()
+        return self._by_value[path]
