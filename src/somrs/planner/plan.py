@@ -5,8 +5,9 @@ An abstract plan is a directed acyclic graph. How plans are found is in `plannin
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
+from heapq import heappop, heappush
 
 from msgspec import Struct
 
@@ -64,27 +65,50 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
     def _by_id(self) -> Mapping[str, Step]:
         return {step.id: step for step in self.steps}
 
+    @cached_property
+    def _to(self) -> Mapping[str, list[Link]]:
+        found: dict[str, list[Link]] = {}
+        for link in self.links:
+            found.setdefault(link.after, []).append(link)
+        return found
+
+    @cached_property
+    def _from(self) -> Mapping[str, list[Link]]:
+        found: dict[str, list[Link]] = {}
+        for link in self.links:
+            found.setdefault(link.before, []).append(link)
+        return found
+
     def step(self, id: str) -> Step:
         return self._by_id[id]
 
+    def links_to(self, id: str) -> Sequence[Link]:
+        """The links that say what has to be done before this step."""
+        return self._to.get(id, ())
+
     def before(self, id: str) -> tuple[str, ...]:
         """The ids of the steps that have to be done before this one, as far as the links say so directly."""
-        return tuple(dict.fromkeys(link.before for link in self.links if link.after == id))
+        return tuple(dict.fromkeys(link.before for link in self._to.get(id, ())))
 
     def after(self, id: str) -> tuple[str, ...]:
         """The ids of the steps that wait for this one directly."""
-        return tuple(dict.fromkeys(link.after for link in self.links if link.before == id))
+        return tuple(dict.fromkeys(link.after for link in self._from.get(id, ())))
 
     def topological(self) -> tuple[Step, ...]:
         """The steps, each after all that it waits for. Steps that wait for nothing among the rest keep the plan's order."""
+        place = {step.id: number for number, step in enumerate(self.steps)}
+        waits_for = {step.id: len(self.before(step.id)) for step in self.steps}
+        ready = [place[id] for id, count in waits_for.items() if count == 0]
         order: list[Step] = []
-        done: set[str] = set()
-        while len(order) < len(self.steps):
-            ready = self.ready(done)
-            if not ready:
-                raise ValueError(f"the plan's links run in a circle among {sorted(self._by_id.keys() - done)}")
-            order.append(ready[0])
-            done.add(ready[0].id)
+        while ready:
+            step = self.steps[heappop(ready)]
+            order.append(step)
+            for next_ in self.after(step.id):
+                waits_for[next_] -= 1
+                if waits_for[next_] == 0:
+                    heappush(ready, place[next_])
+        if len(order) < len(self.steps):
+            raise ValueError(f"the plan's links run in a circle among {sorted(id for id, count in waits_for.items() if count)}")
         return tuple(order)
 
     def ready(self, done: Collection[str]) -> tuple[Step, ...]:
@@ -93,7 +117,7 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
 
     def __str__(self) -> str:
         def line(step: Step) -> str:
-            waits = ", ".join(f"{link.before} ({link.fact})" for link in self.links if link.after == step.id)
+            waits = ", ".join(f"{link.before} ({link.fact})" for link in self.links_to(step.id))
             return f"{step.id}: {step}" + (f" after {waits}" if waits else "")
 
         return "\n".join(map(line, self.steps)) if self.steps else "nothing to do"

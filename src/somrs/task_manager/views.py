@@ -64,7 +64,7 @@ def step_view(
     fraction: float = 0.0,
 ) -> StepView:
     """A step of a plan as clients see it."""
-    links = [link for link in plan.links if link.after == step.id]
+    links = plan.links_to(step.id)
     return StepView(
         step=step.id,
         service_type=step.service_type,
