@@ -142,6 +142,19 @@ def test_cancelling_stops_the_robot_and_ends_everyone() -> None:
     assert system.said(task)[-3:] == [("Stop", "Robot1"), ("Stopped", "Robot1"), ("End", "Robot1")]
 
 
+def test_signs_of_life_between_do_not_make_what_a_robot_says_twice_news() -> None:
+    def says_it_twice(order: Order) -> Work:
+        yield 1.0, Advance(fraction=0.3, note="carries the jar")
+        yield 20.0, Advance(fraction=0.6, note="carries the jar")
+        yield 1.0, Done(situation=done(order))
+
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=says_it_twice))
+    task = system.submit(WISH)
+    system.finish(task)
+    news = [event.text for event in system.manager.transactions[task].events]
+    assert news.count("Robot1.TransferObject: carries the jar") == 1
+
+
 def test_a_robot_that_falls_silent_is_asked_and_then_given_up() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 600))
     task = system.submit(WISH)
@@ -149,7 +162,7 @@ def test_a_robot_that_falls_silent_is_asked_and_then_given_up() -> None:
     system.world.remove("devices/Robot1")
     (view,) = system.finish(task)
     assert view.outcome is Outcome.FAILED
-    assert "fell silent" in view.explanation
+    assert "Robot1.TransferObject: fell silent while it worked;" in view.explanation
     assert ("Query", "Robot1") in system.said(task)
 
 

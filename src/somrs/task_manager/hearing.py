@@ -116,7 +116,7 @@ class Hearing:
         member.fraction = progress.fraction
         if progress.note and progress.note != member.note:
             self._owner.tell(now, f"{member.offer.service}: {progress.note}", run)
-        member.note = progress.note
+            member.note = progress.note
         if progress.situation is not None:
             if (work := self._owner.ledger.of(member)) is not None:
                 work.situation = progress.situation
@@ -198,24 +198,23 @@ class Hearing:
         """The heartbeat of a working service may have stopped."""
         member = self._owner.participants.silent(participant, now)
         if member is not None and self._owner.outcome is None:
-            self.lost(member, "fell silent while it worked; nothing is known of what it left", now)
+            self.lost(member, "fell silent while it worked", now)
 
     def overdue(self, participant: str, now: float) -> None:
         """A working service may take far longer than it said."""
         member = self._owner.participants.overdue(participant, now)
         if member is not None and self._owner.outcome is None:
-            self.lost(member, "did not come to an end; nothing is known of what it left", now)
+            self.lost(member, "did not come to an end", now)
 
     def lost(self, member: Member, reason: str, now: float) -> None:
         """It may do anything now. Its own limits see to it that it has stopped; what it left has to be found out."""
         pursuit, run = self._at(member)
-        reason = f"{member.offer.service} {reason}"
-        self._owner.tell(now, reason, run, EventKind.SETBACK)
+        self._owner.tell(now, f"{member.offer.service} {reason}; nothing is known of what it left", run, EventKind.SETBACK)
         self._owner.offered.broken[member.offer.service] = reason
         if (work := self._owner.ledger.of(member)) is not None:
             work.state, work.note = State.UNREACHABLE, reason
             self._owner.looks.want(work)
         if pursuit is not None and run is not None:
             run.excluded[member.offer.service] = reason
-            run.lose(reason)
+            run.lose(f"{member.offer.service} {reason}")
         self._owner.proceed(now)

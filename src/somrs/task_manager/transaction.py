@@ -268,7 +268,7 @@ class Transaction:
                 self.participants.send_home(member, now)
             elif not member.halting:
                 self.participants.give_up(member)
-                self.hearing.lost(member, "did not say that it stopped; nothing is known of what it left", now)
+                self.hearing.lost(member, "did not say that it stopped", now)
         self.proceed(now)
 
     def _end(self, now: float, outcome: Outcome) -> None:
