@@ -13,6 +13,7 @@ import pytest
 
 from lab import lab
 from robot_lab import run
+from somrs.app.client import Addresses
 from somrs.devices.person import Person
 from somrs.devices.questions import Question, Questions
 from somrs.errors import UsageError
@@ -186,9 +187,19 @@ def test_the_commands_list_and_answer(tmp_path: Path) -> None:
     run(test())
 
 
-def test_where_nobody_was_asked_the_commands_say_so(tmp_path: Path) -> None:
-    for arguments in (["questions"], ["answer", "1", "A isOn B"]):
-        line = [sys.executable, "-m", "somrs.app.cli", *arguments, "--data", str(tmp_path)]
-        said = subprocess.run(line, capture_output=True, text=True, timeout=60, check=False)
-        assert said.returncode == 2
-        assert "nobody was asked" in said.stderr
+@pytest.mark.parametrize(
+    ("runs", "arguments", "code", "told"),
+    [
+        (False, ["questions"], 2, "no system runs here"),
+        (False, ["answer", "1", "A isOn B"], 2, "no system runs here"),
+        (True, ["questions"], 0, "nobody asks anything"),
+        (True, ["answer", "1", "A isOn B"], 2, "there is no such question"),
+    ],
+)
+def test_where_nobody_was_asked_the_commands_say_so(runs: bool, arguments: list[str], code: int, told: str, tmp_path: Path) -> None:
+    if runs:
+        Addresses(repository="http://here/repository", registry="http://here/registry", task_manager="http://here/manager").write(tmp_path)
+    line = [sys.executable, "-m", "somrs.app.cli", *arguments, "--data", str(tmp_path)]
+    said = subprocess.run(line, capture_output=True, text=True, timeout=60, check=False)
+    assert said.returncode == code
+    assert told in said.stdout + said.stderr

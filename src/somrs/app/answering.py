@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 from somrs.app import show
+from somrs.app.client import Addresses
 from somrs.devices.questions import FILE, Questions
 from somrs.errors import RemoteError, UsageError
 
@@ -57,5 +58,5 @@ def answer(number: int, formula: str | None, data: Path) -> None:
 
 def _kept(data: Path) -> Questions:
     if not (data / FILE).exists():
-        raise UsageError(f"nobody was asked anything here: there is no {data / FILE}. Say where the system runs with --data")
+        Addresses.read(data)  # raises UsageError where no system runs: nobody is asked there
     return Questions(data)
