@@ -8,7 +8,8 @@ import msgspec
 from beside import side_by_side
 from lxml import etree
 
-from somrs.app.http import Server, Wire
+from somrs.app.http import Server
+from somrs.app.wire import Wire
 from somrs.ontology.objects import Fact, Object
 from somrs.protocol import frp, knowledge, soap
 from somrs.protocol.bodies import Body

@@ -10,7 +10,8 @@ import aiohttp
 import pytest
 from msgspec import structs
 
-from somrs.app.http import NONE, Server, Wire
+from somrs.app.http import Server
+from somrs.app.wire import NONE, Wire
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol import directory, frp, knowledge, soap
 from somrs.protocol.bodies import Body

@@ -10,7 +10,7 @@ from lab import contents
 from somrs.app.client import Addresses
 from somrs.app.device import DeviceRunner
 from somrs.app.host import Host
-from somrs.app.http import Wire
+from somrs.app.wire import Wire
 from somrs.entish.formula import Formula
 from somrs.errors import UsageError
 from somrs.protocol import frp, knowledge

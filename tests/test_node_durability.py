@@ -16,9 +16,9 @@ from lab import CLIENT
 from ledger import Ledger, Sink, Teller, doubled, expected, told
 from somrs.app.disk import Disk, Kind
 from somrs.app.host import Host
-from somrs.app.http import Wire
 from somrs.app.journal import Journal
 from somrs.app.node import Report
+from somrs.app.wire import Wire
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol import frp
 from somrs.protocol.clients import CancelTask

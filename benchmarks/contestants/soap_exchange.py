@@ -9,8 +9,9 @@ from pathlib import Path
 
 from contestants.durable import Journal
 from contestants.programs import Programs, ready, until_told
-from somrs.app.http import Server, Wire
+from somrs.app.http import Server
 from somrs.app.programs import run_program
+from somrs.app.wire import Wire
 from somrs.protocol import frp, soap
 from somrs.protocol.envelope import Header, Message, reply
 

@@ -1,4 +1,4 @@
-"""SO-MRS on one machine: each part in a process of its own, SOAP over HTTP between them; five devices share a process, and a file."""
+"""SO-MRS on one machine: each part in a process of its own, SOAP over HTTP between them; five devices share a process, a port and a file."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, one_step, 
 from somrs.app.client import Addresses
 from somrs.app.device import DeviceJournal, DeviceRunner
 from somrs.app.host import Host
-from somrs.app.http import Wire
 from somrs.app.journal import Journal
 from somrs.app.node import Report
 from somrs.app.programs import run_program, run_registry, run_repository, until_stopped
+from somrs.app.wire import Wire
 from somrs.planner.problem import Problem
 from somrs.protocol.envelope import Message
 from somrs.task_manager.manager import TaskManager
@@ -87,8 +87,10 @@ async def _task_manager(data: Path, port: int) -> None:
 async def _devices(data: Path, first: int) -> None:
     addresses = Addresses.read(data)
     kept = DeviceJournal(data / "devices" / f"{first}.sqlite")
+    host = Host(HOST)
+    await host.start()
     runners = [
-        DeviceRunner(Carrier(name), addresses, data, HOST, journal=kept.shared_with(name)) for name in CARRIERS[first : first + GROUP]
+        DeviceRunner(Carrier(name), addresses, data, host, journal=kept.shared_with(name)) for name in CARRIERS[first : first + GROUP]
     ]
     for runner in runners:
         await runner.start()
@@ -96,6 +98,7 @@ async def _devices(data: Path, first: int) -> None:
     await until_stopped()
     for runner in runners:
         await runner.stop()
+    await host.stop()
     kept.close()
 
 

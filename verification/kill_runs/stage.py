@@ -14,8 +14,8 @@ from importlib import resources
 from pathlib import Path
 
 from somrs.app.client import Client
-from somrs.app.http import Wire
 from somrs.app.system import System
+from somrs.app.wire import Wire
 from somrs.devices.simulator.commands import Fault
 from somrs.devices.simulator.link import OperatorLink
 from somrs.errors import RemoteError, SomrsError

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 import msgspec
 
-from somrs.app.http import Wire, asked_again
+from somrs.app.wire import Wire, asked_again
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Definition, Ontology

@@ -24,9 +24,9 @@ import msgspec
 from somrs.app.client import Addresses
 from somrs.app.disk import Disk, Kind
 from somrs.app.host import Host
-from somrs.app.http import asked_again
 from somrs.app.node import Node, Report
 from somrs.app.programs import run_program, say_ready, until_stopped
+from somrs.app.wire import asked_again
 from somrs.errors import DeviceError, InputError, RemoteError
 from somrs.protocol.bodies import Body
 from somrs.protocol.component import Rang
@@ -119,11 +119,20 @@ class DeviceJournal:
 
 
 class DeviceRunner:
-    """A device at work: join with `start`, take leave with `stop`. `data` is where its journal is, unless it is given one that it
-    shares with others; whoever made that closes it."""
+    """A device at work: join with `start`, take leave with `stop`. `data` is where its journal is.
+
+    Devices of one process can share a journal and a host: one port then, and what goes the same way goes together. Whoever made
+    them for it starts and stops the host, and closes the journal.
+    """
 
     def __init__(
-        self, device: Device, addresses: Addresses, data: Path, host: str = "127.0.0.1", *, journal: DeviceJournal | None = None
+        self,
+        device: Device,
+        addresses: Addresses,
+        data: Path,
+        host: str | Host = "127.0.0.1",
+        *,
+        journal: DeviceJournal | None = None,
     ) -> None:
         self.device = device
         device.data = data
@@ -165,7 +174,9 @@ class DeviceRunner:
             while not self.manager.idle and asyncio.get_running_loop().time() < end:
                 await asyncio.sleep(0.02)
             await self._node.flush(2.0)
-        if self._rim is not None:
+            if isinstance(self._host, Host):
+                await self._host.remove(self._node)
+        if self._rim is not None and self._rim is not self._host:
             await self._rim.stop()
         await self.device.close()
         if self._own_journal:
@@ -173,6 +184,8 @@ class DeviceRunner:
 
     async def _listen(self) -> Host:
         """Where the device was reached before, if that can be: those who have a contract with it know that address."""
+        if isinstance(self._host, Host):
+            return self._host
         known = [one.session.me for one in self._kept if one.session.me]
         port = (urlsplit(known[-1]).port or 0) if known else 0
         for candidate in dict.fromkeys((port, 0)):

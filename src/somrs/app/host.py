@@ -9,12 +9,14 @@ import time
 from collections import deque
 from collections.abc import Callable
 from functools import partial
+from urllib.parse import urlsplit
 
 from somrs.app.disk import Disk
-from somrs.app.http import Server, Wire
+from somrs.app.http import Server
 from somrs.app.journal import Journal
 from somrs.app.node import CarryOut, Keep, Node, Report, Watch, no_disk
-from somrs.app.outbox import Letter
+from somrs.app.outbox import Letter, Outboxes
+from somrs.app.wire import Wire
 from somrs.errors import RemoteError
 from somrs.protocol.component import Component, Received
 from somrs.protocol.envelope import Message
@@ -49,7 +51,8 @@ class Host:
         self._nodes: dict[str, Node] = {}
         self._server = Server(host, port, {})
         self._watch = watch
-        self._local: deque[tuple[Node, Node, Letter]] = deque()
+        self._local: deque[tuple[Node, Letter]] = deque()
+        self._outboxes = Outboxes(self.wire, self._post, self.clock.now)
 
     @property
     def url(self) -> str:
@@ -99,40 +102,52 @@ class Host:
         node.start(again=again)
         return node
 
-    def local(self, address: str) -> Node | None:
-        """The node at the address, if it is in this process."""
-        return self._nodes.get(address)
+    async def remove(self, node: Node) -> None:
+        """Stop the component, and have nothing at its address any more."""
+        await node.close()
+        del self._nodes[node.address], self._server.parts[urlsplit(node.address).path]
 
-    def hand_over(self, sender: Node, recipient: Node, letter: Letter) -> None:
-        """Hand a message from one node of this process to another, soon: behind those that are being handed over already."""
-        self._local.append((sender, recipient, letter))
+    def send(self, letter: Letter) -> None:
+        """Hand the message to whoever is at its recipient's address, in this process or another, behind those that wait already."""
+        address = letter.message.header.recipient
+        local = self._nodes.get(address)
+        if local is None or self._outboxes.busy(address):
+            self._outboxes.put(letter)
+            return
+        self._local.append((local, letter))
         if len(self._local) == 1:
             asyncio.get_running_loop().call_soon(self._hand_over)
 
     def _hand_over(self) -> None:
         """Hand over what waits by now; what comes of it waits for the next time, so that sockets and timers have their turn."""
         for _ in range(len(self._local)):
-            sender, recipient, letter = self._local[0]
+            recipient, letter = self._local[0]
             try:
                 recipient.feed(Received(letter.message))
-                recipient.output.acknowledge(partial(_handed, sender, letter))
+                recipient.output.acknowledge(partial(self._handed, letter))
             except RemoteError:
-                sender.post_again(letter)
+                self._outboxes.put_apart(letter)
             except Exception as error:  # a defect in handling one message must not hold back those behind it
                 log.exception("%s: a %s could not be handled", recipient.address, type(letter.message.body).__name__)
-                sender.given_up(letter, f"{type(error).__name__}: {error}")
+                letter.sender.given_up(letter, f"{type(error).__name__}: {error}")
             finally:
                 self._local.popleft()
         if self._local:
             asyncio.get_running_loop().call_soon(self._hand_over)
 
-    async def delivered(self) -> None:
-        """Return when no message is on its way from one node of this process to another."""
+    def _handed(self, letter: Letter, error: RemoteError | None) -> None:
+        if error is None:
+            letter.sender.taken(letter, None)
+        else:
+            self._outboxes.put_apart(letter)
+
+    async def delivered(self, seconds: float) -> None:
+        """Return when no message is on its way any more, but no later than in so many seconds."""
         while self._local:
             await asyncio.sleep(0)
+        await self._outboxes.flush(seconds)
 
-    async def post(self, message: Message, seconds: float) -> Message | None:
-        """Hand a message to whoever is at its recipient's address, in this process or another; what came back at once."""
+    async def _post(self, message: Message, seconds: float) -> Message | None:
         if (local := self._nodes.get(message.header.recipient)) is None:
             return await self.wire.post(message, timeout=seconds)
         local.feed(Received(message))
@@ -152,13 +167,7 @@ class Host:
     async def stop(self) -> None:
         for node in self._nodes.values():
             await node.close()
+        await self._outboxes.close()
         with contextlib.suppress(RemoteError):
             await self._server.stop()
         await self.wire.close()
-
-
-def _handed(sender: Node, letter: Letter, error: RemoteError | None) -> None:
-    if error is None:
-        sender.taken(letter)
-    else:
-        sender.post_again(letter)

@@ -1,7 +1,8 @@
-"""SOAP over HTTP: a server for the components of a process, and the wire to those of other processes.
+"""SOAP over HTTP: a server for the components of a process.
 
 A message is answered with 202 when the component has taken it and any answer goes elsewhere, with 200 and the answer when the
-sender waits for it (anonymous ReplyTo), and with a SOAP Fault otherwise (SOAP 1.2 part 2, 7.5.2.2).
+sender waits for it (anonymous ReplyTo), and with a SOAP Fault otherwise (SOAP 1.2 part 2, 7.5.2.2). Messages in a batch are
+taken side by side, as if each had come alone.
 """
 
 from __future__ import annotations
@@ -12,18 +13,19 @@ import logging
 import socket
 from collections.abc import Awaitable, Callable, Iterator
 from typing import TypeVar
+from urllib.parse import unquote, urlsplit
 
-import aiohttp
 import uvicorn
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.types import Receive, Scope
 from starlette.types import Send as SendPart
 
+from somrs.app import batches
+from somrs.app.batches import Outcome
 from somrs.errors import InputError, RemoteError, UsageError, WireError
 from somrs.protocol import frp, soap
-from somrs.protocol.envelope import ANONYMOUS, Message
-from somrs.protocol.pending import FIRST_PAUSE, LONGEST_PAUSE
+from somrs.protocol.envelope import Message
 from somrs.protocol.wsdl import description, schema
 
 log = logging.getLogger(__name__)
@@ -44,35 +46,12 @@ KEPT_TIME = 60
 
 CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
 HANG_UP = {"Connection": "close"}
+_TAKEN = Response(status_code=202)
 STOPPING = "this component is stopping"
-
-_NOT_SAID = ("Accept", "Accept-Encoding", "User-Agent")
-"""What aiohttp would say by itself: that anything may come back, even compressed, which is not read here."""
-
-NONE = "http://www.w3.org/2005/08/addressing/none"
-"""WS-Addressing 1.0 Core, 2.1: what is sent there is thrown away."""
 
 
 class NotTaken(RemoteError):
     """Nobody has taken the message: whoever sends it again is to go on doing so."""
-
-
-class Unanswered(RemoteError):
-    """Nobody was there, or went away before it answered. The same message, sent again, is taken once."""
-
-
-async def asked_again(ask: Callable[[], Awaitable[T]], patience: float) -> T:
-    """What is answered; while nobody does, for so many seconds, it is asked again. Raises Unanswered then."""
-    loop = asyncio.get_running_loop()
-    until, pause = loop.time() + patience, FIRST_PAUSE
-    while True:
-        try:
-            return await ask()
-        except Unanswered:
-            if loop.time() + pause > until:
-                raise
-        await asyncio.sleep(pause)
-        pause = min(pause * 2, LONGEST_PAUSE)
 
 
 class Server:
@@ -110,6 +89,7 @@ class Server:
             timeout_keep_alive=KEPT_TIME + 15,
             timeout_graceful_shutdown=1,
             backlog=512,
+            headers=[("Accept-Post", batches.ACCEPTED)],
         )
         self._server = _Quiet(config)
         self._serving = asyncio.create_task(self._server.serve(sockets=[listening]))
@@ -142,11 +122,11 @@ class Server:
         await response(scope, receive, send)
 
     async def _take(self, request: Request) -> Response:
-        path = request.scope["path"]
-        handler = self.parts.get(path)
+        handler = self.parts.get(request.scope["path"])
         if handler is None:
-            return PlainTextResponse(f"nothing is at {path}; here are {', '.join(self.parts) or 'no parts'}\n", 404)
-        if not _is_soap(request):
+            return PlainTextResponse(self._nothing(request.scope["path"]), 404)
+        is_batch = request.headers.get("content-type") == batches.MEDIA_TYPE
+        if not is_batch and not _is_soap(request):
             return PlainTextResponse(f"send {CONTENT_TYPE}, not compressed\n", 415, headers=HANG_UP)
         try:
             if self._stopping:
@@ -158,17 +138,32 @@ class Server:
         except TimeoutError:
             return PlainTextResponse(f"the message was not here within {self.body_time:g} s\n", 408, headers=HANG_UP)
         except RemoteError as error:
-            return _not_taken(error)
+            return _response(_not_taken(error))
         if document is None:
             return PlainTextResponse(f"the message has more than {soap.MOST_BYTES} bytes, which are the most\n", 413, headers=HANG_UP)
-        return await self._answer(handler, document)
+        return await self._take_batch(document) if is_batch else _response(await self._outcome(document, handler))
 
-    async def _answer(self, handler: Handler, document: bytes) -> Response:
+    async def _take_batch(self, batch: bytes) -> Response:
+        """Take each message as if it had come alone to whom it is addressed. They are handled in order."""
+        try:
+            documents = batches.documents_of(batch)
+        except ValueError as error:
+            return PlainTextResponse(f"this is no batch of messages: {error}\n", 400)
+        outcomes = await asyncio.gather(*map(self._outcome, documents))
+        return Response(batches.answer(outcomes), media_type=batches.MEDIA_TYPE)
+
+    async def _outcome(self, document: bytes, handler: Handler | None = None) -> Outcome:
+        """What comes of a message; without a handler, at the one that it is addressed to."""
         message: Message | None = None
         try:
             message = soap.decode(document)
+            if handler is None:
+                path = unquote(urlsplit(message.header.recipient).path)
+                handler = self.parts.get(path)
+                if handler is None:
+                    return 404, self._nothing(path).encode()
             answer = await self._unless_stopped(handler(message))
-            return _response(answer) if answer is not None else Response(status_code=202)
+            return _answer(answer) if answer is not None else (202, b"")
         except WireError as error:
             return _fault(error, message)
         except InputError as error:
@@ -180,6 +175,9 @@ class Server:
         except Exception:  # a defect here must not end the server, nor show the sender its stack trace
             log.exception("a %s could not be handled", type(message.body).__name__ if message else "message")
             return _fault(WireError(soap.RECEIVER, "this message met a defect here; see the log"), message)
+
+    def _nothing(self, path: str) -> str:
+        return f"nothing is at {path}; here are {', '.join(self.parts) or 'no parts'}\n"
 
     async def _unless_stopped(self, work: Awaitable[T]) -> T:
         """What the work comes to. Raises RemoteError when the server stops before."""
@@ -199,7 +197,7 @@ class Server:
     async def _show(self, request: Request) -> Response:
         path = request.url.path
         if path not in self.parts:
-            return PlainTextResponse(f"nothing is at {path}; here are {', '.join(self.parts) or 'no parts'}\n", 404)
+            return PlainTextResponse(self._nothing(path), 404)
         query = request.query_params
         if "wsdl" in query:
             # The address by which the client came is one by which it can come again.
@@ -217,9 +215,18 @@ class _Quiet(uvicorn.Server):
         yield
 
 
-def _not_taken(error: RemoteError) -> Response:
+def _response(outcome: Outcome) -> Response:
+    status, said = outcome
+    if status == 202:
+        return _TAKEN
+    if status == 503:
+        return Response(said, status, media_type="text/plain", headers=HANG_UP)
+    return Response(said, status, media_type=CONTENT_TYPE)
+
+
+def _not_taken(error: RemoteError) -> Outcome:
     """No Fault: that would be an answer, and the sender is to send the message again."""
-    return PlainTextResponse(f"{error}\n", 503, headers=HANG_UP)
+    return 503, f"{error}\n".encode()
 
 
 def _xml(document: bytes | None) -> Response:
@@ -248,9 +255,9 @@ async def _body(request: Request) -> bytes | None:
     return b"".join(parts)
 
 
-def _response(answer: Message) -> Response:
+def _answer(answer: Message) -> Outcome:
     try:
-        return Response(soap.encode(answer), _status(answer), media_type=CONTENT_TYPE)
+        return _status(answer), soap.encode(answer)
     except WireError as error:
         raise RemoteError(f"the answer, {type(answer.body).__name__}, cannot be sent: {error.text}") from None
 
@@ -266,71 +273,6 @@ def _fault_status(code: str) -> int:
     return 500 if code.removeprefix("env:") in ("Receiver", "MustUnderstand", "VersionMismatch", "DataEncodingUnknown") else 400
 
 
-def _fault(error: WireError, message: Message | None = None) -> Response:
+def _fault(error: WireError, message: Message | None = None) -> Outcome:
     relates_to = message.header.message_id if message is not None else None
-    return Response(soap.fault(error, relates_to), _fault_status(error.code), media_type=CONTENT_TYPE)
-
-
-class Wire:
-    """Sends messages to components in other processes, over connections that are kept."""
-
-    def __init__(self) -> None:
-        self._session: aiohttp.ClientSession | None = None
-
-    async def post(self, message: Message, timeout: float = 30.0) -> Message | None:
-        """Send the message; the answer that came back, or None when it was taken. Raises RemoteError, and Unanswered when it is
-        worth while to send it again.
-
-        A Fault that answers a request is an answer; a Fault because the message could not be processed is an error.
-        """
-        if message.header.recipient == NONE:
-            return None
-        if message.header.recipient == ANONYMOUS:
-            raise RemoteError(f"nobody waits for this {type(message.body).__name__}: its recipient is anonymous")
-        if self._session is None:
-            connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT_TIME)
-            self._session = aiohttp.ClientSession(
-                connector=connector, cookie_jar=aiohttp.DummyCookieJar(), auto_decompress=False, skip_auto_headers=_NOT_SAID
-            )
-        try:
-            document = soap.encode(message)
-        except WireError as error:
-            raise RemoteError(f"{type(message.body).__name__} cannot be sent to {message.header.recipient}: {error.text}") from None
-        headers = {"Content-Type": f'{CONTENT_TYPE}; action="{soap.action(type(message.body))}"'}
-        try:
-            async with self._session.post(
-                message.header.recipient,
-                data=document,
-                headers=headers,
-                timeout=aiohttp.ClientTimeout(total=timeout),
-                allow_redirects=False,
-            ) as response:
-                return await self._answer(response, message)
-        except TimeoutError:
-            raise Unanswered(f"{message.header.recipient} did not answer within {timeout:g} s") from None
-        except aiohttp.ClientConnectorError as error:
-            raise Unanswered(f"{message.header.recipient} cannot be reached: {error.os_error.strerror or 'no connection'}") from None
-        except aiohttp.ClientError as error:
-            raise Unanswered(f"{message.header.recipient} cannot be reached: {error}") from None
-        except ValueError as error:
-            raise RemoteError(f"{message.header.recipient} cannot be reached: {error}") from None
-
-    async def _answer(self, response: aiohttp.ClientResponse, message: Message) -> Message | None:
-        document = await response.content.read(soap.MOST_BYTES + 1)
-        while len(document) <= soap.MOST_BYTES and (more := await response.content.read(soap.MOST_BYTES + 1 - len(document))):
-            document += more
-        if response.status == 202 and not document:
-            return None
-        if not document or response.content_type != soap.MEDIA_TYPE:
-            said = document[:200].decode(errors="replace").strip()
-            trouble = f"{message.header.recipient} answered with HTTP {response.status}{': ' + said if said else ''}"
-            raise Unanswered(trouble) if response.status == 503 else RemoteError(trouble)
-        try:
-            return soap.decode(document)
-        except WireError as error:
-            raise RemoteError(f"{message.header.recipient} answered something that cannot be read: {error}") from None
-
-    async def close(self) -> None:
-        if self._session is not None:
-            await self._session.close()
-            self._session = None
+    return _fault_status(error.code), soap.fault(error, relates_to)

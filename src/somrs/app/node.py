@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from somrs.app.disk import Disk
 from somrs.app.http import NotTaken
 from somrs.app.journal import Journal
-from somrs.app.outbox import Letter, Outbox
+from somrs.app.outbox import Letter
 from somrs.app.output import Output
 from somrs.app.requesters import Requesters, in_session, is_waited_for
 from somrs.errors import InputError, RemoteError
@@ -99,7 +99,6 @@ class Node:
         self._broken = ""
         self._timers: dict[str, asyncio.TimerHandle] = {}
         self._asked: dict[str, asyncio.Task[None]] = {}
-        self._outboxes: dict[str, Outbox] = {}
         self._requesters = Requesters()
         self._snapshot: asyncio.TimerHandle | None = None
         self._last_input = 0.0
@@ -187,11 +186,11 @@ class Node:
     def _resume(self, journaled: Journaled) -> None:
         loop, now, pending = asyncio.get_running_loop(), self._host.clock.now(), journaled.pending
         for number, sent in [*pending.messages.items()]:
-            letter = Letter(sent.message, sent.until, number)
+            letter = Letter(self, sent.message, sent.until, number)
             if sent.until <= now:
                 loop.call_soon(self.given_up, letter, "its time was over while its sender was away")
             else:
-                self._post(letter)
+                self._host.send(letter)
         for timer, at in pending.timers.items():
             self._set(timer, at)
         for question, task in pending.questions.items():
@@ -206,7 +205,7 @@ class Node:
         timers = [*self._timers.values(), *([self._snapshot] if self._snapshot is not None else [])]
         for timer in timers:
             timer.cancel()
-        running = [*self._asked.values(), *(box.sender for box in self._outboxes.values() if box.sender)]
+        running = [*self._asked.values()]
         for task in running:
             task.cancel()
         await asyncio.gather(*running, return_exceptions=True)
@@ -220,10 +219,7 @@ class Node:
         """Wait until what was sent is delivered, but no longer than this."""
         with contextlib.suppress(RemoteError, TimeoutError):
             await asyncio.wait_for(self.output.on_disk(), seconds)
-        await self._host.delivered()
-        senders = [box.sender for box in self._outboxes.values() if box.sender]
-        if senders:
-            await asyncio.wait(senders, timeout=seconds)
+        await self._host.delivered(seconds)
 
     def _take_snapshot(self) -> None:
         self._snapshot = None
@@ -273,7 +269,7 @@ class Node:
                 if message.header.recipient == ANONYMOUS:
                     self._requesters.answer(message)
                 elif not self._closed:
-                    self._post(Letter(message, until if until is not None else self._host.clock.now() + DELIVERY_TIME, number))
+                    self._host.send(Letter(self, message, until if until is not None else self._host.clock.now() + DELIVERY_TIME, number))
             case Ask(question, task) if not self._closed:
                 self._ask(question, task)
             case Withdraw(question):
@@ -324,26 +320,10 @@ class Node:
         if self._watch is not None and message.header.transaction is not None:
             self._watch(message, self._host.clock.now())
 
-    def _post(self, letter: Letter) -> None:
-        recipient = letter.message.header.recipient
-        box = self._outboxes.get(recipient)
-        if (box is None or box.sender is None) and (local := self._host.local(recipient)) is not None:
-            self._host.hand_over(self, local, letter)
-        else:
-            self.post_again(letter)
-
-    def post_again(self, letter: Letter) -> None:
-        """Send the message until it is acknowledged or its time is over, behind those that wait already."""
-        if self._closed:
-            return
-        recipient = letter.message.header.recipient
-        box = self._outboxes.get(recipient)
-        if box is None:
-            box = self._outboxes[recipient] = Outbox(self._host.post, self._host.clock.now, self.taken, self.given_up)
-        box.put(letter)
-
     def taken(self, letter: Letter, answer: Message | None = None) -> None:
         """The message was acknowledged, and perhaps answered on the same connection."""
+        if self._closed:
+            return  # it is sent again when the component is back, if it comes back
         if self._journaled is not None:
             self._journaled.arrived(letter.number)
         if answer is not None:
@@ -353,6 +333,12 @@ class Node:
                 log.exception("%s: a %s could not be handled", self.address, type(answer.body).__name__)
 
     def given_up(self, letter: Letter, reason: str) -> None:
+        """Nobody acknowledged the message in its time."""
+        if self._closed:
+            return
         if self._journaled is not None:
             self._journaled.arrived(letter.number)
-        self._feed_late(Undelivered(letter.message, reason))
+        try:
+            self._feed_late(Undelivered(letter.message, reason))
+        except Exception:  # the others' letters are not to wait for this component's defects
+            log.exception("%s: it could not be handled that a message was not delivered", self.address)
