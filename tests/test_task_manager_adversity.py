@@ -235,7 +235,7 @@ def test_nothing_begins_while_the_plan_is_made_anew() -> None:
     robot1, robot2 = Robot("Robot1", 1, 60), Robot("Robot2", 1, 60)
     system = VirtualSystem(robot1, robot2)
     task = system.submit(BOTH, policy=Policy.TIME)
-    assert system.world.run(60, lambda: "Accept" in [kind for kind, _ in system.said(task)])
+    assert system.world.run(60, lambda: "Arrange" in [kind for kind, _ in system.said(task)])
     jar = system.view(task).steps[0].inputs["Object"]
     system.world.cut_off("registry")
     update(system, UpdateMap(situation=f"{jar} isHeldBy Robot3", author="a person"), seconds=0.05)

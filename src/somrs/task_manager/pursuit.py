@@ -30,6 +30,9 @@ from somrs.task_manager.tender import Tender, call
 from somrs.task_manager.work import Ledger, Work
 from somrs.task_manager.workflow import Progress, StepRun, Workflow
 
+AT_ONCE = 32
+"""For so many steps services are asked at a time: what they offer should not run out while others think about theirs."""
+
 
 class Purpose(StrEnum):
     """What a formula is pursued for."""
@@ -80,12 +83,15 @@ class Pursuit:
         self.goal, self.purpose, self.work, self.look = goal, purpose, work, look
         self.workflow: Workflow | None = None
         self.phase = Phase.PLANNING
-        self.tender: Tender | None = None
+        self.tenders: dict[str, Tender] = {}
+        """The steps that services are being asked for, by key."""
         self._owner = owner
         self._number = number
         self._label = "" if purpose is Purpose.WISH else f"{purpose}{number}."
         self._draft: Draft | None = None
         self._plans = 0
+        self._woken: float | None = None
+        """When the timer for terms rings."""
         self._fixed = False
         self._replan_because: str | None = None
         """Why the plan is given up as soon as nothing of it runs any more."""
@@ -159,7 +165,7 @@ class Pursuit:
         if self._draft is not None:
             self._draft.withdraw()
             self._draft = None
-        self._drop_tender()
+        self._drop_tenders()
 
     # Arranging
 
@@ -172,63 +178,75 @@ class Pursuit:
             self._replan(now, self._replan_because)
         elif workflow is None:
             return
-        elif (failed := workflow.failed()) is not None:
+        elif (failed := workflow.failed) is not None:
             self._recover(failed, failed.failure or "", now)
         elif workflow.done:
             self._finish(now)
-        elif (run := workflow.open()) is not None:
+        elif (runs := workflow.open) or self.tenders:
             self.phase = Phase.ARRANGING
-            self._arrange(run, now)
+            for run in runs[: AT_ONCE - len(self.tenders)]:
+                if not self._arrange(run, now):
+                    break
         elif workflow.arranged:
             self.phase = Phase.EXECUTING
-            for run in workflow.ready():
+            for run in workflow.ready:
                 if self.phase is Phase.EXECUTING:  # the one before may have found that the plan does not hold any more
                     self._execute(run, now)
 
-    def _arrange(self, run: StepRun, now: float) -> None:
-        """Ask every able service for terms. One that had the step and came back has to stop first: its report is awaited."""
+    def _arrange(self, run: StepRun, now: float) -> bool:
+        """Ask every able service for terms. One that had the step and came back has to stop first: its report is awaited. Whether the
+        plan stands: there may be nobody to ask."""
         assert self.workflow is not None
         if self._owner.participants.held(run.key):
-            return
+            return True
         invited = self._owner.offered.able(run)
         if not invited:
             why = "; ".join(f"{service}: {reason}" for service, reason in run.excluded.items())
             self._recover(run, f"no service takes it ({why})" if why else "nobody offers it any more", now)
-            return
+            return False
         earliest, latest = self.workflow.earliest_start(run, now), self._owner.latest
-        self.tender = call(run, invited, self._owner.participants, earliest, latest, now)
-        self._wake_for_bids(self.tender.until)
+        self.tenders[run.key] = call(run, invited, self._owner.participants, earliest, latest, now)
+        self._wake_for_bids()
         self._tell(now, f"asking {', '.join(offer.service for offer in invited)}", run)
+        return True
 
     def bids_due(self, now: float) -> None:
         """The time to answer Arrange is over."""
-        if self.tender is not None and now >= self.tender.until - 0.001:
-            self._choose(self.tender, now)
+        self._woken = None
+        for tender in [tender for tender in self.tenders.values() if now >= tender.until - 0.001]:
+            if self.tenders.get(tender.run.key) is tender:  # what came of the one before may have ended the others
+                self._choose(tender, now)
+        self._wake_for_bids()
 
     def offers(self, member: Member, terms: frp.Terms, id: str, now: float) -> None:
         """Terms came."""
-        if self.tender is not None and member in self.tender:
-            self._tell(now, f"{member.offer.service} offers {terms.price:g} {terms.currency}, {terms.duration:.0f} s", self.tender.run)
-            self.tender.offered(member, terms, id)
-            self._answered(now)
+        tender = self._tender_with(member)
+        if tender is not None:
+            self._tell(now, f"{member.offer.service} offers {terms.price:g} {terms.currency}, {terms.duration:.0f} s", tender.run)
+            tender.offered(member, terms, id)
+            if tender.answered:
+                self._choose(tender, now)
 
     def left(self, member: Member, reason: str, now: float) -> None:
         """A participant is out before it did anything."""
-        if self.tender is not None and member in self.tender:
-            self.tender.left(member, reason)
-            self._answered(now)
+        tender = self._tender_with(member)
+        if tender is not None:
+            tender.left(member, reason)
+            if tender.answered:
+                self._choose(tender, now)
         elif (run := self.run_of(member)) is not None:
             run.excluded[member.offer.service] = reason
             run.lose()
             self._owner.proceed(now)
 
-    def _answered(self, now: float) -> None:
-        if self.tender is not None and self.tender.answered:
-            self._choose(self.tender, now)
+    def _tender_with(self, member: Member) -> Tender | None:
+        tender = self.tenders.get(member.step)
+        return tender if tender is not None and member in tender.invited else None
 
     def _choose(self, tender: Tender, now: float) -> None:
         """Take the best of what came; without any, whoever is left is asked."""
-        self._drop_tender()
+        del self.tenders[tender.run.key]
+        self._wake_for_bids()
         owner = self._owner
         chosen = tender.award(owner.participants, owner.task, owner.setting.busy, owner.offered.broken, now)
         if chosen is not None and chosen.bid is not None:
@@ -236,13 +254,16 @@ class Pursuit:
             self._tell(now, f"{chosen.offer.service} does it for {terms.price:g} {terms.currency}, in {terms.duration:.0f} s", tender.run)
         owner.proceed(now)
 
-    def _drop_tender(self) -> None:
-        if self.tender is not None:
-            self.tender = None
-            self._wake_for_bids(None)
+    def _drop_tenders(self) -> None:
+        if self.tenders:
+            self.tenders.clear()
+            self._wake_for_bids()
 
-    def _wake_for_bids(self, at: float | None) -> None:
-        self._owner.setting.effects.append(Wake(f"{self._owner.id}/bids/{self._number}", at))
+    def _wake_for_bids(self) -> None:
+        at = min((tender.until for tender in self.tenders.values()), default=None)
+        if at != self._woken:
+            self._woken = at
+            self._owner.setting.effects.append(Wake(f"{self._owner.id}/bids/{self._number}", at))
 
     def is_asked_by(self, number: str) -> bool:
         """Whether the timer of that number is this pursuit's."""
@@ -252,8 +273,9 @@ class Pursuit:
 
     def run_of(self, member: Member) -> StepRun | None:
         """The step that the participant is asked for, is committed to, or does."""
-        if self.tender is not None and member in self.tender:
-            return self.tender.run
+        tender = self._tender_with(member)
+        if tender is not None:
+            return tender.run
         return self.workflow.held_by(member) if self.workflow is not None else None
 
     def _execute(self, run: StepRun, now: float) -> None:
@@ -335,9 +357,9 @@ class Pursuit:
         if self._plans > MOST_REPLANS:
             self._fail(f"{reason}; planned anew {self._plans - 1} times already", now)
             return
-        if self.tender is not None:
-            self.tender.withdraw(self._owner.participants, "the plan changed", now)
-            self._drop_tender()
+        for tender in self.tenders.values():
+            tender.withdraw(self._owner.participants, "the plan changed", now)
+        self._drop_tenders()
         if self.workflow is not None and self.workflow.busy:
             self._replan_because, self.phase = reason, Phase.RECOVERING
             return

@@ -30,9 +30,6 @@ class Tender:
     latest: float | None
     until: float
 
-    def __contains__(self, member: Member) -> bool:
-        return member in self.invited
-
     @property
     def answered(self) -> bool:
         """Whether nobody is awaited any more."""
@@ -77,6 +74,7 @@ class Tender:
             else:
                 participants.dismiss(member, f"another service was chosen by {task.policy}", now)
         chosen = bidders[best.participant][0]
+        chosen.bid = best
         self.run.progress, self.run.member, self.run.start, self.run.finish = Progress.ARRANGED, chosen, best.start, best.finish
         return chosen
 

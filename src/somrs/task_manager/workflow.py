@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections import Counter, deque
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from enum import StrEnum
 
 from somrs.entish import Formula
@@ -26,102 +26,180 @@ class Progress(StrEnum):
     DONE = "done"
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
+UNPROMISED = (Progress.OPEN, Progress.ARRANGING)
+
+
 class StepRun:
     """A step of the plan and its life so far. `reported` is what a failed service, or whoever looked, said is so now.
 
     `label` is what people know the step by; `key` tells it from all other steps of the transaction.
     """
 
-    step: Step
-    label: str
-    key: str
-    progress: Progress = Progress.OPEN
-    precondition: Formula | None = None
-    reported: Formula | None = None
-    member: Member | None = None
-    excluded: dict[str, str] = field(default_factory=dict)
-    """Services not to be asked again for this step, and why."""
-    lapsed: set[str] = field(default_factory=set)
-    """Services whose terms ran out once before the step could begin."""
-    handled: set[str] = field(default_factory=set)
-    """What was laid down for its failure and has been tried, by its effect."""
-    failure: str | None = None
-    """It was begun, and is nobody's now; something has to be done about that before it is arranged again."""
-    start: float = 0.0
-    finish: float = 0.0
+    def __init__(self, step: Step, label: str, key: str, workflow: Workflow) -> None:
+        self.step, self.label, self.key = step, label, key
+        self.precondition: Formula | None = None
+        self.reported: Formula | None = None
+        self.member: Member | None = None
+        self.excluded: dict[str, str] = {}
+        """Services not to be asked again for this step, and why."""
+        self.lapsed: set[str] = set()
+        """Services whose terms ran out once before the step could begin."""
+        self.handled: set[str] = set()
+        """What was laid down for its failure and has been tried, by its effect."""
+        self.start = self.finish = 0.0
+        self._workflow = workflow
+        self._progress = Progress.OPEN
+        self._failure: str | None = None
+
+    @property
+    def progress(self) -> Progress:
+        return self._progress
+
+    @progress.setter
+    def progress(self, progress: Progress) -> None:
+        before, self._progress = self._progress, progress
+        self._workflow.moved(self, before)
+
+    @property
+    def failure(self) -> str | None:
+        """It was begun, and is nobody's now; something has to be done about that before it is arranged again."""
+        return self._failure
+
+    @failure.setter
+    def failure(self, failure: str | None) -> None:
+        self._failure = failure
+        self._workflow.lost(self)
 
     def lose(self, failure: str | None = None) -> None:
         """The service that had it is out."""
         self.progress, self.member, self.failure = Progress.OPEN, None, failure
 
-    def same_work(self, other: StepRun) -> bool:
-        """Whether both ask the same of a service, whatever the steps are called."""
-        mine, its = self.step, other.step
-        return (mine.service_type, mine.inputs, mine.provider) == (its.service_type, its.inputs, its.provider)
+    @property
+    def work(self) -> Hashable:
+        """What is asked of a service, whatever the step is called."""
+        return self.step.service_type, tuple(self.step.inputs.items()), self.step.provider
 
 
 class Workflow:
-    """The steps of a plan with their states; order comes from the plan's links."""
+    """The steps of a plan with their states; order comes from the plan's links. What comes next is known without going through all
+    steps: each event moves few of them, and plans have hundreds."""
 
     def __init__(self, plan: Plan, name: str = "", label: str = "") -> None:
         self.plan = plan
-        self.runs = {step.id: StepRun(step=step, label=f"{label}{step.id}", key=f"{name}{step.id}") for step in plan.topological()}
+        self.runs = {step.id: StepRun(step, f"{label}{step.id}", f"{name}{step.id}", self) for step in plan.topological()}
+        self._place = {id: number for number, id in enumerate(self.runs)}
+        self._by_key = {run.key: run for run in self.runs.values()}
+        self._before = {id: tuple(self.runs[before] for before in plan.before(id)) for id in self.runs}
+        self._after = {id: tuple(self.runs[after] for after in plan.after(id)) for id in self.runs}
+        self._count = Counter(dict.fromkeys(Progress, 0))
+        self._count[Progress.OPEN] = len(self.runs)
+        self._unarranged = {id: len(before) for id, before in self._before.items()}
+        """How many steps right before it nobody has promised to do, by step."""
+        self._undone = {id: len(before) for id, before in self._before.items()}
+        self._open = {id for id, count in self._unarranged.items() if count == 0}
+        """Steps to arrange, when all before them is promised."""
+        self._ready: set[str] = set()
+        self._failed: set[str] = set()
 
     def __iter__(self) -> Iterator[StepRun]:
         return iter(self.runs.values())
 
+    # What steps tell
+
+    def moved(self, run: StepRun, before: Progress) -> None:
+        """The step is in another state than before."""
+        after = run.progress
+        self._count[before] -= 1
+        self._count[after] += 1
+        self._sort(run)
+        promised = (after not in UNPROMISED) - (before not in UNPROMISED)
+        done = (after is Progress.DONE) - (before is Progress.DONE)
+        if promised or done:
+            for next_ in self._after[run.step.id]:
+                self._unarranged[next_.step.id] -= promised
+                self._undone[next_.step.id] -= done
+                self._sort(next_)
+
+    def lost(self, run: StepRun) -> None:
+        """The step has to be recovered, or has been."""
+        _keep(self._failed, run.step.id, run.failure is not None)
+
+    def _sort(self, run: StepRun) -> None:
+        id = run.step.id
+        _keep(self._open, id, run.progress is Progress.OPEN and self._unarranged[id] == 0)
+        _keep(self._ready, id, run.progress is Progress.ARRANGED and self._undone[id] == 0)
+
+    def _in_order(self, ids: Iterable[str]) -> list[StepRun]:
+        return [self.runs[id] for id in sorted(ids, key=self._place.__getitem__)]
+
+    # What comes next
+
     def adopt(self, old: Workflow) -> Iterator[Member]:
         """Take over what still stands of the plan before. The services whose steps are no more are left over."""
+        waiting: dict[Hashable, deque[StepRun]] = {}
+        for run in self:
+            waiting.setdefault(run.work, deque()).append(run)
         for run in old:
             if run.progress is not Progress.ARRANGED or run.member is None:
                 continue
-            same = next((new for new in self if new.progress is Progress.OPEN and new.same_work(run)), None)
-            if same is not None:
-                same.progress, same.member = run.progress, run.member
-                same.start, same.finish, same.precondition = run.start, run.finish, run.precondition
-                run.member.step = same.key
+            same = waiting.get(run.work)
+            if same:
+                new = same.popleft()
+                new.progress, new.member = run.progress, run.member
+                new.start, new.finish, new.precondition = run.start, run.finish, run.precondition
+                run.member.step = new.key
             else:
                 yield run.member
 
+    def run_of(self, member: Member) -> StepRun | None:
+        """The step that the participant was asked for."""
+        return self._by_key.get(member.step)
+
     def held_by(self, member: Member) -> StepRun | None:
         """The step that the participant is committed to, or does."""
-        return next((run for run in self if run.member is member), None)
+        run = self.run_of(member)
+        return run if run is not None and run.member is member else None
 
-    def before(self, step: str) -> list[StepRun]:
+    def before(self, step: str) -> Sequence[StepRun]:
         """The steps that must be done before this one."""
-        return [self.runs[before] for before in self.plan.before(step)]
+        return self._before[step]
 
-    def open(self) -> StepRun | None:
-        """The next step to arrange, in causal order, when none is being arranged."""
-        if any(run.progress is Progress.ARRANGING for run in self):
-            return None
-        return next((run for run in self if run.progress is Progress.OPEN), None)
+    @property
+    def open(self) -> list[StepRun]:
+        """The steps to arrange next: all before them is promised, so that it can be said when they can start."""
+        return self._in_order(self._open)
 
+    @property
     def failed(self) -> StepRun | None:
         """A step that was begun, and has to be recovered."""
-        return next((run for run in self if run.failure is not None), None)
+        return next(iter(self._in_order(self._failed)), None)
 
-    def ready(self) -> Iterable[StepRun]:
+    @property
+    def ready(self) -> list[StepRun]:
         """Arranged steps whose predecessors are all done."""
-        return [
-            run for run in self if run.progress is Progress.ARRANGED and all(b.progress is Progress.DONE for b in self.before(run.step.id))
-        ]
+        return self._in_order(self._ready)
 
     @property
     def arranged(self) -> bool:
         """Whether every step has its service, or had it."""
-        return all(run.progress not in (Progress.OPEN, Progress.ARRANGING) for run in self)
+        return not any(self._count[progress] for progress in UNPROMISED)
 
     @property
     def busy(self) -> bool:
         """Whether any step is under way."""
-        return any(run.progress in (Progress.EXECUTING, Progress.REPORTING) for run in self)
+        return bool(self._count[Progress.EXECUTING] or self._count[Progress.REPORTING])
 
     @property
     def done(self) -> bool:
-        return all(run.progress is Progress.DONE for run in self)
+        return self._count[Progress.DONE] == len(self.runs)
 
     def earliest_start(self, run: StepRun, now: float) -> float:
         """When everything before the step is promised to be finished."""
         return max([now, *(before.finish for before in self.before(run.step.id) if before.progress is not Progress.DONE)])
+
+
+def _keep(ids: set[str], id: str, wanted: bool) -> None:
+    if wanted:
+        ids.add(id)
+    else:
+        ids.discard(id)
