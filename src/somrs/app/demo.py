@@ -18,10 +18,9 @@ from math import hypot, pi
 from pathlib import Path
 
 from rich.console import Console
-from rich.text import Text
 
 from somrs.app import recovery_demo, show
-from somrs.app.chart import SETBACKS, chart, said
+from somrs.app.chart import chart
 from somrs.app.client import Client
 from somrs.app.sheet import sheet
 from somrs.app.sitefile import dump_site
@@ -227,9 +226,7 @@ def _position(situation: object) -> dict[str, str]:
 def _print(trace: Follower, lines: list[Line], console: Console) -> None:
     for line in trace.new():
         lines.append(line)
-        arrow = Text(f"{line.sender:>22} → {line.recipient:<22}", style="dim")
-        kind = Text(f"{line.type:<10}", style="bold red" if line.type in SETBACKS else "bold")
-        console.print(Text(f"{line.at - lines[0].at:7.2f} s ") + arrow + kind + Text(said(line)))
+        console.print(show.passing(line, lines[0].at))
 
 
 class Photographer:

@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from somrs.app import show
-from somrs.app.chart import SETBACKS, chart, said
+from somrs.app.chart import chart
 from somrs.app.client import Client
 from somrs.app.sitefile import dump_site
 from somrs.app.system import System
@@ -25,7 +25,7 @@ from somrs.app.trace import Follower, Line
 from somrs.devices.simulator.link import OperatorLink
 from somrs.errors import RemoteError
 from somrs.ontology.objects import Map
-from somrs.protocol.clients import Policy, Submit, TaskNews, TaskView, WatchTask
+from somrs.protocol.clients import EventKind, Policy, Submit, TaskView
 from somrs.protocol.frp import Outcome, State
 
 GOAL = "Platform001"
@@ -116,22 +116,11 @@ class Stage:
 
     async def _watch(self, task: str) -> None:
         """Hear what happens to the task, whether or not the Task Manager is there, until it is over."""
-        after = 0
-        while True:
-            try:
-                news = await self._client.ask(
-                    self._client.addresses.task_manager, WatchTask(task=task, after=after, wait=5.0), TaskNews, timeout=20
-                )
-            except RemoteError:
-                await asyncio.sleep(0.2)
-                continue
+        async for news in self._client.news(task):
             self.story.view = news.view
             for event in news.events:
-                if any(word in event.text for word in ("silent", "look", "seen", "replac", "planning anew", "undo", "restore")):
+                if event.kind is not EventKind.NEWS:
                     self._console.print(Text(f"{'':>10} · ", style="dim") + show.event(event))
-            after += len(news.events)
-            if news.view.outcome is not None:
-                return
 
     def _mark(self, who: str, text: str) -> None:
         self.story.marks.append(Mark(at=time.time(), who=who, text=text))
@@ -140,11 +129,8 @@ class Stage:
     def _print(self) -> None:
         for line in self._trace.new():
             self.story.lines.append(line)
-            if line.type == "Progress":
-                continue
-            arrow = Text(f"{line.sender:>26} → {line.recipient:<26}", style="dim")
-            kind = Text(f"{line.type:<12}", style="bold red" if line.type in SETBACKS else "bold")
-            self._console.print(Text(f"{line.at - self.story.lines[0].at:7.2f} s ") + arrow + kind + Text(said(line)))
+            if line.type != "Progress":
+                self._console.print(show.passing(line, self.story.lines[0].at))
 
 
 async def perform(system: System, out: Path, console: Console) -> int:

@@ -15,6 +15,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from somrs.app.chart import SETBACKS, said
+from somrs.app.trace import Line
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.protocol.clients import EventKind, StepView, TaskEvent, TaskView, WorkView
 from somrs.protocol.directory import Offer
@@ -35,6 +37,9 @@ SIGNS = {
 
 COLOURS = {EventKind.SETBACK: "red", EventKind.END: "bold"}
 """Of kinds of events; the others are what is done about setbacks."""
+
+PARTY = 28
+"""Characters of a column of those who say something to each other: `Camera001.RecognizeSituation` fits."""
 
 MOST_NAME = 28
 """Characters for which a column of names makes others narrow."""
@@ -203,6 +208,13 @@ def events(happened: Iterable[TaskEvent]) -> Table:
         text = one.text.partition(":")[0] if one.kind is EventKind.END else one.text
         made.add_row(clock(one.at), kind, Text.assemble((step, "bold"), text))
     return made
+
+
+def passing(line: Line, start: float) -> Text:
+    """A message as it passes, so long after the first."""
+    style = "bold red" if line.type in SETBACKS else "bold"
+    parties = f"{line.sender:>{PARTY}} → {line.recipient:<{PARTY}} "
+    return Text.assemble(f"{line.at - start:7.2f} s ", (parties, "dim"), (f"{line.type:<12}", style), said(line))
 
 
 def live(view: TaskView) -> Group:

@@ -96,6 +96,7 @@ STYLE = """
   .who { font-weight: 600; text-anchor: end }
   .mark { stroke: #b3261e; stroke-dasharray: 3 3 }
   .told { fill: #b3261e }
+  .told, .beside { stroke: #ffffff; stroke-width: 4px; paint-order: stroke }
   .inside { fill: #ffffff; font-size: 11px }
 """
 
@@ -127,6 +128,8 @@ def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
     for (device, row), y in place.items():
         if row == 0:
             made.append(f'<text class="who" x="{LEFT - 12}" y="{y + 20}">{escape(device)}</text>')
+    texts: list[str] = []
+    """Drawn last, so that no line runs through them."""
     for bar in bars:
         y = place[lanes[bar]]
         x, wide = LEFT + (bar.start - start) * scale, max(3.0, (bar.end - bar.start) * scale)
@@ -136,16 +139,16 @@ def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
         said = f"{SIGNS[bar.how]} {bar.label}"
         after = min((other.start for other in bars if lanes[other] == lanes[bar] and other.start >= bar.end), default=float("inf"))
         if wide > LETTER * len(said) and bar.how != "lost":
-            made.append(f'<text class="inside" x="{x + 6:.1f}" y="{y + 20}">{escape(said)}</text>')
+            texts.append(f'<text class="inside" x="{x + 6:.1f}" y="{y + 20}">{escape(said)}</text>')
         elif (after - bar.end) * scale > LETTER * len(said):
-            made.append(f'<text x="{x + wide + 5:.1f}" y="{y + 20}">{escape(said)}</text>')
+            texts.append(f'<text class="beside" x="{x + wide + 5:.1f}" y="{y + 20}">{escape(said)}</text>')
     for number, mark in enumerate(sorted(marks, key=lambda mark: mark.at)):
         x, y = LEFT + (mark.at - start) * scale, bottom + 16 + 24 * number
         made.append(f'<line class="mark" x1="{x:.1f}" y1="{TOP - 14}" x2="{x:.1f}" y2="{y}"/>')
         late = x > LEFT + WIDE * 0.7
         anchor = ' text-anchor="end"' if late else ""
-        made.append(f'<text class="told"{anchor} x="{x + (-6 if late else 6):.1f}" y="{y}">{escape(f"{mark.who}: {mark.text}")}</text>')
-    return "\n".join([*made, "</svg>"]) + "\n"
+        texts.append(f'<text class="told"{anchor} x="{x + (-6 if late else 6):.1f}" y="{y}">{escape(f"{mark.who}: {mark.text}")}</text>')
+    return "\n".join([*made, *texts, "</svg>"]) + "\n"
 
 
 def _limits(bars: Sequence[Bar], marks: Sequence[Mark]) -> tuple[float, float]:
