@@ -15,7 +15,7 @@ from somrs.ontology.files import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.grounding import Grounding
-from somrs.planner.operators import goal_operators, operators, vocabulary
+from somrs.planner.operators import goal_operators
 from somrs.planner.plan import NoPlan, Plan, validate
 from somrs.planner.planning import plan
 from somrs.planner.problem import Available, Problem
@@ -56,12 +56,8 @@ def tower(count: int) -> Problem:
 
 def task_of(problem: Problem) -> Task | None:
     """The ground task, if the goal is not out of reach from the beginning."""
-    known = vocabulary(problem)
-    world = World(problem, known)
-    usable = [*goal_operators(problem.goal, known)]
-    for available in problem.services:
-        usable += operators(available, known, problem.excluded)
-    grounding = Grounding(world, demands(usable, known, world.is_a))
+    world = World(problem)
+    grounding = Grounding(world, demands(list(goal_operators(problem.goal, world.known)), world))
     return Task(grounding) if grounding.reached else None
 
 

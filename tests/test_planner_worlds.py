@@ -9,7 +9,7 @@ import pytest
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.ontology.files import upper
-from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded
+from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.truth import holds
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
@@ -130,8 +130,7 @@ def test_two_jars_are_transferred_side_by_side() -> None:
 
 
 def test_the_door_is_opened_before_the_robot_drives_through() -> None:
-    shut = MAP.changed([])
-    shut.objects["DoorAB"] = Object(name="DoorAB", type="Door", values={"Open": False})
+    shut = MAP.changed([ValueSet("DoorAB", "Open", False)])
     found = planned(problem("Robot1 isInside RoomB", DRIVE, OPEN, map=shut))
     assert names(found) == ["OpenDoor(Door: DoorAB)", "DriveTo(To: RoomB) by Robot1"]
     assert [link.fact for link in found.links] == ["DoorAB.Open = TRUE"]

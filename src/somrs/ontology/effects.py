@@ -35,17 +35,27 @@ def changes(effect: Formula, map: Map, ontology: Ontology) -> list[Change]:
     A functional relation gives up the old tuple with the same first argument, and so do the other relations that it
     excludes. Attributes that follow from a relation (where a thing stands that is put on another) are not invented.
     """
+    return _made(effect, map, ontology)[0]
+
+
+def applied(effect: Formula, map: Map, ontology: Ontology) -> Map:
+    """The map after an effect without variables: `map` with its `changes`."""
+    return _made(effect, map, ontology)[1]
+
+
+def _made(effect: Formula, map: Map, ontology: Ontology) -> tuple[list[Change], Map]:
     making = _Making(effect, map, ontology)
     parts = conjuncts(effect)
     needed = [change for part in parts for change in making.changes_for(part)]
     wanted = [*dict.fromkeys(_key(change) for change in needed)]
     last = {_key(change): change for change in needed}
     found = [last[key] for key in wanted]
-    after = _Making(effect, map.changed(found), ontology)
+    after = map.changed(found) if found else map
+    made = _Making(effect, after, ontology)
     for part in parts:
-        if any(after.changes_for(part)):
+        if any(made.changes_for(part)):
             raise making.error(part, None, "this contradicts the rest of the effect", "an effect says what holds at one moment")
-    return found
+    return found, after
 
 
 def _key(change: Change) -> object:

@@ -26,6 +26,9 @@ class Index(Generic[K, T]):
     def under(self, key: K) -> Collection[T]:
         return self._by_key.get(key, ())
 
+    def keys(self) -> Iterable[K]:
+        return self._by_key.keys()
+
     def copy(self) -> Index[K, T]:
         """Another one, which may be changed while this one stays."""
         made: Index[K, T] = Index()

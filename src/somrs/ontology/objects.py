@@ -115,11 +115,18 @@ class Map:
 
     def facts_with(self, relation: str, place: int, name: str) -> Collection[tuple[str, ...]]:
         """The arguments of the relation's facts in which the object is the argument at `place`, counted from 0."""
+        return self._at(relation, place).under(name)
+
+    def standing(self, relation: str, place: int) -> Iterable[str]:
+        """The objects that are the argument at `place` in any of the relation's facts."""
+        return self._at(relation, place).keys()
+
+    def _at(self, relation: str, place: int) -> Index[str, tuple[str, ...]]:
         places = self._by_argument.setdefault(relation, {})
         if place not in places:
             tuples = self._facts.get(relation, ())
             places[place] = Index((arguments[place], arguments) for arguments in tuples if place < len(arguments))
-        return places[place].under(name)
+        return places[place]
 
     def facts_about(self, name: str) -> Iterator[Fact]:
         """The facts in which the object takes part."""
@@ -157,7 +164,7 @@ class Map:
     def changed(self, changes: Iterable[Change]) -> Map:
         """The map after the changes. Conformance is not checked here."""
         after = Map()
-        after.objects = dict(self.objects)
+        after.objects = self.objects
         after._facts = dict(self._facts)
         after._by_argument = dict(self._by_argument)
         after._by_type = self._by_type.copy() if self._by_type is not None else None
@@ -165,6 +172,8 @@ class Map:
         own: set[str] = set()
         """The relations and attributes of which `after` has facts and indexes of its own."""
         for change in changes:
+            if after.objects is self.objects and not isinstance(change, FactAdded | FactRemoved):
+                after.objects = dict(self.objects)
             match change:
                 case ObjectAdded(object):
                     after._leave(object.name, own)

@@ -10,19 +10,18 @@ from somrs.ontology.objects import Map
 from somrs.ontology.truth import bindings, holds
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import measure
-from somrs.planner.plan import Link, Step, after
+from somrs.planner.plan import Link, Step
 from somrs.planner.problem import Problem
 
 
-def linked(steps: Sequence[Step], problem: Problem) -> tuple[Link, ...]:
-    """The links among steps that can be done in the order given.
+def linked(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) -> tuple[Link, ...]:
+    """The links among steps that can be done in the order given; `maps` are the one before the first, and those after each.
 
     For each condition of a step, the last step before it that brings it about comes before it (the causal link); a step
     that could undo it comes before that one or after it (Penberthy and Weld 1992). The goal is the last step's condition.
     """
-    maps = [problem.map]
-    for step in steps:
-        maps.append(after(step, maps[-1], problem))
+    if len(steps) < 2:
+        return ()
     found: dict[Link, None] = {}
     effects = [conjuncts(step.effect) for step in steps]
     for place, condition in _conditions(steps, maps, problem):

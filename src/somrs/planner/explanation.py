@@ -12,7 +12,7 @@ from somrs.ontology.matching import bring_about_all, can_bring_about
 from somrs.ontology.services import PROVIDER
 from somrs.ontology.truth import bindings, holds
 from somrs.planner.grounding import Grounding
-from somrs.planner.operators import Inexpressible, goal_operators, operators
+from somrs.planner.operators import Inexpressible, goal_operators
 from somrs.planner.plan import NoPlan
 from somrs.planner.problem import Available, Problem
 from somrs.planner.relevance import demands
@@ -32,11 +32,11 @@ def unmet_precondition(problem: Problem) -> NoPlan | None:
     return NoPlan(explanation=f"the task starts from {said}, which does not hold on the map", missing=tuple(map(str, denied)))
 
 
-def why_not(problem: Problem, world: World, left_out: list[Inexpressible]) -> NoPlan:
+def why_not(problem: Problem, world: World) -> NoPlan:
     """The reasons, for the alternative of the goal that lacks least."""
     best: _Reasons | None = None
     for branch in alternatives(problem.goal):
-        reasons = _Reasons(problem, world, left_out)
+        reasons = _Reasons(problem, world)
         for literal in branch:
             if not reasons.reachable([literal]):
                 reasons.unreachable.append(str(literal))
@@ -47,7 +47,9 @@ def why_not(problem: Problem, world: World, left_out: list[Inexpressible]) -> No
     if not best.unreachable:
         best.said[f"no order of services makes {problem.goal} true: each part can be brought about, but not all together"] = None
     told = "; ".join(best.said)
-    best.said.update((f"not considered: {inexpressible}", None) for inexpressible in left_out if str(inexpressible) not in told)
+    best.said.update(
+        (f"not considered: {inexpressible}", None) for inexpressible in world.repertoire.left_out if str(inexpressible) not in told
+    )
     return NoPlan(
         explanation="; ".join(best.said), unreachable=tuple(best.unreachable), missing=tuple(best.missing), unoffered=tuple(best.unoffered)
     )
@@ -59,7 +61,6 @@ class _Reasons:
 
     problem: Problem
     world: World
-    left_out: list[Inexpressible]
     unreachable: list[str] = field(default_factory=list)
     missing: dict[str, None] = field(default_factory=dict)
     unoffered: dict[str, None] = field(default_factory=dict)
@@ -67,14 +68,9 @@ class _Reasons:
 
     def reachable(self, literals: Sequence[Literal]) -> bool:
         """Whether all can come about together if nothing that is true ever became false; when in doubt, yes."""
-        usable = list(goal_operators(conjunction(*literals), self.world.known))
-        for available in self.problem.services:
-            try:
-                usable.extend(operators(available, self.world.known, self.problem.excluded))
-            except Inexpressible:
-                continue
         try:
-            return Grounding(self.world, demands(usable, self.world.known, self.world.is_a)).reached
+            goals = list(goal_operators(conjunction(*literals), self.world.known))
+            return Grounding(self.world, demands(goals, self.world)).reached
         except Inexpressible:
             return True
 
@@ -89,7 +85,7 @@ class _Reasons:
             return
         for available in helpful:
             service = available.service_type
-            unexpressed = [i for i in self.left_out if str(i.formula).startswith(f"{service.name}: ")]
+            unexpressed = [i for i in self.world.repertoire.left_out if str(i.formula).startswith(f"{service.name}: ")]
             self.said.update(
                 (f"{literal} could be brought about by {service.name}, which cannot be planned with: {i}", None) for i in unexpressed
             )

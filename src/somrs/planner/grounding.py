@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 
 from somrs.entish import Comparison, Name, Not, Number, Relation, Term, Text, Truth, Variable
 from somrs.entish.formula import Constant, Literal, variables
+from somrs.ontology.services import PROVIDER
 from somrs.ontology.types import AttributeType, Kind
 from somrs.ontology.units import converted
 from somrs.ontology.values import attribute_at, constant, measure
+from somrs.planner.facts import Facts
 from somrs.planner.operators import GOAL, SOME, Argument, Fact, Forbidden, Inexpressible, Operator, Pattern, Test
 from somrs.planner.relevance import Demand
 from somrs.planner.world import Bound, World, as_term
@@ -22,6 +25,8 @@ ACTIONS = 100_000
 PLACES = 16
 """So many objects are tried where any of a type will do, when planning narrowly: those where such things stand now, and
 others of their types."""
+MOST_LOOKED_AT = 500
+"""So many objects that stand in a place are looked at, to find those."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,6 +39,12 @@ class Action:
     adds: tuple[Fact, ...]
     removes: tuple[Fact, ...]
 
+    @property
+    def provider(self) -> str | None:
+        """The device that has to do it, if the service type's formulas speak of one."""
+        provider = self.bound.get(PROVIDER)
+        return provider if isinstance(provider, str) else None
+
 
 class Grounding:
     """The actions that are demanded and reachable, and the facts they lead to."""
@@ -41,17 +52,15 @@ class Grounding:
     def __init__(self, world: World, demanded: list[Demand], narrow: bool = False) -> None:
         self.world = world
         self.narrow = narrow
-        self.facts = world.now()
-        self.initial = dict(self.facts.all)
+        self.facts = Facts(world)
         self.actions: list[Action] = []
-        self._usual_places: dict[tuple[Operator, str], list[Argument]] = {}
         self._seen: set[tuple[Operator, tuple[Argument, ...]]] = set()
         self._waiting: list[Fact] = []
         self._run(demanded)
 
     @property
     def reached(self) -> bool:
-        return GOAL in self.facts.all
+        return GOAL in self.facts.new
 
     def _run(self, demanded: list[Demand]) -> None:
         by_need: dict[str, list[tuple[Demand, Bound, Pattern]]] = {}
@@ -89,15 +98,15 @@ class Grounding:
                 left.append(condition)
             elif not ready:
                 return
-        best: tuple[int, Pattern | Literal | None, list[tuple[Argument, ...]]] | None = None
+        best: tuple[int, Pattern | Literal] | None = None
         for condition in left:
             if not isinstance(condition, Test):
-                found = self._possibilities(condition, bound)
-                if found is not None and (best is None or len(found) < best[0]):
-                    best = len(found), condition, found
-        if best is not None and best[1] is not None:
+                count = self._count(condition, bound)
+                if count is not None and (best is None or count < best[0]):
+                    best = count, condition
+        if best is not None:
             rest = [condition for condition in left if condition is not best[1]]
-            for arguments in best[2]:
+            for arguments in self._possibilities(best[1], bound):
                 matched = self._match(demand, best[1], arguments, bound)
                 if matched is not None:
                     yield from self._complete(demand, rest, matched)
@@ -130,7 +139,7 @@ class Grounding:
                 known = [self._argument(argument, bound) for argument in arguments]
                 if any(argument is None for argument in known):
                     return None
-                return self.world.canonical((predicate, tuple(a for a in known if a is not None))) in self.facts.all
+                return self.world.canonical((predicate, tuple(a for a in known if a is not None))) in self.facts
 
     def _argument(self, term: Argument | Term, bound: Bound) -> Argument | None:
         if isinstance(term, Variable):
@@ -138,27 +147,34 @@ class Grounding:
         assert isinstance(term, str | Name | Number | Text | Truth)
         return term
 
-    def _possibilities(self, condition: Pattern | Literal, bound: Bound) -> list[tuple[Argument, ...]] | None:
+    def _known(self, condition: Pattern | Literal, bound: Bound) -> tuple[str, list[Argument | None]] | None:
+        """The predicate or relation, and its arguments as far as they are known; None of a comparison."""
         match condition:
             case Relation(relation, arguments):
-                names = [argument.name if isinstance(argument, Name) else bound.get(argument.name) for argument in arguments]
-                return self._static_tuples(relation, names)
+                return relation, [argument.name if isinstance(argument, Name) else bound.get(argument.name) for argument in arguments]
             case (str(predicate), arguments):
-                known = [self._argument(argument, bound) for argument in arguments]
-                if self.world.known.symmetric(predicate):
-                    both = [*self.facts.like(predicate, known), *(a[::-1] for a in self.facts.like(predicate, known[::-1]))]
-                    return list(dict.fromkeys(both))
-                return self.facts.like(predicate, known)
+                return predicate, [self._argument(argument, bound) for argument in arguments]
         return None
 
-    def _static_tuples(self, relation: str, known: list[Argument | None]) -> list[tuple[Argument, ...]]:
-        found: dict[tuple[Argument, ...], None] = {}
-        for backwards in (False, True) if self.world.known.symmetric(relation) else (False,):
-            stored = known[::-1] if backwards else known
-            lists = [self.world.map.facts_with(relation, place, value) for place, value in enumerate(stored) if isinstance(value, str)]
-            for arguments in min(lists, key=len) if lists else [fact.arguments for fact in self.world.map.facts(relation)]:
-                found[arguments[::-1] if backwards else arguments] = None
-        return list(found)
+    def _count(self, condition: Pattern | Literal, bound: Bound) -> int | None:
+        """About how many possibilities there are; None of a comparison."""
+        about = self._known(condition, bound)
+        if about is None:
+            return None
+        predicate, known = about
+        count = self.world.count if isinstance(condition, Relation) else self.facts.count
+        backwards = count(predicate, known[::-1]) if self.world.known.symmetric(predicate) else 0
+        return count(predicate, known) + backwards
+
+    def _possibilities(self, condition: Pattern | Literal, bound: Bound) -> list[tuple[Argument, ...]]:
+        about = self._known(condition, bound)
+        if about is None:
+            return []
+        predicate, known = about
+        like = self.world.like if isinstance(condition, Relation) else self.facts.like
+        if self.world.known.symmetric(predicate):
+            return list(dict.fromkeys([*like(predicate, known), *(arguments[::-1] for arguments in like(predicate, known[::-1]))]))
+        return like(predicate, known)
 
     def _match(self, demand: Demand, condition: Pattern | Literal, arguments: tuple[Argument, ...], bound: Bound) -> Bound | None:
         """What a fact binds of a condition, or None when it does not fit."""
@@ -202,26 +218,23 @@ class Grounding:
             return [Truth(True), Truth(False)]
         if types & {"number", "text"}:
             return []  # a value that the goal does not give could be anything
-        found = self.world.domain(types)
-        if not self.narrow:
-            return [*found]
+        if not self.narrow or name == PROVIDER:
+            return [*self.world.domain(types)]
         objects = self.world.map.objects
-        usual = [place for place in self._usual(demand.operator, name) if place in objects and self.world.is_a(place, types)]
-        kinds = {objects[place].type for place in usual if isinstance(place, str)}
-        alike = [place for place in found if objects[place].type in kinds]
-        likely: dict[Argument, None] = dict.fromkeys([*usual[:PLACES], *(alike or found)[:PLACES]])
+        usual = list(islice(self._usual(demand.operator, name, types), PLACES))
+        kinds = {objects[place].type for place in usual}
+        likely: dict[Argument, None] = dict.fromkeys(usual)
+        alike = (place for kind in kinds for place in self.world.map.of_type(kind) if self.world.is_a(place, types))
+        likely.update(dict.fromkeys(islice(alike if kinds else self.world.domain(types), PLACES)))
         return list(likely)[:PLACES]
 
-    def _usual(self, operator: Operator, name: str) -> list[Argument]:
+    def _usual(self, operator: Operator, name: str, types: frozenset[str]) -> Iterator[str]:
         """The objects that stand in that place now, in the facts that the operator adds: where things are put as a rule."""
-        if (operator, name) not in self._usual_places:
-            found: dict[Argument, None] = {}
-            for predicate, terms in operator.adds:
-                for place, term in enumerate(terms):
-                    if isinstance(term, Variable) and term.name == name:
-                        found.update((arguments[place], None) for arguments in self.facts.like(predicate, ()))
-            self._usual_places[operator, name] = list(found)
-        return self._usual_places[operator, name]
+        for predicate, terms in operator.adds:
+            for place, term in enumerate(terms):
+                if isinstance(term, Variable) and term.name == name and not predicate.startswith("."):
+                    standing = islice(self.world.map.standing(predicate, place), MOST_LOOKED_AT)
+                    yield from (other for other in standing if other in self.world.map.objects and self.world.is_a(other, types))
 
     # Actions
 
@@ -288,7 +301,7 @@ class Grounding:
     def _forbidden_by(self, forbidden: Forbidden, action: Action) -> Iterator[Fact]:
         predicate, terms = forbidden.pattern
         hidden = forbidden.test.hidden if forbidden.test is not None else {}
-        for arguments in self._possibilities(forbidden.pattern, action.bound) or []:
+        for arguments in self._possibilities(forbidden.pattern, action.bound):
             matched: Bound = dict(action.bound)
             for term, argument in zip(terms, arguments, strict=True):
                 if isinstance(term, Variable):

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
-from somrs.entish.formula import Constant, Literal, alternatives, conjuncts, count_alternatives, substitute, terms, typed, variables
+from somrs.entish.formula import Constant, Literal, alternatives, conjuncts, count_alternatives, terms, typed, variables
 from somrs.entish.parse import parse
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import attribute_at
-from somrs.planner.problem import Available, Problem
 
 Argument = str | Constant
 """An object by its name, or a value."""
@@ -41,31 +40,6 @@ class Inexpressible(Exception):
         super().__init__(f"{formula}: {why}")
 
 
-class Facts:
-    """A growing set of facts, found by predicate and any one argument."""
-
-    def __init__(self) -> None:
-        self.all: dict[Fact, None] = {}
-        self._by_predicate: dict[str, list[tuple[Argument, ...]]] = {}
-        self._by_argument: dict[tuple[str, int, Argument], list[tuple[Argument, ...]]] = {}
-
-    def add(self, fact: Fact) -> bool:
-        """Whether the fact is new."""
-        if fact in self.all:
-            return False
-        self.all[fact] = None
-        predicate, arguments = fact
-        self._by_predicate.setdefault(predicate, []).append(arguments)
-        for place, argument in enumerate(arguments):
-            self._by_argument.setdefault((predicate, place, argument), []).append(arguments)
-        return True
-
-    def like(self, predicate: str, known: Iterable[Argument | None]) -> list[tuple[Argument, ...]]:
-        """The arguments of facts that may have the known ones, of which at least one was looked at."""
-        lists = [self._by_argument.get((predicate, place, value), []) for place, value in enumerate(known) if value is not None]
-        return min(lists, key=len) if lists else self._by_predicate.get(predicate, [])
-
-
 @dataclass(frozen=True, slots=True)
 class Test:
     """A comparison with attributes that change: `hidden` variables stand for their values, each with its tolerance."""
@@ -82,25 +56,24 @@ class Forbidden:
     test: Test | None = None
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Operator:
-    """One alternative of a service type's precondition, with its provider if its formulas speak of one; or of the goal."""
+    """One alternative of a service type's precondition; or of the goal, with no service."""
 
     service: ServiceType | None
-    provider: str | None
     condition: tuple[Literal, ...]
-    """The alternative as it is written, its provider put in."""
+    """The alternative as it is written."""
     effect: Formula | None
-    needs: list[Pattern] = field(default_factory=list)
-    forbids: list[Forbidden] = field(default_factory=list)
-    tests: list[Test] = field(default_factory=list)
-    static: list[Literal] = field(default_factory=list)
-    adds: list[Pattern] = field(default_factory=list)
-    removes: list[Pattern] = field(default_factory=list)
-    types: dict[str, frozenset[str]] = field(default_factory=dict)
+    needs: tuple[Pattern, ...]
+    forbids: tuple[Forbidden, ...]
+    tests: tuple[Test, ...]
+    static: tuple[Literal, ...]
+    adds: tuple[Pattern, ...]
+    removes: tuple[Pattern, ...]
+    types: Mapping[str, frozenset[str]]
     """The types that what a variable stands for must all be of."""
-    variables: tuple[str, ...] = ()
-    """Those that must be bound."""
+    variables: tuple[str, ...]
+    """Those that must be bound; `Provider` is among them if the formulas speak of it."""
 
 
 class Vocabulary:
@@ -165,13 +138,13 @@ class Vocabulary:
         return None
 
 
-def vocabulary(problem: Problem) -> Vocabulary:
-    return Vocabulary(problem.ontology, [parse(available.service_type.effect) for available in problem.services])
+def providers_of(service: str) -> str:
+    """What `?Provider` is of, in place of a type: the devices that offer the service."""
+    return f"provider of {service}"
 
 
-def operators(available: Available, known: Vocabulary, excluded: frozenset[str]) -> Iterator[Operator]:
+def operators(service: ServiceType, known: Vocabulary) -> Iterator[Operator]:
     """The operators of a service type. Raises Inexpressible."""
-    service = available.service_type
     inputs = {parameter.name: parameter.type for parameter in service.inputs}
     effect = typed(parse(service.effect), inputs)
     precondition = typed(parse(service.precondition), inputs) if service.precondition is not None else None
@@ -179,23 +152,16 @@ def operators(available: Available, known: Vocabulary, excluded: frozenset[str])
     for output in service.outputs:
         if output.name in variables(effect) and output.name not in inputs:
             raise Inexpressible(effect, f"?{output.name} is known only when the service is done")
-    able: list[str | None] = [provider for provider in available.providers if provider not in excluded]
-    for provider in able if PROVIDER in speaks else able[:1] and [None]:
-        bound = {PROVIDER: Name(provider)} if provider is not None else {}
-        branches = _branches(substitute(precondition, bound)) if precondition is not None else [()]
-        for branch in branches:
-            operator = Operator(service, provider, branch, substitute(effect, bound))
-            _Compiler(known, operator, inputs).compile(branch, conjuncts(substitute(effect, bound)))
-            yield operator
+    if PROVIDER in speaks:
+        inputs[PROVIDER] = providers_of(service.name)
+    for branch in _branches(precondition) if precondition is not None else [()]:
+        yield _Compiler(known, inputs).operator(service, branch, effect)
 
 
 def goal_operators(goal: Formula, known: Vocabulary) -> Iterator[Operator]:
     """One operator for each alternative of the goal; it adds that the task is accomplished."""
     for branch in _branches(goal):
-        operator = Operator(None, None, branch, None)
-        _Compiler(known, operator, {}).compile(branch, ())
-        operator.adds.append(GOAL)
-        yield operator
+        yield _Compiler(known, {}).operator(None, branch, None)
 
 
 def _branches(formula: Formula) -> list[tuple[Literal, ...]]:
@@ -205,37 +171,58 @@ def _branches(formula: Formula) -> list[tuple[Literal, ...]]:
 
 
 class _Compiler:
-    """Fills in one operator."""
+    """Makes one self."""
 
-    def __init__(self, known: Vocabulary, operator: Operator, inputs: Mapping[str, str]) -> None:
-        self.known, self.operator, self.inputs = known, operator, inputs
+    def __init__(self, known: Vocabulary, inputs: Mapping[str, str]) -> None:
+        self.known, self.inputs = known, inputs
         self.occurrences: Counter[str] = Counter(inputs.keys())
+        self.needs: dict[Pattern, None] = {}
+        self.forbids: list[Forbidden] = []
+        self.tests: list[Test] = []
+        self.static: list[Literal] = []
+        self.adds: list[Pattern] = []
+        self.removes: list[Pattern] = []
+        self.types: dict[str, frozenset[str]] = {}
 
-    def compile(self, precondition: tuple[Literal, ...], effect: tuple[Formula, ...]) -> None:
-        for part in (*precondition, *effect):
+    def operator(self, service: ServiceType | None, precondition: tuple[Literal, ...], effect: Formula | None) -> Operator:
+        parts = conjuncts(effect) if effect is not None else ()
+        for part in (*precondition, *parts):
             self.occurrences.update(term.name for term in terms(part) if isinstance(term, Variable))
             self._note_types(part)
         for name, type_name in self.inputs.items():
             self._note(name, type_name)
         for literal in precondition:
             self._condition(literal)
-        for part in effect:
+        for part in parts:
             self._effect(part)
-        self.operator.variables = tuple(dict.fromkeys([*self.inputs, *self._to_bind()]))
+        if service is None:
+            self.adds.append(GOAL)
+        return Operator(
+            service=service,
+            condition=precondition,
+            effect=effect,
+            needs=tuple(self.needs),
+            forbids=tuple(self.forbids),
+            tests=tuple(self.tests),
+            static=tuple(self.static),
+            adds=tuple(self.adds),
+            removes=tuple(self.removes),
+            types=self.types,
+            variables=tuple(dict.fromkeys([*self.inputs, *self._to_bind()])),
+        )
 
     def _to_bind(self) -> Iterator[str]:
         """The variables that grounding binds; one that stands behind NOT only is not, nor one that `SOME` replaced."""
-        operator = self.operator
-        for _, arguments in (*operator.needs, *operator.adds, *operator.removes):
+        for _, arguments in (*self.needs, *self.adds, *self.removes):
             for argument in arguments:
                 if not isinstance(argument, str):
                     yield from variables(argument)
-        for literal in (*operator.static, *(test.comparison for test in operator.tests)):
+        for literal in (*self.static, *(test.comparison for test in self.tests)):
             if not isinstance(literal, Not):
                 yield from variables(literal)
 
     def _note(self, name: str, type_name: str) -> None:
-        self.operator.types[name] = self.operator.types.get(name, frozenset()) | {type_name}
+        self.types[name] = self.types.get(name, frozenset()) | {type_name}
 
     def _note_types(self, part: Formula) -> None:
         atom = part.atom if isinstance(part, Not) else part
@@ -250,34 +237,33 @@ class _Compiler:
     # Preconditions
 
     def _condition(self, literal: Literal) -> None:
-        operator = self.operator
         match literal:
             case Relation(name) if name in self.known.relations:
                 some = self._some(literal)
-                operator.needs.append(some if some is not None else self._pattern(literal))
+                self.needs[some if some is not None else self._pattern(literal)] = None
             case Not(Relation(name) as atom) if name in self.known.relations:
-                operator.forbids.append(Forbidden(self._pattern(atom)))
+                self.forbids.append(Forbidden(self._pattern(atom)))
             case Comparison() as comparison:
                 self._comparison(comparison)
             case Not(Comparison() as comparison):
                 self._negated_comparison(literal, comparison)
             case _:
-                operator.static.append(literal)
+                self.static.append(literal)
 
     def _comparison(self, comparison: Comparison) -> None:
         test, patterns = self._with_hidden(comparison)
         if test is None:
-            self.operator.static.append(comparison)
+            self.static.append(comparison)
         else:
-            self.operator.tests.append(test)
-            self.operator.needs.extend(p for p in patterns if p not in self.operator.needs)
+            self.tests.append(test)
+            self.needs.update(dict.fromkeys(patterns))
 
     def _negated_comparison(self, literal: Not, comparison: Comparison) -> None:
         test, patterns = self._with_hidden(comparison)
         if test is None:
-            self.operator.static.append(literal)
+            self.static.append(literal)
         elif len(patterns) == 1:
-            self.operator.forbids.append(Forbidden(patterns[0], test))
+            self.forbids.append(Forbidden(patterns[0], test))
         else:
             raise Inexpressible(literal, "NOT before a comparison of two attributes that services change")
 
@@ -317,19 +303,18 @@ class _Compiler:
     # Effects
 
     def _effect(self, part: Formula) -> None:
-        operator = self.operator
         match part:
             case Relation():
-                operator.adds.append(self._pattern(part))
+                self.adds.append(self._pattern(part))
             case Not(Relation() as atom):
-                operator.removes.append(self._pattern(atom))
+                self.removes.append(self._pattern(atom))
             case Comparison(Attribute() as target, "=", source) | Comparison(source, "=", Attribute() as target):
                 if self.known.changing(source) is not None:
                     test, patterns = self._with_hidden(Comparison(source, "=", source))
                     assert test is not None
-                    operator.needs.extend(p for p in patterns if p not in operator.needs)
+                    self.needs.update(dict.fromkeys(patterns))
                     source = test.comparison.left
-                operator.adds.append(("." + target.path, (_argument(target.of), source)))
+                self.adds.append(("." + target.path, (_argument(target.of), source)))
             case Or():
                 raise Inexpressible(part, "an effect with OR does not say what becomes true")
             case _:

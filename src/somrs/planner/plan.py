@@ -14,7 +14,7 @@ from msgspec import Struct
 from somrs.entish import Formula, Name, Term
 from somrs.entish.formula import Substitution, substitute, variables
 from somrs.entish.parse import parse
-from somrs.ontology.effects import changes
+from somrs.ontology.effects import applied
 from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER
 from somrs.ontology.truth import holds
@@ -158,7 +158,7 @@ def validate(plan: Plan, problem: Problem) -> list[str]:
 
 def after(step: Step, map: Map, problem: Problem) -> Map:
     """The map once the step is done."""
-    return map.changed(changes(step.effect, map, problem.ontology))
+    return applied(step.effect, map, problem.ontology)
 
 
 def linearisations(plan: Plan) -> Iterator[tuple[Step, ...]]:

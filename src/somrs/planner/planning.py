@@ -8,18 +8,18 @@ from somrs.entish import Formula, Term
 from somrs.entish.formula import conjunction, names, substitute, variables
 from somrs.errors import SomrsError
 from somrs.ontology.objects import Map
-from somrs.ontology.truth import bindings, holds
+from somrs.ontology.truth import holds
 from somrs.planner.causal import linked
 from somrs.planner.explanation import not_usable, unmet_precondition, why_not
 from somrs.planner.grounding import Action, Grounding
-from somrs.planner.operators import Inexpressible, Operator, Vocabulary, goal_operators, operators, vocabulary
+from somrs.planner.operators import Inexpressible, goal_operators
 from somrs.planner.plan import NoPlan, Plan, Step, after, validate
 from somrs.planner.problem import Problem
 from somrs.planner.relevance import demands
 from somrs.planner.sas import read, written
 from somrs.planner.search import TooHard, search, without_useless
 from somrs.planner.task import Move, Task
-from somrs.planner.world import World, as_term
+from somrs.planner.world import World, as_term, rows
 
 Engine = Callable[[str, float], list[str] | None]
 """Given a task in Fast Downward's format and a limit in seconds: the names of the operators that solve it, or None when
@@ -38,35 +38,22 @@ def plan(problem: Problem, engine: Engine | None = None, limit: float = LIMIT) -
         doubtful = [name for name in names(problem.goal) if name in problem.excluded]
         return NoPlan(explanation=f"{problem.goal}: {not_usable(doubtful[0])}") if doubtful else Plan()
     try:
-        known = vocabulary(problem)
-        world = World(problem, known)
-        usable, left_out = _operators(problem, known)
+        world = World(problem)
+        goals = list(goal_operators(problem.goal, world.known))
         for narrow in (True, False):
-            grounding = Grounding(world, demands(usable, known, world.is_a, world.now() if narrow else None), narrow)
+            grounding = Grounding(world, demands(goals, world, narrow=narrow), narrow)
             if grounding.reached:
                 task = Task(grounding)
                 moves = _solve(task, engine, limit)
                 if moves is not None:
                     return _checked(problem, without_useless(moves, task))
-        return why_not(problem, world, left_out)
+        return why_not(problem, world)
     except Inexpressible as inexpressible:
         return NoPlan(explanation=f"this cannot be planned for: {inexpressible}")
     except TooHard:
         return NoPlan(explanation="this takes a search; install the engine for it: pip install 'somrs[planner]'")
     except SomrsError as error:
         return NoPlan(explanation=f"no plan was found: {error}")
-
-
-def _operators(problem: Problem, known: Vocabulary) -> tuple[list[Operator], list[Inexpressible]]:
-    """What the services on offer and the goal are as operators; a service that cannot be expressed is left out."""
-    found = list(goal_operators(problem.goal, known))
-    left_out: list[Inexpressible] = []
-    for available in problem.services:
-        try:
-            found.extend(operators(available, known, problem.excluded))
-        except Inexpressible as inexpressible:
-            left_out.append(Inexpressible(f"{available.service_type.name}: {inexpressible.formula}", inexpressible.why))
-    return found, left_out
 
 
 def _solve(task: Task, engine: Engine | None, limit: float) -> list[Move] | None:
@@ -81,11 +68,11 @@ def _solve(task: Task, engine: Engine | None, limit: float) -> list[Move] | None
 
 def _checked(problem: Problem, moves: Sequence[Move]) -> Plan:
     steps: list[Step] = []
-    map = problem.map
+    maps = [problem.map]
     for move in moves:
-        steps.append(_step(f"step{len(steps) + 1}", move.action, map, problem))
-        map = after(steps[-1], map, problem)
-    made = Plan(tuple(steps), linked(steps, problem))
+        steps.append(_step(f"step{len(steps) + 1}", move.action, maps[-1], problem))
+        maps.append(after(steps[-1], maps[-1], problem))
+    made = Plan(tuple(steps), linked(steps, maps, problem))
     wrong = validate(made, problem)
     if wrong:
         raise AssertionError("; ".join(wrong))
@@ -102,16 +89,16 @@ def _step(id: str, action: Action, map: Map, problem: Problem) -> Step:
     if operator.condition:
         wanted = conjunction(*operator.condition)
         given = {name: bound[name] for name in variables(wanted) if name in bound}
-        found = next(bindings(wanted, map, problem.ontology, given), None)
+        found = next(rows(wanted, given, map, problem.ontology), None)
         if found is None:
             raise AssertionError(f"{operator.service.name} was planned where {substitute(wanted, given)} does not hold")
         bound.update(found)
-        precondition = substitute(wanted, found)
+        precondition = substitute(wanted, bound)
     return Step(
         id=id,
         service_type=operator.service.name,
         inputs={parameter.name: bound[parameter.name] for parameter in operator.service.inputs},
         effect=substitute(operator.effect, bound),
         precondition=precondition,
-        provider=operator.provider,
+        provider=action.provider,
     )

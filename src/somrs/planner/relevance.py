@@ -5,11 +5,12 @@ Without it, a service that puts anything anywhere would be considered for every 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from somrs.entish import Comparison, Name, Number, Text, Truth, Variable
-from somrs.planner.operators import SOME, Argument, Facts, Operator, Pattern, Vocabulary
+from somrs.planner.operators import SOME, Argument, Operator, Pattern
+from somrs.planner.world import World
 
 Kinds = frozenset[str]
 """In place of an argument that is not known: the types that it is of."""
@@ -27,80 +28,47 @@ class Demand:
     kinds: tuple[tuple[str, Kinds], ...]
 
 
-def demands(
-    operators: Iterable[Operator], known: Vocabulary, is_a: Callable[[Argument, Iterable[str]], bool], now: Facts | None = None
-) -> list[Demand]:
-    """Every use of an operator that may help, the goal's own first.
+def demands(goals: Sequence[Operator], world: World, *, narrow: bool = False, depth: int | None = None) -> list[Demand]:
+    """Every use of an operator that may help, the goals' own first.
 
-    With `now`, what is so at the start, fewer: nobody needs to bring about a `SOME` fact that is so already, and of facts
-    that must not hold, those that do hold now are looked at one by one. That may lose plans, but seldom does.
+    When narrow, fewer: nobody needs to bring about a `SOME` fact that is so already, and of facts that must not hold, those
+    that do hold now are looked at one by one. With a depth, only what helps by way of so many services or fewer.
+    Both may lose plans, but seldom do.
     """
-    by_predicate: dict[tuple[bool, str], list[tuple[Operator, Pattern]]] = {}
-    goals: list[Operator] = []
-    for operator in operators:
-        if operator.service is None:
-            goals.append(operator)
-        for truth, pattern in _brings_about(operator, known):
-            by_predicate.setdefault((truth, pattern[0]), []).append((operator, pattern))
-
-    found: dict[Demand, None] = {}
+    found: dict[Demand, None] = dict.fromkeys(Demand(goal, (), ()) for goal in goals)
     seen: set[Wanted] = set()
-    open_: list[Wanted] = []
-
-    def demand(new: Demand) -> None:
-        if new in found:
-            return
-        found[new] = None
-        for wanted in _wants(new) if now is None else _narrowed(_wants(new), now, is_a):
-            if wanted not in seen:
-                seen.add(wanted)
-                open_.append(wanted)
-
-    for operator in goals:
-        demand(Demand(operator, (), ()))
-    while open_:
-        truth, predicate, arguments = open_.pop()
-        for operator, pattern in by_predicate.get((truth, predicate), ()):
-            new = _matched(operator, pattern, arguments, is_a)
-            if new is not None:
-                demand(new)
+    new = list(found)
+    while new and (depth is None or depth > 0):
+        depth = depth - 1 if depth is not None else None
+        wanted = {wish: None for demand in new for wish in (_narrowed(_wants(demand), world) if narrow else _wants(demand))}
+        fresh = [wish for wish in wanted if wish not in seen]
+        seen.update(fresh)
+        new = [demand for wish in fresh for demand in _helping(wish, world) if demand not in found]
+        new = list(dict.fromkeys(new))
+        found.update(dict.fromkeys(new))
     return list(found)
 
 
-def _narrowed(every: Iterable[Wanted], now: Facts, is_a: Callable[[Argument, Iterable[str]], bool]) -> Iterator[Wanted]:
+def _helping(wanted: Wanted, world: World) -> Iterator[Demand]:
+    truth, predicate, arguments = wanted
+    for operator, pattern in world.repertoire.makes.get((truth, predicate), ()):
+        if operator.service is not None and world.providers.get(operator.service.name):
+            demand = _matched(operator, pattern, arguments, world.is_a)
+            if demand is not None:
+                yield demand
+
+
+def _narrowed(every: Iterable[Wanted], world: World) -> Iterator[Wanted]:
     for truth, predicate, arguments in every:
         known = [None if isinstance(argument, frozenset) else argument for argument in arguments]
         if truth:
-            if not (predicate.endswith(SOME) and known[0] is not None and (predicate, (known[0],)) in now.all):
+            if not (predicate.endswith(SOME) and known[0] is not None and world.so((predicate, (known[0],)))):
                 yield truth, predicate, arguments
             continue
-        for fact in now.like(predicate, known):
+        for fact in world.like(predicate, known):
             pairs = zip(arguments, fact, strict=True)
-            if all(is_a(mine, wanted) if isinstance(wanted, frozenset) else mine == wanted for wanted, mine in pairs):
+            if all(world.is_a(mine, wanted) if isinstance(wanted, frozenset) else mine == wanted for wanted, mine in pairs):
                 yield truth, predicate, fact
-
-
-def _brings_about(operator: Operator, known: Vocabulary) -> Iterator[tuple[bool, Pattern]]:
-    """What the operator makes true and false, what it replaces included."""
-    for predicate, arguments in operator.adds:
-        yield True, (predicate, arguments)
-        if predicate.startswith("."):
-            yield False, (predicate, (arguments[0], Variable("")))
-        elif predicate in known.ontology.relations:
-            yield True, (predicate + SOME, arguments[:1])
-            if known.symmetric(predicate):
-                yield True, (predicate, arguments[::-1])
-            for other in (predicate, *known.excluded_by(predicate)):
-                relation = known.ontology.relations[other]
-                if other != predicate or relation.functional:
-                    rest = tuple(Variable("") for _ in relation.joins[1:])
-                    yield False, (other, (arguments[0], *rest))
-                    if known.symmetric(other):
-                        yield False, (other, (*rest, arguments[0]))
-    for predicate, arguments in operator.removes:
-        yield False, (predicate, arguments)
-        if known.symmetric(predicate):
-            yield False, (predicate, arguments[::-1])
 
 
 def _wants(demand: Demand) -> Iterator[Wanted]:

@@ -53,17 +53,17 @@ class Task:
         self._by_first: dict[tuple[str, Argument], list[Fact]] = {}
         forbidden = {action: grounding.forbidden(action) for action in grounding.actions if action.operator.forbids}
         actions = self._useful(grounding, forbidden)
-        self._crowded = self._several_at_once(grounding)
-        for fact in grounding.facts.all:
-            if fact in self.mentioned:
-                self._place(fact)
+        so = [fact for fact in self.mentioned if grounding.world.so(fact)]
+        self._crowded = self._several_at_once(so)
+        for fact in (*so, *(fact for fact in grounding.facts.new if fact in self.mentioned)):
+            self._place(fact)
         for facts in forbidden.values():
             for fact in facts:
                 if fact in self.place and len(self.values[self.place[fact][0]]) > 2 and fact not in self.negated:
                     self.negated[fact] = len(self.values)
                     self.values.append([None, ("NOT", (str(fact),))])
                     self._by_object(fact)
-        self.initial = self._initial(grounding)
+        self.initial = self._initial(so)
         self.goal = self.place.get(GOAL)
         self.moves = [move for action in actions if (move := self._move(action, forbidden.get(action, []))) is not None]
 
@@ -71,8 +71,8 @@ class Task:
         """The actions with an effect that any of them, or the goal, needs or forbids; `mentioned` are those facts."""
         actions = grounding.actions
         while True:
-            needed = {fact for action in actions for fact in action.needs} | {GOAL}
-            unwanted = {fact for action in actions for fact in forbidden.get(action, ())}
+            needed = dict.fromkeys([fact for action in actions for fact in action.needs] + [GOAL])
+            unwanted = dict.fromkeys(fact for action in actions for fact in forbidden.get(action, ()))
             gone = {self._first(fact) for fact in unwanted}
             kept = [
                 action
@@ -81,7 +81,7 @@ class Task:
                 or any(fact in unwanted for fact in action.removes)
             ]
             if len(kept) == len(actions):
-                self.mentioned = needed | unwanted | {fact for action in actions for fact in action.removes}
+                self.mentioned = needed | unwanted | dict.fromkeys(fact for action in actions for fact in action.removes)
                 return kept
             actions = kept
 
@@ -98,10 +98,10 @@ class Task:
     def _some(self, fact: Fact) -> Fact:
         return fact[0] + SOME, fact[1][:1]
 
-    def _several_at_once(self, grounding: Grounding) -> set[Key]:
+    def _several_at_once(self, so: list[Fact]) -> set[Key]:
         """Variables that the map gives two values, against its own rules: their facts stand alone."""
         count: dict[Key, int] = {}
-        for fact in grounding.initial:
+        for fact in so:
             key = self.known.variable_of(fact)
             if key is not None:
                 count[key] = count.get(key, 0) + 1
@@ -127,14 +127,14 @@ class Task:
         for argument in fact[1] if self.known.symmetric(fact[0]) else fact[1][:1]:
             self._by_first.setdefault((fact[0], argument), []).append(fact)
 
-    def _initial(self, grounding: Grounding) -> State:
+    def _initial(self, so: list[Fact]) -> State:
         state = [0] * len(self.values)
-        for fact in grounding.initial:
-            if fact in self.place:
-                variable, value = self.place[fact]
-                state[variable] = value
+        for fact in so:
+            variable, value = self.place[fact]
+            state[variable] = value
+        holding = set(so)
         for fact, variable in self.negated.items():
-            state[variable] = int(fact not in grounding.initial)
+            state[variable] = int(fact not in holding)
         return tuple(state)
 
     def _move(self, action: Action, forbidden: list[Fact]) -> Move | None:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from somrs.entish import Name, Number, Term, Text, Truth, Variable
-from somrs.entish.formula import Constant, Literal, variables
+from somrs.entish import Formula, Name, Number, Term, Text, Truth, Variable
+from somrs.entish.formula import Constant, Literal, substitute, variables
 from somrs.ontology.objects import Map
+from somrs.ontology.services import PROVIDER
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import ROOT, Ontology
 from somrs.ontology.values import Measured, attribute_at, compare, constant, measure, value_of
-from somrs.planner.operators import SOME, Argument, Fact, Facts, Test, Vocabulary
+from somrs.planner.operators import SOME, Argument, Fact, Test, providers_of
 from somrs.planner.problem import Problem
+from somrs.planner.repertoire import repertoire
 
 Bound = dict[str, Argument]
 """What variables stand for."""
@@ -22,15 +24,22 @@ VALUES: Mapping[str, tuple[type, ...]] = {"number": (Number,), "text": (Text, Na
 class World:
     """One problem's map and ontology, with answers kept."""
 
-    def __init__(self, problem: Problem, known: Vocabulary) -> None:
+    def __init__(self, problem: Problem) -> None:
         self.map: Map = problem.map
         self.ontology: Ontology = problem.ontology
-        self.known = known
+        self.repertoire = repertoire(problem.ontology, tuple(available.service_type for available in problem.services))
+        self.known = self.repertoire.known
         self.excluded = problem.excluded
+        self.providers: Mapping[str, tuple[str, ...]] = {
+            available.service_type.name: tuple(name for name in available.providers if name not in problem.excluded)
+            for available in problem.services
+        }
+        """The devices that offer a service type, those that may take part."""
+        self._of: dict[str, frozenset[str]] = {providers_of(name): frozenset(found) for name, found in self.providers.items()}
         self._is_a: dict[tuple[str, str], bool] = {}
         self._settled: dict[tuple[Literal, tuple[tuple[str, Argument], ...]], bool] = {}
-        self._domains: dict[frozenset[str], list[str]] = {}
         self._paths: dict[str, frozenset[str]] = {}
+        self._like: dict[tuple[str, int, Argument] | str, list[tuple[Argument, ...]]] = {}
 
     def is_a(self, argument: Argument, types: Iterable[str]) -> bool:
         """Whether an object or value is of all the types."""
@@ -40,7 +49,13 @@ class World:
         """The same, for objects that no step may involve, too."""
         if isinstance(argument, str):
             object = self.map.objects.get(argument)
-            return all(object is not None and self._type_is_a(object.type, type_name) for type_name in types)
+            for type_name in types:
+                if type_name in self._of:
+                    if argument not in self._of[type_name]:
+                        return False
+                elif object is None or not self._type_is_a(object.type, type_name):
+                    return False
+            return True
         return all(isinstance(argument, VALUES.get(type_name, ())) for type_name in types)
 
     def _type_is_a(self, type_name: str, ancestor: str) -> bool:
@@ -58,32 +73,99 @@ class World:
             self._paths[object.type] = frozenset(self.ontology.attributes_of(object.type))
         return path in self._paths[object.type]
 
-    def domain(self, types: frozenset[str]) -> list[str]:
+    def domain(self, types: frozenset[str]) -> Iterator[str]:
         """The objects that are of all the types."""
-        if types not in self._domains:
-            narrowest = max(types, key=lambda name: sum(1 for _ in self.ontology.ancestors(name)), default=ROOT)
-            of_one = (name for subtype in self.ontology.subtypes(narrowest) for name in self.map.of_type(subtype))
-            self._domains[types] = [name for name in of_one if self.is_a(name, types)]
-        return self._domains[types]
+        for type_name in types:
+            if type_name in self._of:
+                candidates: Iterable[str] = next(found for name, found in self.providers.items() if providers_of(name) == type_name)
+                break
+        else:
+            narrowest = max(types, key=lambda name: len(self.ontology.ancestors(name)), default=ROOT)
+            candidates = (name for subtype in self.ontology.subtypes(narrowest) for name in self.map.of_type(subtype))
+        return (name for name in candidates if self.is_a(name, types))
 
-    def now(self) -> Facts:
-        """What holds now, of what services change."""
-        found = Facts()
-        for fact in self._initial():
-            found.add(fact)
-        return found
+    # What holds now, of what services change
 
-    def _initial(self) -> Iterator[Fact]:
-        for relation in self.known.relations:
-            for fact in self.map.facts(relation):
-                yield self.canonical((relation, fact.arguments))
-                yield relation + SOME, fact.arguments[:1]
-        for path in self.known.paths:
-            attribute = attribute_at(path, self.ontology)
-            for name in self.map.objects:
-                value = value_of(name, path, self.map, self.ontology)
-                if value is not None:
-                    yield "." + path, (name, constant(value, attribute))
+    def so(self, fact: Fact) -> bool:
+        """Whether the fact holds now."""
+        predicate, arguments = fact
+        if predicate.startswith("."):
+            return self._value(arguments[0], predicate[1:]) == arguments[1]
+        names = self._names(arguments)
+        if predicate.endswith(SOME):
+            return bool(self.map.facts_with(predicate.removesuffix(SOME), 0, names[0]))
+        return self.map.holds(predicate, names) or (self.known.symmetric(predicate) and self.map.holds(predicate, names[::-1]))
+
+    def count(self, predicate: str, known: Sequence[Argument | None]) -> int:
+        """About how many facts hold now that `like` would look at; never fewer."""
+        if predicate.startswith("."):
+            return 1 if known[0] is not None else len(self.map.objects) if known[1] is None else len(self.like(predicate, known))
+        relation = predicate.removesuffix(SOME)
+        places = (0, 1) if self.known.symmetric(relation) else None
+        return min(
+            (
+                sum(len(self.map.facts_with(relation, p, value)) for p in places or (place,))
+                for place, value in enumerate(known)
+                if isinstance(value, str)
+            ),
+            default=self.map.count(relation),
+        )
+
+    def like(self, predicate: str, known: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:
+        """The arguments of facts that hold now and may have the known ones, of which at least one was looked at."""
+        places = [place for place, value in enumerate(known) if value is not None]
+        place = min(places, key=lambda place: self._few(predicate, place, known[place]), default=None)
+        key = (predicate, place, known[place]) if place is not None else predicate
+        if key not in self._like:
+            self._like[key] = list(self._found(predicate, place, known[place] if place is not None else None))  # type: ignore[index]
+        return self._like[key]  # type: ignore[index]
+
+    def _few(self, predicate: str, place: int, value: Argument | None) -> int:
+        """How many facts there are with the value at the place; fewer are better."""
+        if predicate.startswith("."):
+            return place
+        return len(self.map.facts_with(predicate.removesuffix(SOME), place, value)) if isinstance(value, str) else 0
+
+    def _found(self, predicate: str, place: int | None, value: Argument | None) -> Iterator[tuple[Argument, ...]]:
+        if predicate.startswith("."):
+            for name in self._owners(predicate[1:], place, value):
+                if (known := self._value(name, predicate[1:])) is not None:
+                    yield name, known
+            return
+        relation = predicate.removesuffix(SOME)
+        if place is None:
+            tuples: Iterable[tuple[str, ...]] = (fact.arguments for fact in self.map.facts(relation))
+        else:
+            name = value if isinstance(value, str) else ""
+            either = (place, 1 - place) if self.known.symmetric(relation) else (place,)
+            tuples = (arguments for place in either for arguments in self.map.facts_with(relation, place, name))
+        if predicate.endswith(SOME):
+            yield from dict.fromkeys(arguments[:1] for arguments in tuples)
+        elif self.known.symmetric(relation):
+            every = dict.fromkeys(self.canonical((relation, arguments))[1] for arguments in tuples)
+            yield from (arguments for arguments in every if place is None or arguments[place] == value)
+        else:
+            yield from tuples
+
+    def _owners(self, path: str, place: int | None, value: Argument | None) -> Iterable[str]:
+        """The objects whose attribute may have the value."""
+        if place is None:
+            return self.map.objects
+        if place == 0:
+            return (value,) if isinstance(value, str) else ()
+        plain = value.name if isinstance(value, Name) else value.value if isinstance(value, Number | Text | Truth) else None
+        if plain is None:
+            return ()
+        by_default = (t for t in self.ontology.types if self.ontology.default(t, path) == plain)
+        alike = (name for t in by_default for name in self.map.of_type(t) if self.map.objects[name].values.get(path) is None)
+        return (*self.map.with_value(path, plain), *alike)
+
+    def _value(self, owner: Argument, path: str) -> Constant | None:
+        value = value_of(owner, path, self.map, self.ontology) if isinstance(owner, str) else None
+        return constant(value, attribute_at(path, self.ontology)) if value is not None else None
+
+    def _names(self, arguments: tuple[Argument, ...]) -> tuple[str, ...]:
+        return tuple(argument if isinstance(argument, str) else "" for argument in arguments)
 
     def canonical(self, fact: Fact) -> Fact:
         """One way of writing facts of symmetric relations."""
@@ -100,7 +182,7 @@ class World:
     def answers(self, literal: Literal, bound: Bound) -> Iterator[Bound]:
         """The ways in which such a literal holds."""
         given = {name: as_term(value) for name, value in bound.items() if name in variables(literal)}
-        for row in bindings(literal, self.map, self.ontology, given):
+        for row in rows(literal, given, self.map, self.ontology):
             yield {**bound, **{name: as_argument(term) for name, term in row.items()}}
 
     def passes(self, test: Test, bound: Bound) -> bool:
@@ -114,6 +196,15 @@ class World:
             sides.append(measured)
         left, right = sides
         return left is not None and right is not None and compare(left, test.comparison.operator, right)
+
+
+def rows(formula: Formula, given: Mapping[str, Term], map: Map, ontology: Ontology) -> Iterator[Mapping[str, Term]]:
+    """The ways in which the formula holds, of a provider too that is not on the map."""
+    provider = given.get(PROVIDER)
+    if isinstance(provider, Name) and provider.name not in map.objects:
+        formula = substitute(formula, {PROVIDER: provider})
+        return ({**row, PROVIDER: provider} for row in bindings(formula, map, ontology, {n: t for n, t in given.items() if n != PROVIDER}))
+    return bindings(formula, map, ontology, given)
 
 
 def as_term(argument: Argument) -> Constant:
