@@ -87,7 +87,7 @@ def drawn(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) -> Table:
     return table
 
 
-LEFT, TOP, LANE, WIDE = 130, 70, 44, 1100
+LEFT, TOP, LANE, WIDE, RIGHT = 130, 70, 44, 1100, 110
 LETTER = 7.2
 """Pixels that a letter takes at most."""
 STYLE = """
@@ -112,10 +112,10 @@ def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
     bottom = TOP + LANE * len(place)
     height = bottom + 24 * len(marks) + 30
     made = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" class="timeline" viewBox="0 0 {LEFT + WIDE + 60} {height}" '
-        f'width="{LEFT + WIDE + 60}" height="{height}">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="timeline" viewBox="0 0 {LEFT + WIDE + RIGHT} {height}" '
+        f'width="{LEFT + WIDE + RIGHT}" height="{height}">',
         f"<title>{escape(title)}</title><style>{STYLE}</style>",
-        f'<rect width="{LEFT + WIDE + 60}" height="{height}" fill="#ffffff"/>',
+        f'<rect width="{LEFT + WIDE + RIGHT}" height="{height}" fill="#ffffff"/>',
         f'<text x="20" y="28" font-size="16" font-weight="600">{escape(title)}</text>',
     ]
     for number, (kind, colour) in enumerate(COLOURS.items()):
@@ -137,11 +137,12 @@ def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
         opacity = ' fill-opacity="0.35"' if bar.how == "lost" else ""
         made.append(f'<rect x="{x:.1f}" y="{y + 4}" width="{wide:.1f}" height="24" rx="4" fill="{colour}"{opacity}/>')
         said = f"{SIGNS[bar.how]} {bar.label}"
-        after = min((other.start for other in bars if lanes[other] == lanes[bar] and other.start >= bar.end), default=float("inf"))
-        if wide > LETTER * len(said) and bar.how != "lost":
-            texts.append(f'<text class="inside" x="{x + 6:.1f}" y="{y + 20}">{escape(said)}</text>')
-        elif (after - bar.end) * scale > LETTER * len(said):
+        after = min((other.start for other in bars if lanes[other] == lanes[bar] and other.start >= bar.end), default=end + RIGHT / scale)
+        if (after - bar.end) * scale > LETTER * len(said) and (bar.how == "lost" or wide <= LETTER * len(said)):
             texts.append(f'<text class="beside" x="{x + wide + 5:.1f}" y="{y + 20}">{escape(said)}</text>')
+        else:
+            fits = said if wide > LETTER * len(said) else SIGNS[bar.how]
+            texts.append(f'<text class="inside" x="{x + 6:.1f}" y="{y + 20}">{escape(fits)}</text>')
     for number, mark in enumerate(sorted(marks, key=lambda mark: mark.at)):
         x, y = LEFT + (mark.at - start) * scale, bottom + 16 + 24 * number
         made.append(f'<line class="mark" x1="{x:.1f}" y1="{TOP - 14}" x2="{x:.1f}" y2="{y}"/>')
