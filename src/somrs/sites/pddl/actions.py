@@ -1,0 +1,250 @@
+"""Actions of PDDL as service types.
+
+In PDDL an action may delete a fact and add it again: driving from a place to the same place. An effect in Entish says what holds
+afterwards, so each such case is a service type of its own; or it is ruled out, when nothing would come of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from somrs.entish import Comparison, Formula, Name, Not, Or, Relation, Term, Variable
+from somrs.entish.formula import conjunction, conjuncts, disjunction, substitute, substitute_term, variables
+from somrs.ontology.objects import Map
+from somrs.ontology.services import PROVIDER, Parameter, ServiceType
+from somrs.sites.pddl.formulas import Effects, Speech, Words
+from somrs.sites.pddl.kinds import Sorts
+from somrs.sites.pddl.names import Names
+from somrs.sites.pddl.syntax import Action, Typed
+from somrs.sites.pddl.text import Mistakes
+
+Equalities = Mapping[str, Term]
+"""What variables are the same as."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offer:
+    """A service type, and how to say in PDDL that it is done: the action, and what stands for each of its arguments."""
+
+    service: ServiceType
+    action: str
+    arguments: tuple[Term, ...]
+    agents: Sorts | None
+    """The PDDL types that offer it; None when the domain names no agents."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Case:
+    """An action, perhaps with some of its variables known to be the same."""
+
+    precondition: tuple[Formula, ...]
+    adds: tuple[Relation, ...]
+    deletes: tuple[Relation, ...]
+    values: tuple[Comparison, ...]
+    sorts: Mapping[str, Sorts]
+    same: Equalities
+    apart: tuple[Equalities, ...] = ()
+    """What the precondition has ruled out already."""
+
+
+class Actions:
+    """Makes service types of the actions of one domain."""
+
+    def __init__(self, words: Words, map: Map, counted: bool) -> None:
+        """`counted`: the plan is to keep a function small, so that each action costs what it adds to it."""
+        self.words, self.map, self.counted = words, map, counted
+        self.services = Names()
+
+    def changing(self, effects: Mapping[str, Effects]) -> set[str]:
+        """The relations that actions change."""
+        return {atom.relation for found in effects.values() for atom in (*found.adds, *found.deletes)}
+
+    def all(self) -> Iterator[Offer]:
+        read: dict[str, tuple[Formula | None, Effects, dict[str, tuple[Variable, Sorts]]]] = {}
+        for name, action in self.words.domain.actions.items():
+            mistakes = self.words.domain.mistakes
+            scope = self._scope(action, mistakes)
+            speech = Speech(self.words, mistakes, action.word.written, scope)
+            precondition = speech.condition(action.precondition) if action.precondition is not None else None
+            effects = speech.effects(action.effect) if action.effect is not None else Effects()
+            if len(effects.costs) > 1:
+                mistakes.unsupported(action.word, action.word.written, "an action that adds to the cost several times is not read")
+            read[name] = precondition, effects, scope
+        self._changing = self.changing({name: effects for name, (_, effects, _) in read.items()})
+        for name, (precondition, effects, scope) in read.items():
+            yield from self._offers(self.words.domain.actions[name], precondition, effects, scope)
+
+    def _scope(self, action: Action, mistakes: Mistakes) -> dict[str, tuple[Variable, Sorts]]:
+        names = Names([PROVIDER])
+        scope: dict[str, tuple[Variable, Sorts]] = {}
+        for thing in (*([action.agent] if action.agent else []), *action.parameters):
+            if not thing.word.text.startswith("?"):
+                mistakes.note(thing.word, action.word.written, "syntax", f"{thing.word} is no variable; parameters begin with ?")
+            if thing.name in scope:
+                mistakes.note(
+                    thing.word, action.word.written, "duplicate", f"{thing.word} is there twice; give one of the two another name"
+                )
+            sorts = self.words.kinds.sorts(thing)
+            if thing is action.agent:
+                scope[thing.name] = Variable(PROVIDER, self.words.kinds.kind(sorts, thing).type), sorts
+            else:
+                scope[thing.name] = Variable(names.add(thing.name, thing.written)), sorts
+        return scope
+
+    def _offers(
+        self, action: Action, precondition: Formula | None, effects: Effects, scope: Mapping[str, tuple[Variable, Sorts]]
+    ) -> Iterator[Offer]:
+        declared = {scope[thing.name][0].name: thing for thing in (*([action.agent] if action.agent else []), *action.parameters)}
+        whole = _Case(
+            precondition=conjuncts(precondition) if precondition is not None else (),
+            adds=tuple(dict.fromkeys(effects.adds)),
+            deletes=tuple(dict.fromkeys(effects.deletes)),
+            values=tuple(effects.values),
+            sorts={variable.name: sorts for variable, sorts in scope.values()},
+            same={},
+        )
+        for case in self._cases(whole):
+            if case.adds or case.deletes or case.values:
+                yield self._offer(action, case, effects.costs[0] if effects.costs else None, scope, declared)
+
+    def _offer(
+        self, action: Action, case: _Case, cost: Term | None, scope: Mapping[str, tuple[Variable, Sorts]], declared: Mapping[str, Typed]
+    ) -> Offer:
+        written = action.word.written
+        joined = [f"{name}-is-{term.name}" for name, term in case.same.items() if isinstance(term, Name | Variable)]
+        name = self.services.fresh("-".join([written, *joined]))
+        picked: list[Formula] = []
+        inputs: list[Parameter] = []
+        for variable, _ in scope.values():
+            if variable.name in case.same:
+                continue
+            kind = self.words.kinds.kind(case.sorts[variable.name], declared[variable.name])
+            if kind.relation is not None:
+                picked.append(Relation(kind.relation, (variable,)))
+            if variable.name != PROVIDER:
+                inputs.append(Parameter(name=variable.name, type=kind.type))
+        needed = [*case.precondition, *picked]
+        term = substitute_term(cost, case.same) if cost is not None else None
+        where = f" where {' and '.join(f'?{name} is {term}' for name, term in case.same.items())}" if case.same else ""
+        service = ServiceType(
+            name=name,
+            inputs=tuple(inputs),
+            precondition=str(conjunction(*needed)) if needed else None,
+            effect=str(conjunction(*case.adds, *case.values, *map(Not, case.deletes))),
+            cost=(str(term) if term is not None else "0") if self.counted else None,
+            doc=f"The action {written} of PDDL{where}" if where else "",
+        )
+        arguments = tuple(substitute_term(variable, case.same) for variable, _ in scope.values())
+        agents = self.words.kinds.sorts(action.agent) if action.agent is not None else None
+        return Offer(service=service, action=written, arguments=arguments, agents=agents)
+
+    # What is deleted and added again
+
+    def _cases(self, case: _Case) -> Iterator[_Case]:
+        case = replace(case, deletes=tuple(atom for atom in case.deletes if atom not in case.adds))
+        for deleted in case.deletes:
+            for added in case.adds:
+                same = self._same(deleted, added, case.sorts)
+                if same is None or any(ruled.items() <= same.items() for ruled in case.apart):
+                    continue
+                alike = self._alike(case, same)
+                if self._impossible(alike):
+                    continue
+                differs = disjunction(*(Comparison(self._variable(name, case), "!=", term) for name, term in same.items()))
+                yield from self._cases(replace(case, precondition=(*case.precondition, differs), apart=(*case.apart, same)))
+                if not _idle(alike):
+                    yield from self._cases(alike)
+                return
+        yield case
+
+    def _variable(self, name: str, case: _Case) -> Term:
+        """The variable as it stands in the case; the provider has its type with it."""
+        for formula in (*case.adds, *case.deletes):
+            if name in variables(formula):
+                return variables(formula)[name]
+        raise AssertionError(name)
+
+    def _same(self, one: Relation, other: Relation, sorts: Mapping[str, Sorts]) -> Equalities | None:
+        """What must be the same for two atoms to be the same; None if they cannot be."""
+        if one.relation != other.relation or len(one.arguments) != len(other.arguments):
+            return None
+        found: dict[str, Name | Variable] = {}
+
+        def stands_for(term: Name | Variable) -> Name | Variable:
+            while isinstance(term, Variable) and term.name in found:
+                term = found[term.name]
+            return term
+
+        order = [PROVIDER, *sorts]
+        possible = dict(sorts)
+        for a, b in zip(one.arguments, other.arguments, strict=True):
+            a, b = stands_for(a), stands_for(b)
+            if a == b:
+                continue
+            kept, gone = (
+                (a, b) if isinstance(a, Name) or (isinstance(b, Variable) and order.index(a.name) < order.index(b.name)) else (b, a)
+            )
+            if isinstance(gone, Name) or not (both := self._sorts(kept, possible) & possible[gone.name] & self.words.kinds.inhabited):
+                return None
+            if isinstance(kept, Variable):
+                possible[kept.name] = both
+            found[gone.name] = kept
+        return {name: stands_for(term) for name, term in found.items()}
+
+    def _sorts(self, term: Name | Variable, sorts: Mapping[str, Sorts]) -> Sorts:
+        if isinstance(term, Variable):
+            return sorts[term.name]
+        return frozenset({self.words.types[self.words.objects.pddl(term.name)]})
+
+    def _alike(self, case: _Case, same: Equalities) -> _Case:
+        """The case in which these are the same."""
+        sorts = dict(case.sorts)
+        for name, term in same.items():
+            if isinstance(term, Variable):
+                sorts[term.name] = sorts[term.name] & sorts[name]
+        adds = _relations(case.adds, same)
+        return _Case(
+            precondition=tuple(dict.fromkeys(substitute(formula, same) for formula in case.precondition)),
+            adds=adds,
+            deletes=tuple(atom for atom in _relations(case.deletes, same) if atom not in adds),
+            values=tuple(formula for value in case.values if isinstance(formula := substitute(value, same), Comparison)),
+            sorts=sorts,
+            same={**{name: substitute_term(term, same) for name, term in case.same.items()}, **same},
+        )
+
+    def _impossible(self, case: _Case) -> bool:
+        """Whether the precondition cannot hold, as far as can be told from itself and from what never changes."""
+        return any(self._never(formula, case.precondition) for formula in case.precondition)
+
+    def _never(self, formula: Formula, beside: tuple[Formula, ...]) -> bool:
+        match formula:
+            case Relation(name, arguments) if name not in self._changing:
+                return not any(_fits(arguments, fact.arguments) for fact in self.map.facts(name))
+            case Not(Relation() as atom):
+                return atom in beside
+            case Comparison(left, "!=", right):
+                return left == right
+            case Comparison(Name() as left, "=", Name() as right):
+                return left != right
+            case Or(parts):
+                return all(self._never(part, beside) for part in parts)
+        return False
+
+
+def _relations(atoms: tuple[Relation, ...], same: Equalities) -> tuple[Relation, ...]:
+    found = (substitute(atom, same) for atom in atoms)
+    return tuple(dict.fromkeys(atom for atom in found if isinstance(atom, Relation)))
+
+
+def _fits(pattern: tuple[Name | Variable, ...], arguments: tuple[str, ...]) -> bool:
+    bound: dict[str, str] = {}
+    return all(
+        term.name == name if isinstance(term, Name) else bound.setdefault(term.name, name) == name
+        for term, name in zip(pattern, arguments, strict=True)
+    )
+
+
+def _idle(case: _Case) -> bool:
+    """Whether doing it changes nothing."""
+    return not case.values and not case.deletes and set(case.adds) <= set(case.precondition)

@@ -1,0 +1,281 @@
+"""A domain and a problem of PDDL as an ontology, a map, service types, devices and a task."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from somrs.entish import Formula, Name
+from somrs.entish.formula import substitute_term
+from somrs.ontology.files import upper
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.schema import RESERVED
+from somrs.ontology.services import PROVIDER, ServiceType
+from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType, Value
+from somrs.planner.plan import Step
+from somrs.planner.problem import Available, Problem
+from somrs.sites.pddl.actions import Actions, Offer
+from somrs.sites.pddl.formulas import Speech, Words
+from somrs.sites.pddl.kinds import DEVICE, DRIVER, Kinds
+from somrs.sites.pddl.names import Names
+from somrs.sites.pddl.syntax import Domain, Signature, Task, Typed
+from somrs.sites.pddl.text import Group, Node, number, raise_all
+
+WORLD = "World"
+"""The root of the map, and the object that facts and numbers of no object are said of."""
+AGENT = "Agent"
+"""The type of the one device there is when the domain names no agents."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Imported:
+    """What a domain and a problem say, in the words of SO-MRS.
+
+    `agents` are the devices on the map and what each of them offers; `notes` are for people: what was left out.
+    """
+
+    name: str
+    ontology: Ontology
+    map: Map
+    goal: Formula
+    services: tuple[ServiceType, ...]
+    agents: Mapping[str, tuple[ServiceType, ...]]
+    notes: tuple[str, ...]
+    _offers: Mapping[str, Offer]
+    _objects: Names
+
+    @property
+    def task(self) -> str:
+        """The goal as text: what to tell `somrs do`."""
+        return str(self.goal)
+
+    def problem(self) -> Problem:
+        """What to ask the planner, with every agent ready."""
+        return Problem(ontology=self.ontology, map=self.map, goal=self.goal, services=self.available)
+
+    @cached_property
+    def available(self) -> tuple[Available, ...]:
+        """Every service type, with the agents that offer it."""
+        providers: dict[str, list[str]] = {service.name: [] for service in self.services}
+        for agent, offered in self.agents.items():
+            for service in offered:
+                providers[service.name].append(agent)
+        return tuple(Available(service, tuple(providers[service.name])) for service in self.services)
+
+    def pddl_name(self, object: str) -> str:
+        """What the problem calls an object of the map."""
+        return self._objects.pddl(object)
+
+    def pddl_step(self, step: Step) -> str:
+        """A step as PDDL writes it, the acting agent first: `(drive driver1 truck1 depot0 depot1)`.
+
+        A step of which the plan does not say who does it is given to the first agent that can.
+        """
+        offer = self._offers[step.service_type]
+        provider = step.provider
+        if provider is None:
+            provider = next(agent for agent, offered in self.agents.items() if offer.service in offered)
+        bound = {**step.inputs, PROVIDER: Name(provider)}
+        arguments = [substitute_term(term, bound) for term in offer.arguments]
+        return f"({' '.join([offer.action, *(self.pddl_name(term.name) for term in arguments if isinstance(term, Name))])})"
+
+    def pddl_plan(self, steps: Iterable[Step]) -> str:
+        """Steps in the order in which they are given as a plan file, one a line, for validators that read PDDL."""
+        return "".join(f"{self.pddl_step(step)}\n" for step in steps)
+
+
+def build(domain: Domain, task: Task) -> Imported:
+    """Raises ModelError with everything that is wrong with the files, or is not read."""
+    raise_all(domain.mistakes, task.mistakes)  # what comes now looks names up
+    return _Building(domain, task).imported()
+
+
+class _Building:
+    def __init__(self, domain: Domain, task: Task) -> None:
+        self.domain, self.task = domain, task
+        base = upper()
+        things = {**task.objects, **domain.constants}
+        for name, thing in task.objects.items():
+            if name in domain.constants and domain.constants[name].types != thing.types:
+                task.mistakes.note(
+                    thing.word, thing.written, "duplicate", "is a constant of another type in the domain; keep one of the two"
+                )
+        for thing in things.values():
+            if len(thing.types) > 1:
+                task.mistakes.unsupported(thing.word, thing.written, "an object of either of several types is not read")
+        relations, types, attributes, functions = Names(base.relations), Names(base.types), Names([*base.attributes, *RESERVED]), Names()
+        self.taken = Names(base.functions)
+        for signature in domain.predicates.values():
+            relations.add(signature.word.text, signature.word.written)
+        for signature in domain.functions.values():
+            few = len(signature.parameters) < 2
+            (attributes if few else functions).add(signature.word.text, self.taken.fresh(signature.word.written))
+        self.objects = Names()
+        for name, thing in things.items():
+            self.objects.add(name, thing.written)
+        self.things = things
+        self.world = self.objects.fresh(WORLD)
+        self.kinds = Kinds(domain, things.values(), types, relations)
+        self.world_type = types.fresh(WORLD)
+        self.cost, self.notes = _metric(task, domain)
+        self.words = Words(
+            domain=domain,
+            kinds=self.kinds,
+            objects=self.objects,
+            relations=relations,
+            attributes=attributes,
+            functions=functions,
+            types={name: thing.types[0] for name, thing in things.items()},
+            world=self.world,
+            cost=self.cost,
+        )
+        self.values: dict[str, dict[str, Value]] = {}
+        self.tables: dict[str, dict[str, float]] = {}
+        self.facts: dict[Fact, None] = {}
+        self.agent_type = types.fresh(AGENT)
+
+    def imported(self) -> Imported:
+        speech = Speech(self.words, self.task.mistakes, "init", {})
+        for node in self.task.init:
+            self._initial(node, speech)
+        map = self._map()
+        offers = [*Actions(self.words, map, self.cost is not None).all()]
+        goal = self._goal()
+        raise_all(self.domain.mistakes, self.task.mistakes)
+        assert goal is not None
+        services = tuple(offer.service for offer in offers)
+        agents, alone = self._agents(offers)
+        map = Map(
+            [*self._objects(), *([Object(name=alone, type=self.agent_type)] if alone is not None else [])],
+            [*self._all_facts(), *([Fact(PART_OF, (alone, self.world))] if alone is not None else [])],
+        )
+        if self.domain.name.lower() != self.task.domain.lower():
+            self.notes.append(f"the problem is of a domain {self.task.domain}, and the domain's name is {self.domain.name}")
+        return Imported(
+            name=self.task.name or self.domain.name,
+            ontology=upper().extended([*self._definitions(alone is not None), *services]),
+            map=map,
+            goal=goal,
+            services=services,
+            agents=agents,
+            notes=tuple(self.notes),
+            _offers={offer.service.name: offer for offer in offers},
+            _objects=self.objects,
+        )
+
+    # The map
+
+    def _initial(self, node: Node, speech: Speech) -> None:
+        if not isinstance(node, Group) or not node.head:
+            speech.mistakes.note(node, "init", "syntax", f"{str(node)[:60]} is no fact; a fact is a group: (at truck1 depot)")
+        elif node.head == "not":
+            pass  # what is not said to hold does not
+        elif node.head == "=" and len(node.items) == 3:
+            self._value(node, speech)
+        elif node.head == "at" and len(node.items) == 3 and number(node.items[1]) is not None:
+            speech.mistakes.unsupported(node, "init", "facts that come true at a certain time are not read")
+        elif (atom := speech.atom(node)) is not None:
+            self.facts[Fact(atom.relation, tuple(argument.name for argument in atom.arguments))] = None
+
+    def _value(self, node: Group, speech: Speech) -> None:
+        target, value = node.items[1], number(node.items[2])
+        if value is None or not isinstance(target, Group):
+            speech.mistakes.note(node, "init", "syntax", f"{node} gives no value; write (= (function object) number)")
+            return
+        if target.head == self.cost or (target.head == "total-cost" and len(target.items) == 1):
+            return  # it starts at 0, wherever it starts
+        arguments = tuple(item.text for item in target.items[1:] if not isinstance(item, Group))
+        if speech.number(target) is None:
+            return
+        names = [self.objects.entish(name) for name in arguments]
+        if len(names) > 1:
+            self.tables.setdefault(target.head, {})[" ".join(names)] = value
+        else:
+            self.values.setdefault(names[0] if names else self.world, {})[self.words.attributes.entish(target.head)] = value
+
+    def _map(self) -> Map:
+        return Map(self._objects(), self._all_facts())
+
+    def _objects(self) -> Iterator[Object]:
+        yield Object(name=self.world, type=self.world_type, values={"Label": self.task.name, **self.values.get(self.world, {})})
+        for name, thing in self.things.items():
+            own = self.objects.entish(name)
+            label: dict[str, Value] = {"Label": thing.written} if own != thing.written else {}
+            yield Object(name=own, type=self.kinds.names.entish(thing.types[0]), values={**label, **self.values.get(own, {})})
+
+    def _all_facts(self) -> Iterator[Fact]:
+        yield from (Fact(PART_OF, (self.objects.entish(name), self.world)) for name in self.things)
+        yield from self.facts
+        for relation, sorts in self.kinds.picked.items():
+            for name, thing in self.things.items():
+                if thing.types[0] in sorts:
+                    yield Fact(relation, (self.objects.entish(name),))
+
+    # The ontology
+
+    def _definitions(self, alone: bool) -> Iterator[Definition]:
+        attributes: dict[str, list[str]] = {}
+        for name, signature in self.domain.functions.items():
+            if name != self.cost and len(signature.parameters) < 2:
+                attribute = self.words.attributes.entish(name)
+                yield AttributeType(name=attribute, kind=Kind.NUMBER)
+                for type_name in self.kinds.covering(signature.parameters[0]) if signature.parameters else [self.world_type]:
+                    attributes.setdefault(type_name, []).append(attribute)
+        for name, signature in self.domain.predicates.items():
+            yield RelationType(name=self.words.relations.entish(name), joins=self._joins(signature.parameters) or (self.world_type,))
+        for relation in self.kinds.picked:
+            yield RelationType(name=relation, joins=(self.kinds.of_picked(relation),), doc="Is one of those that an action is about")
+        for name, signature in self.domain.functions.items():
+            if len(signature.parameters) > 1:
+                yield self._table(name, signature)
+        yield ObjectType(name=self.world_type, parent=ABSTRACT, attributes=tuple(attributes.get(self.world_type, ())))
+        yield from self.kinds.definitions(attributes)
+        if alone:
+            yield ObjectType(name=self.agent_type, parent=DEVICE, driver=DRIVER, doc="Does everything that the domain's actions do")
+
+    def _joins(self, parameters: tuple[Typed, ...]) -> tuple[str, ...]:
+        return tuple(self.kinds.joined(parameter) for parameter in parameters)
+
+    def _table(self, name: str, signature: Signature) -> FunctionType:
+        values = self.tables.get(name, {})
+        return FunctionType(name=self.words.functions.entish(name), parameters=self._joins(signature.parameters), values=values)
+
+    # Who does it, and what is to be done
+
+    def _agents(self, offers: list[Offer]) -> tuple[dict[str, tuple[ServiceType, ...]], str | None]:
+        """The devices and what they offer; and the name of the one that is made up when the domain names none."""
+        named = frozenset[str]().union(*(offer.agents for offer in offers if offer.agents is not None))
+        if not named:
+            alone = self.objects.fresh(f"{AGENT}1")
+            return {alone: tuple(offer.service for offer in offers)}, alone
+        found: dict[str, tuple[ServiceType, ...]] = {}
+        for name, thing in self.things.items():
+            if thing.types[0] in named:
+                able = (offer for offer in offers if offer.agents is None or thing.types[0] in offer.agents)
+                found[self.objects.entish(name)] = tuple(offer.service for offer in able)
+        return found, None
+
+    def _goal(self) -> Formula | None:
+        assert self.task.goal is not None
+        speech = Speech(self.words, self.task.mistakes, "goal", {})
+        goal = speech.condition(self.task.goal)
+        if goal is None and not self.task.mistakes.found:
+            self.task.mistakes.note(self.task.goal, "goal", "goal", "this goal asks for nothing; write a condition in it")
+        return goal
+
+
+def _metric(task: Task, domain: Domain) -> tuple[str | None, list[str]]:
+    """The function that the plan is to keep small, and notes."""
+    if task.metric is None:
+        return None, []
+    match task.metric.items[1:]:
+        case (way, Group(items)) if str(way).lower() == "minimize" and len(items) == 1:
+            name = task.metric.items[2].head if isinstance(task.metric.items[2], Group) else ""
+            if name in domain.functions and not domain.functions[name].parameters:
+                return name, []
+            if name == "total-time":
+                return None, ["the time that the plan takes is not kept small by its metric; the system keeps it small anyway"]
+    what = f"a metric {' '.join(map(str, task.metric.items[1:]))} is not read; one function without parameters can be kept small"
+    task.mistakes.unsupported(task.metric, "metric", what)
+    return None, []

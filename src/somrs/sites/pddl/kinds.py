@@ -1,0 +1,146 @@
+"""PDDL's types as types of the ontology: what acts goes below `Device`, everything else below `Object`.
+
+So a type that has agents and other things below it (drivers, trucks and packages, which all are somewhere) is not one type here:
+where an action speaks of it, the objects are said to be of the nearest type above them all, and a relation picks them out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from somrs.ontology.types import ROOT, ObjectType
+from somrs.sites.pddl.names import Names
+from somrs.sites.pddl.syntax import OBJECT, Domain, Typed
+
+DEVICE = "Device"
+DRIVER = "somrs.devices.symbolic.device:SymbolicDevice"
+"""The program that serves a device that knows nothing but facts."""
+
+Sorts = frozenset[str]
+"""The PDDL types of which something may be, each without those below it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A type of the ontology and, where that has more objects than are meant, the relation that picks them out."""
+
+    type: str
+    relation: str | None = None
+
+
+class Kinds:
+    """The types of one domain, with the objects of one problem."""
+
+    def __init__(self, domain: Domain, objects: Iterable[Typed], names: Names, relations: Names) -> None:
+        self.names, self.relations = names, relations
+        self.picked: dict[str, Sorts] = {}
+        """What the relations that pick objects out hold of, by their names."""
+        self._parents: dict[str, str | None] = {OBJECT: None, **domain.parents}
+        self.inhabited = frozenset(thing.types[0] for thing in objects)
+        acting = [action.agent for action in domain.actions.values() if action.agent is not None]
+        taking = [parameter for action in domain.actions.values() for parameter in action.parameters]
+        self._root_used = OBJECT in self.inhabited or any(OBJECT in thing.types for thing in (*acting, *taking))
+        below: dict[str, set[str]] = {name: set() for name in self._parents}
+        for name in self._parents:
+            for above in self._line(name):
+                below[above].add(name)
+        self._below = {name: frozenset(found) for name, found in below.items()}
+        self.acting = self._acting(frozenset().union(*(self.sorts(agent) for agent in acting)))
+        for name in self._parents:
+            if name != OBJECT or self._root_used:
+                names.add(name, domain.types[name].written if name in domain.types else name)
+
+    def _line(self, name: str) -> Iterator[str]:
+        current: str | None = name
+        while current is not None:
+            yield current
+            current = self._parents[current]
+
+    def _acting(self, named: Sorts) -> Sorts:
+        """The types of agents; and those above that have no others below them and no objects of their own."""
+        found = set(named)
+        for name in sorted(self._parents, key=lambda name: -len([*self._line(name)])):
+            inner = self._below[name] - {name}
+            if inner and inner <= found and name not in self.inhabited and (name != OBJECT or self._root_used):
+                found.add(name)
+        return frozenset(found)
+
+    def sorts(self, thing: Typed) -> Sorts:
+        """What something that is declared so may be."""
+        return frozenset[str]().union(*(self._below[name] for name in thing.types if name in self._below))
+
+    def kind(self, sorts: Sorts, declared: Typed | None = None) -> Kind:
+        """What to say of a variable that stands for such objects; the type that it was declared with, if that is right."""
+        exact = self._exact(sorts & self.inhabited, declared)
+        if exact is not None:
+            return Kind(exact)
+        return Kind(self._common(sorts & self.inhabited), self._relation(sorts & self.inhabited, declared))
+
+    def joined(self, thing: Typed) -> str:
+        """The type that a predicate or function joins there; what it says of others is never true."""
+        wanted = self.sorts(thing) & self.inhabited
+        return self._exact(wanted, thing) or self._common(wanted)
+
+    def _exact(self, wanted: Sorts, declared: Typed | None) -> str | None:
+        """The type of the ontology that has these objects and no others."""
+        for name in (*(declared.types if declared is not None else ()), *self._parents):
+            if self._kept(name) and self._objects_of(name) == wanted:
+                return self.names.entish(name)
+        return None
+
+    def _common(self, wanted: Sorts) -> str:
+        """The nearest type of the ontology that is above all these."""
+        lines = [[*map(self.names.entish, self._entish_line(sort)), *self._tops(sort)] for sort in wanted]
+        return next((name for name in lines[0] if all(name in line for line in lines)), ROOT) if lines else ROOT
+
+    def _kept(self, name: str) -> bool:
+        return name != OBJECT or self._root_used
+
+    def _objects_of(self, name: str) -> Sorts:
+        """The types of the objects that the ontology's type of this name has."""
+        return frozenset(sort for sort in self._below[name] & self.inhabited if name in self._entish_line(sort))
+
+    def _entish_line(self, name: str) -> list[str]:
+        """The types above it that stay above it: those on its side, of what acts or of what does not."""
+        side = name in self.acting
+        return [above for above in self._line(name) if self._kept(above) and (above in self.acting) is side]
+
+    def _tops(self, name: str) -> list[str]:
+        return [DEVICE, ROOT] if name in self.acting else [ROOT]
+
+    def _relation(self, wanted: Sorts, declared: Typed | None) -> str:
+        for known, sorts in self.picked.items():
+            if sorts == wanted:
+                return known
+        said = "-or-".join(declared.types if declared is not None else sorted(wanted)) or "nothing"
+        relation = self.relations.fresh(f"is-{said}")
+        self.picked[relation] = wanted
+        return relation
+
+    def of_picked(self, relation: str) -> str:
+        """The type of which the relation picks some."""
+        return self._common(self.picked[relation])
+
+    def covering(self, thing: Typed) -> list[str]:
+        """The topmost types of the ontology that together hold all that it may be: those that get an attribute of it."""
+        sorts = [name for name in self.sorts(thing) if self._kept(name)]
+        return [self.names.entish(name) for name in sorts if self._above(name) not in sorts]
+
+    def _above(self, name: str) -> str | None:
+        line = self._entish_line(name)
+        return line[1] if len(line) > 1 else None
+
+    def definitions(self, attributes: dict[str, list[str]]) -> Iterator[ObjectType]:
+        """The types; `attributes` are what objects of them may have, by the types' names in the ontology."""
+        for name in self._parents:
+            if not self._kept(name):
+                continue
+            own, above = self.names.entish(name), self._above(name)
+            parent = self.names.entish(above) if above is not None else DEVICE if name in self.acting else ROOT
+            yield ObjectType(
+                name=own,
+                parent=parent,
+                attributes=tuple(attributes.get(own, ())),
+                driver=DRIVER if parent == DEVICE else None,
+            )

@@ -1,0 +1,46 @@
+"""Names of PDDL as names of Entish, and back. A name stays as it is written wherever Entish can say it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from somrs.ontology.files import NAME
+
+_KEYWORDS = frozenset({"AND", "OR", "NOT", "TRUE", "FALSE"})
+
+
+class Names:
+    """One sort of names (objects, relations, ...): PDDL's, in small letters, and Entish's, each the other's only one."""
+
+    def __init__(self, taken: Iterable[str] = ()) -> None:
+        self._taken = set(taken)
+        self._entish: dict[str, str] = {}
+        self._pddl: dict[str, str] = {}
+
+    def __contains__(self, pddl: str) -> bool:
+        return pddl in self._entish
+
+    def add(self, pddl: str, written: str) -> str:
+        """The Entish name of a PDDL name, chosen when it comes first."""
+        if pddl not in self._entish:
+            name = self.fresh(written)
+            self._entish[pddl] = name
+            self._pddl[name] = pddl
+        return self._entish[pddl]
+
+    def fresh(self, wanted: str) -> str:
+        """An Entish name like the wanted one that is nobody's yet."""
+        name = re.sub(r"-(?!\w)", "_", re.sub(r"[^\w-]", "_", wanted))
+        if not NAME.fullmatch(name):
+            name = "x" + name
+        while name in self._taken or name in _KEYWORDS:
+            name += "_"
+        self._taken.add(name)
+        return name
+
+    def entish(self, pddl: str) -> str:
+        return self._entish[pddl]
+
+    def pddl(self, entish: str) -> str:
+        return self._pddl[entish]

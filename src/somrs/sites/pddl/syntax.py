@@ -1,0 +1,306 @@
+"""What a domain and a problem declare: types, objects, predicates, functions, actions. Conditions and effects stay words, which
+`formulas.py` reads.
+
+PDDL 2.1 (Fox and Long, 2003) without durations; agents and privacy as in MA-PDDL of CoDMAP 2015, unfactored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from somrs.sites.pddl.text import Group, Mistakes, Node, Word
+
+OBJECT = "object"
+"""PDDL's root type."""
+
+_SECTIONS = {
+    ":durative-action": "actions with durations are not read",
+    ":derived": "derived predicates are not read",
+    ":process": "processes are not read",
+    ":event": "events are not read",
+    ":constraints": "constraints on the course of a plan are not read",
+    ":htn": "task networks are not read",
+    ":task": "task networks are not read",
+    ":method": "task networks are not read",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Typed:
+    """A name, or a variable without its `?`, and its types: several when it is `either` of them."""
+
+    word: Word
+    types: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        return self.word.text.removeprefix("?")
+
+    @property
+    def written(self) -> str:
+        return self.word.written.removeprefix("?")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signature:
+    """A predicate or a function, and what it is of."""
+
+    word: Word
+    parameters: tuple[Typed, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Action:
+    word: Word
+    agent: Typed | None
+    parameters: tuple[Typed, ...]
+    precondition: Node | None
+    effect: Node | None
+
+
+@dataclass(slots=True, kw_only=True)
+class Domain:
+    """A domain file."""
+
+    mistakes: Mistakes
+    name: str = ""
+    types: dict[str, Word] = field(default_factory=dict)
+    parents: dict[str, str] = field(default_factory=dict)
+    """Of every type but the root."""
+    constants: dict[str, Typed] = field(default_factory=dict)
+    predicates: dict[str, Signature] = field(default_factory=dict)
+    functions: dict[str, Signature] = field(default_factory=dict)
+    actions: dict[str, Action] = field(default_factory=dict)
+
+
+@dataclass(slots=True, kw_only=True)
+class Task:
+    """A problem file."""
+
+    mistakes: Mistakes
+    name: str = ""
+    domain: str = ""
+    objects: dict[str, Typed] = field(default_factory=dict)
+    init: tuple[Node, ...] = ()
+    goal: Node | None = None
+    metric: Group | None = None
+
+
+def domain(root: Group, mistakes: Mistakes) -> Domain:
+    """The domain that a file defines."""
+    found = Domain(mistakes=mistakes)
+    for section in _sections(root, "domain", mistakes):
+        match section.head:
+            case "domain":
+                found.name = str(section.items[1]) if len(section.items) > 1 else ""
+            case ":requirements":
+                _requirements(section, mistakes)
+            case ":types":
+                _types(section, found)
+            case ":constants":
+                _declare(_objects(section.items[1:], mistakes), found.constants, mistakes)
+            case ":predicates":
+                found.predicates.update((s.word.text, s) for s in _signatures(section.items[1:], mistakes))
+            case ":functions":
+                found.functions.update((s.word.text, s) for s in _signatures(section.items[1:], mistakes))
+            case ":action":
+                _action(section, found)
+            case _:
+                _other(section, mistakes)
+    _known_types(found)
+    return found
+
+
+def task(root: Group, mistakes: Mistakes, domain: Domain) -> Task:
+    """The problem that a file defines."""
+    found = Task(mistakes=mistakes)
+    for section in _sections(root, "problem", mistakes):
+        match section.head:
+            case "problem":
+                found.name = str(section.items[1]) if len(section.items) > 1 else ""
+            case ":domain":
+                found.domain = str(section.items[1]) if len(section.items) > 1 else ""
+            case ":requirements":
+                _requirements(section, mistakes)
+            case ":objects":
+                _declare(_objects(section.items[1:], mistakes), found.objects, mistakes)
+            case ":init":
+                found.init = section.items[1:]
+            case ":goal":
+                found.goal = section.items[1] if len(section.items) == 2 else None
+            case ":metric":
+                found.metric = section
+            case ":length":
+                pass  # a hint of how long a plan is allowed to be, which PDDL itself has given up
+            case _:
+                _other(section, mistakes)
+    for thing in found.objects.values():
+        for name in thing.types:
+            if name != OBJECT and name not in domain.parents:
+                message = f"the domain has no type {name}; declare it in :types, or mend the name"
+                mistakes.note(thing.word, thing.written, "unknown-type", message)
+    if found.goal is None:
+        mistakes.note(root, "problem", "goal", "there is no goal; write (:goal ...) with one condition in it")
+    return found
+
+
+def _sections(root: Group, what: str, mistakes: Mistakes) -> Iterator[Group]:
+    if root.head != "define" or len(root.items) < 2 or not isinstance(root.items[1], Group) or root.items[1].head != what:
+        mistakes.note(root, "file", "syntax", f"this is no PDDL {what}; such a file begins with (define ({what} NAME)")
+        return
+    for item in root.items[1:]:
+        if isinstance(item, Group) and item.items:
+            yield item
+        else:
+            mistakes.note(item, str(item), "syntax", "a section is a group, such as (:init ...)")
+
+
+def _other(section: Group, mistakes: Mistakes) -> None:
+    name = section.head or str(section)[:40]
+    mistakes.unsupported(section, name, _SECTIONS.get(name, f"a section {name} is not known"))
+
+
+def _requirements(section: Group, mistakes: Mistakes) -> None:
+    """What a file uses is judged where it uses it; only the division into several files cannot be seen there."""
+    for word in section.items[1:]:
+        if isinstance(word, Word) and word.text == ":factored-privacy":
+            mistakes.unsupported(
+                word, word.text, "a problem that is spread over one file for each agent is not read; give the unfactored one"
+            )
+
+
+def _declare(declared: Iterator[Typed], into: dict[str, Typed], mistakes: Mistakes) -> None:
+    for thing in declared:
+        if (there := into.setdefault(thing.name, thing)).types != thing.types:
+            message = f"is declared as another type in line {there.word.line}; keep one of the two"
+            mistakes.note(thing.word, thing.written, "duplicate", message)
+
+
+def _typed(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Typed]:
+    """`a b - t c - (either t u) d`."""
+    waiting: list[Word] = []
+    rest = iter(items)
+    for item in rest:
+        if isinstance(item, Group):
+            mistakes.note(item, str(item)[:60], "syntax", "a name was expected here")
+        elif item.text == "-":
+            types = _type_names(next(rest, None), item, mistakes)
+            yield from (Typed(word=word, types=types) for word in waiting)
+            waiting = []
+        else:
+            waiting.append(item)
+    yield from (Typed(word=word, types=(OBJECT,)) for word in waiting)
+
+
+def _type_names(node: Node | None, at: Node, mistakes: Mistakes) -> tuple[str, ...]:
+    match node:
+        case Word(text):
+            return (text,)
+        case Group(items) if node.head == "either" and len(items) > 1 and all(isinstance(item, Word) for item in items):
+            return tuple(dict.fromkeys(item.text for item in items[1:] if isinstance(item, Word)))
+    mistakes.note(node or at, "-", "syntax", "a type was expected after this -: a name, or (either NAME NAME)")
+    return (OBJECT,)
+
+
+def _objects(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Typed]:
+    """Private ones as well: `(:private AGENT a b - t)`; who may know of an object does not change what there is."""
+    public = [item for item in items if not (isinstance(item, Group) and item.head == ":private")]
+    yield from _typed(public, mistakes)
+    for item in items:
+        if isinstance(item, Group) and item.head == ":private":
+            yield from _typed(item.items[2:], mistakes)
+
+
+def _signatures(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Signature]:
+    """`(p ?x - t) (q) - number (:private ?a - t (r ?a - t))`."""
+    for item in items:
+        if not isinstance(item, Group):
+            continue  # the `- number` behind a function, the variable of a private block
+        if item.head == ":private":
+            yield from _signatures(item.items[1:], mistakes)
+        elif item.head:
+            assert isinstance(item.items[0], Word)
+            yield Signature(word=item.items[0], parameters=tuple(_typed(item.items[1:], mistakes)))
+        elif item.items:
+            mistakes.note(item, str(item)[:60], "syntax", "a predicate begins with its name: (at ?thing ?place)")
+
+
+def _types(section: Group, domain: Domain) -> None:
+    for thing in _typed(section.items[1:], domain.mistakes):
+        if len(thing.types) > 1:
+            domain.mistakes.unsupported(thing.word, thing.written, "a type below either of several types is not read")
+        if thing.name == OBJECT:
+            continue
+        domain.types.setdefault(thing.name, thing.word)
+        if domain.parents.setdefault(thing.name, thing.types[0]) != thing.types[0]:
+            message = f"is below {domain.parents[thing.name]} already; a type has one type above it"
+            domain.mistakes.note(thing.word, thing.written, "duplicate", message)
+    for name, parent in [*domain.parents.items()]:
+        if parent != OBJECT and parent not in domain.parents:
+            domain.parents[parent] = OBJECT  # named only as what others are below
+            domain.types[parent] = Word(parent, parent, domain.types[name].line)
+    for name in domain.parents:
+        above, seen = name, {name}
+        while above != OBJECT:
+            above = domain.parents[above]
+            if above in seen:
+                domain.mistakes.note(domain.types[name], name, "cycle", "this type is below itself; give it another type above")
+                domain.parents[name] = OBJECT
+                break
+            seen.add(above)
+
+
+def _known_types(domain: Domain) -> None:
+    things = [*domain.constants.values()]
+    for signature in (*domain.predicates.values(), *domain.functions.values()):
+        things += signature.parameters
+    for action in domain.actions.values():
+        things += [*action.parameters, *([action.agent] if action.agent else [])]
+    for thing in things:
+        for name in thing.types:
+            if name != OBJECT and name not in domain.parents:
+                message = f"there is no type {name}; declare it in :types, or mend the name"
+                domain.mistakes.note(thing.word, thing.word.written, "unknown-type", message)
+
+
+def _action(section: Group, domain: Domain) -> None:
+    mistakes = domain.mistakes
+    name = section.items[1] if len(section.items) > 1 else None
+    if not isinstance(name, Word):
+        mistakes.note(section, ":action", "syntax", "an action has a name: (:action NAME :parameters ...)")
+        return
+    parts: dict[str, list[Node]] = {}
+    current: list[Node] = []
+    for item in section.items[2:]:
+        if isinstance(item, Word) and item.text.startswith(":"):
+            current = parts.setdefault(item.text, [])
+            if item.text not in (":agent", ":parameters", ":precondition", ":effect"):
+                mistakes.unsupported(item, name.written, f"a part {item.text} of an action is not known")
+        else:
+            current.append(item)
+    parameters = parts.get(":parameters", [Group((), section.line)])
+    if len(parameters) != 1 or not isinstance(parameters[0], Group):
+        mistakes.note(section, name.written, "syntax", "parameters are one list: :parameters (?x - type)")
+        return
+    agents = [*_typed(parts.get(":agent", []), mistakes)]
+    if len(agents) > 1:
+        mistakes.unsupported(agents[1].word, name.written, "an action of several agents at once is not read")
+    for key in (":precondition", ":effect"):
+        if len(parts.get(key, [])) > 1:
+            mistakes.note(parts[key][1], name.written, "syntax", f"{key} is one condition; join several by (and ...)")
+    if name.text in domain.actions:
+        mistakes.note(name, name.written, "duplicate", "there is an action of this name already; give this one another name")
+    domain.actions[name.text] = Action(
+        word=name,
+        agent=agents[0] if agents else None,
+        parameters=tuple(_typed(parameters[0].items, mistakes)),
+        precondition=_condition(parts, ":precondition"),
+        effect=_condition(parts, ":effect"),
+    )
+
+
+def _condition(parts: dict[str, list[Node]], key: str) -> Node | None:
+    """None where nothing is said: left out, or ()."""
+    found = parts.get(key)
+    return found[0] if found and not (isinstance(found[0], Group) and not found[0].items) else None

@@ -1,0 +1,113 @@
+"""PDDL as text: words and parentheses with their lines, and what is wrong with them. What they mean is `syntax.py`'s business."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from somrs.errors import ModelError, Problem
+
+DEEPEST = 100
+"""More parentheses within each other are taken for a mistake."""
+
+_TOKEN = re.compile(r"[()]|[^\s();]+|;[^\n]*|\n")
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A name, a variable, a keyword or a number. PDDL does not tell capitals from small letters: `text` is in small ones."""
+
+    text: str
+    written: str
+    line: int
+
+    def __str__(self) -> str:
+        return self.written
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """What stands between two parentheses."""
+
+    items: tuple[Node, ...]
+    line: int
+
+    @property
+    def head(self) -> str:
+        """The word that says what the group is; empty when there is none."""
+        return self.items[0].text if self.items and isinstance(self.items[0], Word) else ""
+
+    def __str__(self) -> str:
+        return f"({' '.join(map(str, self.items))})"
+
+
+Node = Word | Group
+
+
+@dataclass(slots=True)
+class Mistakes:
+    """What is wrong with one file, gathered so that everything can be told at once."""
+
+    file: str
+    found: list[Problem] = field(default_factory=list)
+
+    def note(self, node: Node | int | None, subject: str, rule: str, message: str) -> None:
+        line = node if isinstance(node, int) or node is None else node.line
+        self.found.append(Problem(file=self.file, line=line, subject=subject, rule=rule, message=message))
+
+    def unsupported(self, node: Node | int, subject: str, what: str) -> None:
+        """That the file uses something which is not read."""
+        self.note(node, subject, "unsupported", f"{what}; docs/pddl.md says what is read")
+
+
+def raise_all(*files: Mistakes) -> None:
+    """Raise ModelError if anything is wrong."""
+    found = [problem for file in files for problem in dict.fromkeys(file.found)]
+    if found:
+        raise ModelError(found)
+
+
+def parse(text: str, mistakes: Mistakes) -> Group | None:
+    """The one group that a file holds; None after a mistake."""
+    open_groups: list[tuple[int, list[Node]]] = []
+    done: list[Node] = []
+    for token, line in _tokens(text):
+        if token == "(":
+            if len(open_groups) == DEEPEST:
+                mistakes.note(line, "file", "syntax", f"more than {DEEPEST} parentheses within each other; write it flatter")
+                return None
+            open_groups.append((line, []))
+        elif token == ")":
+            if not open_groups:
+                mistakes.note(line, "file", "syntax", "this ) closes nothing; take it away, or write the ( that is missing")
+                return None
+            began, items = open_groups.pop()
+            (open_groups[-1][1] if open_groups else done).append(Group(tuple(items), began))
+        else:
+            (open_groups[-1][1] if open_groups else done).append(Word(token.lower(), token, line))
+    if open_groups:
+        mistakes.note(open_groups[-1][0], "file", "syntax", "the ( in this line is never closed; write the ) that is missing")
+        return None
+    if len(done) != 1 or not isinstance(done[0], Group):
+        line = done[1].line if len(done) > 1 else 1
+        mistakes.note(line, "file", "syntax", "a PDDL file is one group, (define ...), and nothing else")
+        return None
+    return done[0]
+
+
+def _tokens(text: str) -> Iterator[tuple[str, int]]:
+    line = 1
+    for match in _TOKEN.finditer(text):
+        token = match.group()
+        if token == "\n":
+            line += 1
+        elif not token.startswith(";"):
+            yield token, line
+
+
+def number(node: Node) -> float | None:
+    """The number that a word is."""
+    if isinstance(node, Word) and re.fullmatch(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", node.text):
+        return float(node.text)
+    return None
