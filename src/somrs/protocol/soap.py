@@ -18,7 +18,7 @@ from somrs.errors import WireError
 from somrs.protocol import clients, frp, knowledge
 from somrs.protocol.bodies import REQUESTS, ClientBody, DirectoryBody, FrpBody, KnowledgeBody
 from somrs.protocol.envelope import ANONYMOUS, VERSION, Header, Message, message_id, normalised_id
-from somrs.protocol.xml import Element, struct_reader, union_of, writer
+from somrs.protocol.xml import PREFIX, Element, escaped, escaped_attribute, fields_writer, struct_reader, union_of
 
 ENV = "http://www.w3.org/2003/05/soap-envelope"
 WSA = "http://www.w3.org/2005/08/addressing"
@@ -105,62 +105,71 @@ def action(kind: type[Struct]) -> str:
 
 def encode(message: Message) -> bytes:
     """The message as a SOAP envelope. Raises WireError for what cannot be carried."""
-    header, kind = message.header, type(message.body)
+    header, body = message.header, message.body
+    kind = type(body)
     namespace = _NAMESPACE_OF.get(kind)
-    envelope, soap_header, soap_body = _envelope(namespace)
-    _address(soap_header, header, action(kind))
-    if isinstance(message.body, frp.Fault):
-        element = _write_fault(soap_body, message.body)
+    document = [_start(namespace)]
+    _address(document, header, action(kind))
+    document.append(_BETWEEN)
+    if isinstance(body, frp.Fault):
+        session: list[str] = []
         if header.transaction is not None:
-            _write_session(etree.SubElement(element, f"{{{ENV}}}Detail"), header)
-        return _bytes(envelope)
-    assert namespace is not None, "every body but a Fault has one"
-    parent = soap_body
-    if kind in REFUSALS:
-        parent = etree.SubElement(_write_fault(soap_body, frp.Fault(code=SENDER, text=_reason(message.body))), f"{{{ENV}}}Detail")
-    body = etree.SubElement(parent, f"{{{namespace}}}{kind.__name__}")
-    if namespace == FRP:
-        _write_session(body, header)
-    writer(kind, namespace)(body, message.body)
-    return _bytes(envelope)
+            _write_session(session, "frp:", header)
+        _write_fault(document, body, session)
+    else:
+        content: list[str] = []
+        name = f"{PREFIX}{kind.__name__}"
+        content.append(f"<{name}>")
+        if namespace == FRP:
+            _write_session(content, PREFIX, header)
+        fields_writer(kind)(content, body)
+        content.append(f"</{name}>")
+        if kind in REFUSALS:
+            _write_fault(document, frp.Fault(code=SENDER, text=_reason(body)), content)
+        else:
+            document += content
+    return _bytes(document)
 
 
-def _envelope(namespace: str | None = None) -> tuple[Element, Element, Element]:
-    names = {"env": ENV, "wsa": WSA, **({"m": namespace} if namespace else {})}
-    envelope = etree.Element(f"{{{ENV}}}Envelope", nsmap=names)
-    return envelope, etree.SubElement(envelope, f"{{{ENV}}}Header"), etree.SubElement(envelope, f"{{{ENV}}}Body")
+_BETWEEN = "</env:Header><env:Body>"
+_END = "</env:Body></env:Envelope>"
 
 
-def _bytes(envelope: Element) -> bytes:
-    document: bytes = etree.tostring(envelope, encoding="utf-8", xml_declaration=True)
-    if len(document) > MOST_BYTES:
-        raise WireError(SENDER, f"the message has {len(document)} bytes, and {MOST_BYTES} are the most")
-    return document
+def _start(namespace: str | None = None) -> str:
+    ours = f' xmlns:m="{namespace}"' if namespace else ""
+    return f"<?xml version='1.0' encoding='utf-8'?>\n<env:Envelope xmlns:env=\"{ENV}\" xmlns:wsa=\"{WSA}\"{ours}><env:Header>"
 
 
-def _text(parent: Element, tag: str, text: str) -> None:
+def _bytes(document: list[str]) -> bytes:
+    document.append(_END)
+    written = "".join(document).encode()
+    if len(written) > MOST_BYTES:
+        raise WireError(SENDER, f"the message has {len(written)} bytes, and {MOST_BYTES} are the most")
+    return written
+
+
+def _element(name: str, text: str) -> str:
     try:
-        etree.SubElement(parent, tag).text = text
+        return f"<{name}>{escaped(text)}</{name}>"
     except ValueError:
-        raise WireError(SENDER, f"{etree.QName(tag).localname} has a character that XML cannot carry") from None
+        raise WireError(SENDER, f"{name.partition(':')[2]} has a character that XML cannot carry") from None
 
 
-def _address(parent: Element, header: Header, action: str) -> None:
-    _text(parent, f"{{{WSA}}}To", header.recipient)
+def _address(document: list[str], header: Header, action: str) -> None:
+    document.append(_element("wsa:To", header.recipient))
     if header.sender != ANONYMOUS:
-        _text(etree.SubElement(parent, f"{{{WSA}}}From"), f"{{{WSA}}}Address", header.sender)
+        document.append(f"<wsa:From>{_element('wsa:Address', header.sender)}</wsa:From>")
     if header.reply_to != ANONYMOUS:
-        _text(etree.SubElement(parent, f"{{{WSA}}}ReplyTo"), f"{{{WSA}}}Address", header.reply_to)
-    _text(parent, f"{{{WSA}}}Action", action)
-    _text(parent, f"{{{WSA}}}MessageID", header.message_id)
+        document.append(f"<wsa:ReplyTo>{_element('wsa:Address', header.reply_to)}</wsa:ReplyTo>")
+    document += (_element("wsa:Action", action), _element("wsa:MessageID", header.message_id))
     if header.relates_to is not None:
-        _text(parent, f"{{{WSA}}}RelatesTo", header.relates_to)
+        document.append(_element("wsa:RelatesTo", header.relates_to))
 
 
-def _write_session(parent: Element, header: Header) -> None:
+def _write_session(document: list[str], prefix: str, header: Header) -> None:
     for name, value in zip(SESSION, (header.transaction, header.participant, header.version), strict=True):
         if value is not None:
-            _text(parent, f"{{{FRP}}}{name}", value)
+            document.append(_element(f"{prefix}{name}", value))
 
 
 def _reason(body: Struct) -> str:
@@ -174,21 +183,21 @@ def _reason(body: Struct) -> str:
             return type(body).__name__
 
 
-def _write_fault(parent: Element, fault: frp.Fault) -> Element:
+def _write_fault(document: list[str], fault: frp.Fault, detail: list[str]) -> None:
     """SOAP 1.2 part 1, 5.4. A code of another namespace is a subcode of env:Sender, or of what WS-Addressing has it beneath."""
     prefix, name = _code(fault.code)
-    element = etree.SubElement(parent, f"{{{ENV}}}Fault", nsmap={"frp": FRP})
-    code = etree.SubElement(element, f"{{{ENV}}}Code")
-    _text(code, f"{{{ENV}}}Value", f"env:{name}" if prefix == "env" else SENDER)
-    subcodes = () if prefix == "env" else (f"{prefix}:{name}",)
-    for subcode in (INVALID_HEADER, *subcodes) if f"{prefix}:{name}" in _BENEATH_INVALID_HEADER else subcodes:
-        code = etree.SubElement(code, f"{{{ENV}}}Subcode")
-        _text(code, f"{{{ENV}}}Value", subcode)
-    reason = etree.SubElement(element, f"{{{ENV}}}Reason")
+    codes = [f"env:{name}"] if prefix == "env" else [SENDER, f"{prefix}:{name}"]
+    if codes[-1] in _BENEATH_INVALID_HEADER:
+        codes.insert(1, INVALID_HEADER)
+    document.append(f'<env:Fault xmlns:frp="{FRP}"><env:Code>')
+    document.append("<env:Subcode>".join(f"<env:Value>{code}</env:Value>" for code in codes))
+    document.append("</env:Subcode>" * (len(codes) - 1))
     # A reason may quote the bytes that were wrong; what XML cannot carry of them is replaced.
-    _text(reason, f"{{{ENV}}}Text", _NOT_XML.sub("?", fault.text)[:MOST_REASON])
-    reason[0].set(f"{{{XML}}}lang", "en")
-    return element
+    text = escaped(_NOT_XML.sub("?", fault.text)[:MOST_REASON])
+    document.append(f'</env:Code><env:Reason><env:Text xml:lang="en">{text}</env:Text></env:Reason>')
+    if detail:
+        document += ("<env:Detail>", *detail, "</env:Detail>")
+    document.append("</env:Fault>")
 
 
 def _code(code: str) -> tuple[str, str]:
@@ -203,21 +212,20 @@ def _code(code: str) -> tuple[str, str]:
 
 def fault(error: WireError, relates_to: str | None = None) -> bytes:
     """The SOAP Fault that tells a sender what was wrong with its message. For its headers see SOAP 1.2 part 1, 5.4.7 and 5.4.8."""
-    envelope, soap_header, soap_body = _envelope()
-    _text(soap_header, f"{{{WSA}}}Action", FAULT_ACTION)
+    document = [_start(), _element("wsa:Action", FAULT_ACTION)]
     if relates_to is not None:
-        _text(soap_header, f"{{{WSA}}}RelatesTo", relates_to)
+        document.append(_element("wsa:RelatesTo", relates_to))
     if error.code == "env:VersionMismatch":
-        upgrade = etree.SubElement(etree.SubElement(soap_header, f"{{{ENV}}}Upgrade"), f"{{{ENV}}}SupportedEnvelope")
-        upgrade.set("qname", "env:Envelope")
+        document.append('<env:Upgrade><env:SupportedEnvelope qname="env:Envelope"/></env:Upgrade>')
     for tag in error.headers:
         block = etree.QName(tag)
         prefix = "xml" if block.namespace == XML else "h"  # XML's own namespace has no other prefix
-        names = {"h": block.namespace} if block.namespace and prefix == "h" else None
-        missed = etree.SubElement(soap_header, f"{{{ENV}}}NotUnderstood", nsmap=names)
-        missed.set("qname", f"{prefix}:{block.localname}" if block.namespace else block.localname)
-    _write_fault(soap_body, frp.Fault(code=error.code, text=error.text))
-    return _bytes(envelope)
+        names = f' xmlns:h="{escaped_attribute(block.namespace)}"' if block.namespace and prefix == "h" else ""
+        name = f"{prefix}:{block.localname}" if block.namespace else block.localname
+        document.append(f'<env:NotUnderstood{names} qname="{name}"/>')
+    document.append(_BETWEEN)
+    _write_fault(document, frp.Fault(code=error.code, text=error.text), [])
+    return _bytes(document)
 
 
 # Reading
