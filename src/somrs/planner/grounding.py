@@ -16,12 +16,14 @@ from somrs.ontology.types import AttributeType, Kind
 from somrs.ontology.units import converted
 from somrs.ontology.values import attribute_at, constant, measure
 from somrs.planner.facts import Facts
-from somrs.planner.operators import GOAL, SOME, Argument, Fact, Forbidden, Inexpressible, Operator, Pattern, Test
+from somrs.planner.operators import GOAL, SOME, Argument, Fact, Forbidden, Operator, Pattern, Test
 from somrs.planner.relevance import Demand
 from somrs.planner.world import Bound, World, as_term
 
 ACTIONS = 100_000
 """More actions than this are not searched through."""
+EFFORT = 10_000_000
+"""More facts than this are not looked at, unless less is allowed: that takes about ten seconds."""
 PLACES = 16
 """So many objects are tried where any of a type will do, when planning narrowly: those where such things stand now, and
 others of their types."""
@@ -46,12 +48,19 @@ class Action:
         return provider if isinstance(provider, str) else None
 
 
-class Grounding:
-    """The actions that are demanded and reachable, and the facts they lead to."""
+class TooLarge(Exception):
+    """There is more to look at than is allowed; which says nothing of whether there is a plan."""
 
-    def __init__(self, world: World, demanded: list[Demand], narrow: bool = False) -> None:
+
+class Grounding:
+    """The actions that are demanded and reachable, and the facts they lead to. Making it raises TooLarge."""
+
+    def __init__(self, world: World, demanded: list[Demand], *, narrow: bool = False, effort: int = EFFORT) -> None:
         self.world = world
         self.narrow = narrow
+        self.guessed = False
+        """Whether a service could be given values that nobody named, and was not."""
+        self._effort = effort
         self.facts = Facts(world)
         self.actions: list[Action] = []
         self._seen: set[tuple[Operator, tuple[Argument, ...]]] = set()
@@ -178,6 +187,9 @@ class Grounding:
 
     def _match(self, demand: Demand, condition: Pattern | Literal, arguments: tuple[Argument, ...], bound: Bound) -> Bound | None:
         """What a fact binds of a condition, or None when it does not fit."""
+        self._effort -= 1
+        if self._effort < 0:
+            raise TooLarge(f"there are too many ways to use services, {_named(demand.operator)} among them")
         wanted = condition.arguments if isinstance(condition, Relation) else condition[1]  # type: ignore[index]
         if len(wanted) != len(arguments):
             return None
@@ -217,6 +229,7 @@ class Grounding:
         if "truth" in types:
             return [Truth(True), Truth(False)]
         if types & {"number", "text"}:
+            self.guessed = True
             return []  # a value that the goal does not give could be anything
         if not self.narrow or name == PROVIDER:
             return [*self.world.domain(types)]
@@ -248,7 +261,7 @@ class Grounding:
             return
         self.actions.append(action := self._action(operator, bound, [fact for fact in adds if fact is not None]))
         if len(self.actions) > ACTIONS:
-            raise Inexpressible(operator.service.name if operator.service else "the goal", f"there are more than {ACTIONS} ways to do it")
+            raise TooLarge(f"there are more than {ACTIONS} ways to use services, the last one of them {_named(operator)}")
         for predicate, arguments in action.adds:
             self._waiting.append((predicate, arguments))
             if predicate in self.world.ontology.relations:
@@ -315,3 +328,7 @@ class Grounding:
             else:
                 if forbidden.test is None or self.world.passes(forbidden.test, matched):
                     yield self.world.canonical((predicate, arguments))
+
+
+def _named(operator: Operator) -> str:
+    return operator.service.name if operator.service is not None else "the task's own wish"

@@ -134,6 +134,8 @@ class NoPlan(Struct, frozen=True, tag=True):
     unreachable: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     unoffered: tuple[str, ...] = ()
+    undecided: bool = False
+    """Whether there may be a plan all the same: it was too much to look through, or cannot be expressed."""
 
 
 def validate(plan: Plan, problem: Problem) -> list[str]:

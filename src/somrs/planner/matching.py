@@ -1,0 +1,37 @@
+"""The tasks that come all day: what one service brings about, or one after another that makes it possible, found at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from somrs.planner.grounding import Grounding, TooLarge
+from somrs.planner.operators import Operator
+from somrs.planner.plan import Plan
+from somrs.planner.problem import Problem
+from somrs.planner.relevance import demands
+from somrs.planner.search import TooHard, search, without_useless
+from somrs.planner.steps import stated
+from somrs.planner.task import Task
+from somrs.planner.world import World
+
+CHAINS = (1, 2)
+"""So many services one after the other, each for what the next needs; the goal's parts have such chains each."""
+FACTS = 2_000
+"""Facts looked at before the match is given up: a few milliseconds."""
+EFFORT = 10_000
+"""The same for moves and effects."""
+
+
+def match(problem: Problem, world: World, goals: Sequence[Operator]) -> Plan | None:
+    """A plan of short chains, if there is one among few possibilities. None says nothing."""
+    for depth in CHAINS:
+        try:
+            grounding = Grounding(world, demands(goals, world, narrow=True, depth=depth), narrow=True, effort=FACTS)
+            if grounding.reached:
+                task = Task(grounding)
+                moves = search(task, EFFORT)
+                if moves is not None:
+                    return stated(problem, without_useless(moves, task))
+        except (TooLarge, TooHard):
+            return None
+    return None
