@@ -212,7 +212,7 @@ class VirtualSystem:
 
     def finish(self, *tasks: str, seconds: float = 3600) -> list[TaskView]:
         """Let time pass until all tasks ended."""
-        ended = self.world.run(seconds, lambda: all(self.view(task).outcome is not None for task in tasks))
+        ended = self.world.run(seconds, lambda: all(self.manager.transactions[task].outcome is not None for task in tasks))
         assert ended, [self.manager.transactions[task].events for task in tasks]
         self.world.run(2)
         return [self.view(task) for task in tasks]

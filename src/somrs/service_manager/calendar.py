@@ -2,24 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
+from heapq import heappop, heappush
 
 Commitment = tuple[float, float]
 """From when until when, in seconds."""
 
 
-def free_from(commitments: Sequence[Commitment], earliest: float, duration: float, capacity: int) -> float:
-    """The first time, not before `earliest`, from which the device has room for something that lasts `duration`.
+def laid_out(commitments: Iterable[Commitment], capacity: int) -> list[Commitment]:
+    """When they can really be kept: terms that were given at the same time may promise the same time, and a device does so many things at
+    once, whatever it promised; the earliest first."""
+    rooms = [float("-inf")] * capacity
+    found: list[Commitment] = []
+    for start, end in sorted(commitments):
+        begins = max(start, heappop(rooms))
+        heappush(rooms, begins + end - start)
+        found.append((begins, begins + end - start))
+    return found
 
-    Room changes only where a commitment ends, so these are the only times to try besides `earliest`.
-    """
-    if len(commitments) < capacity:
-        return earliest
-    starts = sorted({earliest, *(end for _, end in commitments if end > earliest)})
-    return next(start for start in starts if _most_at_once(commitments, start, start + duration) < capacity)
+
+def free_from(commitments: Iterable[Commitment], earliest: float, duration: float, capacity: int) -> float:
+    """The first time, not before `earliest`, from which the device has room for something that lasts `duration`."""
+    start = earliest
+    for begins, ends in _full(commitments, capacity):
+        if begins < start + duration and ends > start:
+            start = ends
+    return start
 
 
-def _most_at_once(commitments: Sequence[Commitment], start: float, end: float) -> int:
-    """How many commitments overlap at the busiest moment between two times."""
-    inside = [(max(a, start), min(b, end)) for a, b in commitments if a < end and b > start]
-    return max((sum(a <= moment < b for a, b in inside) for moment, _ in inside), default=0)
+def _full(commitments: Iterable[Commitment], capacity: int) -> Iterator[Commitment]:
+    """From when until when there is no room at all, in order."""
+    changes = sorted(change for begins, ends in commitments if ends > begins for change in ((begins, 1), (ends, -1)))
+    busy, since = 0, 0.0
+    for time, change in changes:
+        if busy < capacity <= busy + change:
+            since = time
+        elif busy + change < capacity <= busy and time > since:
+            yield since, time
+        busy += change

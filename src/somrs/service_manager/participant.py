@@ -17,7 +17,7 @@ from somrs.protocol.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.frp import State
 from somrs.protocol.session import NOT_ALLOWED, ParticipantBody, ParticipantSession, service_of
 from somrs.protocol.states import RESUMES, TO_COORDINATOR, TO_PARTICIPANT, WORKING
-from somrs.service_manager.calendar import Commitment, free_from
+from somrs.service_manager.calendar import Commitment, free_from, laid_out
 from somrs.service_manager.job import Job, Jobs, Verdict, failure, in_words, interrupted
 from somrs.service_manager.joining import TIMER, Joining
 from somrs.service_manager.orders import (
@@ -277,7 +277,8 @@ class ServiceManager:
     def _terms(self, job: Job, quoted: Quoted, now: float) -> frp.Terms | frp.Refuse:
         assert job.order is not None, "a quote is for an order"
         order = job.order
-        start = free_from(self.calendar(now), max(now, order.earliest_start or now), quoted.duration, self.profile.capacity)
+        capacity = self.profile.capacity
+        start = free_from(laid_out(self.calendar(now), capacity), max(now, order.earliest_start or now), quoted.duration, capacity)
         until = None if order.latest_finish is None else order.latest_finish - quoted.duration
         if until is not None and start > until:
             return frp.Refuse(reason=f"{self.profile.name} could be done {start - until:.0f} s after the latest finish at the earliest")

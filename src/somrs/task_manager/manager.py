@@ -20,7 +20,6 @@ from somrs.task_manager.questions import Questions
 from somrs.task_manager.setting import Setting, problem, wrong_with
 from somrs.task_manager.transaction import Transaction
 from somrs.task_manager.views import previewed, view
-from somrs.task_manager.workflow import Progress
 
 __all__ = ["TaskManager", "view"]
 
@@ -250,14 +249,9 @@ class TaskManager:
         else:
             self._until_known.append((version, then))
 
-    def _busy(self) -> dict[str, list[tuple[float, float]]]:
-        found: dict[str, list[tuple[float, float]]] = {}
-        for transaction in self._open.values():
-            for pursuit in transaction.pursuits:
-                for run in pursuit:
-                    if run.progress in (Progress.ARRANGED, Progress.EXECUTING) and run.member is not None:
-                        found.setdefault(run.member.offer.provider, []).append((run.start, run.finish))
-        return found
+    def _busy(self, provider: str) -> list[tuple[float, float]]:
+        pursuits = (pursuit for transaction in self._open.values() for pursuit in transaction.pursuits)
+        return [time for pursuit in pursuits if pursuit.workflow is not None for time in pursuit.workflow.promised(provider)]
 
     # Speaking
 

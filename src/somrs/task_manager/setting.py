@@ -33,8 +33,8 @@ class Setting:
     questions: Questions
     when_known: Callable[[int, Callable[[float], None], float], None]
     """Calls the function as soon as the replica has this version of the map."""
-    busy: Callable[[], dict[str, list[tuple[float, float]]]]
-    """From when until when each provider is committed to this Task Manager, in any transaction."""
+    busy: Callable[[str], list[tuple[float, float]]]
+    """From when until when a provider is committed to this Task Manager, in any transaction."""
 
 
 def problem(task: Submit, replica: Replica, offers: Iterable[Offer]) -> Problem:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from somrs.protocol import frp
@@ -16,8 +16,8 @@ from somrs.task_manager.workflow import Progress, StepRun
 REPLY_TIME = 10.0
 """Seconds that services have to answer Arrange."""
 
-Busy = Callable[[], Mapping[str, Sequence[tuple[float, float]]]]
-"""From when until when each provider is committed."""
+Busy = Callable[[str], Iterable[tuple[float, float]]]
+"""From when until when a provider is committed."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -54,8 +54,7 @@ class Tender:
                 member.last_word = self.run.excluded[member.offer.service] = "did not answer"
                 participants.dismiss(member, "no answer in time", now)
         bidders = {m.id: (m, m.bid) for m in self.invited if m.bid is not None and m.state is State.OFFERED}
-        taken = busy()
-        bids = [fitted(bid, taken.get(m.offer.provider, ())) for m, bid in bidders.values() if m.offer.service not in broken]
+        bids = [fitted(bid, busy(m.offer.provider)) for m, bid in bidders.values() if m.offer.service not in broken]
         if self.latest is not None:
             for late in [one for one in bids if one.finish > self.latest]:
                 member, _ = bidders[late.participant]
@@ -75,7 +74,7 @@ class Tender:
                 participants.dismiss(member, f"another service was chosen by {task.policy}", now)
         chosen = bidders[best.participant][0]
         chosen.bid = best
-        self.run.progress, self.run.member, self.run.start, self.run.finish = Progress.ARRANGED, chosen, best.start, best.finish
+        self.run.take(chosen, best.start, best.finish)
         return chosen
 
     def withdraw(self, participants: Participants, reason: str, now: float) -> None:

@@ -91,6 +91,7 @@ class Ledger:
     """All work of one task."""
 
     works: list[Work] = field(default_factory=list)
+    _by_participant: dict[str, Work] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[Work]:
         return iter(self.works)
@@ -113,6 +114,7 @@ class Ledger:
             work.before, work.concerned = undone(step, map, ontology), concerned(step, map, ontology)
             self._take_over(work)
         self.works.append(work)
+        self._by_participant[member.id] = work
         return work
 
     def _take_over(self, work: Work) -> None:
@@ -125,11 +127,12 @@ class Ledger:
     def drop(self, work: Work) -> None:
         """It was never begun."""
         self.works.remove(work)
+        del self._by_participant[work.member.id]
         if work.took_over is not None:
             work.took_over.taken_over = False
 
     def of(self, member: Member) -> Work | None:
-        return next((work for work in self.works if work.member is member), None)
+        return self._by_participant.get(member.id)
 
     def to_undo(self) -> list[Work]:
         """What is to be undone, last things first: a reverse of the order in which one enabled the next."""

@@ -27,6 +27,7 @@ class Progress(StrEnum):
 
 
 UNPROMISED = (Progress.OPEN, Progress.ARRANGING)
+PROMISED = (Progress.ARRANGED, Progress.EXECUTING)
 
 
 class StepRun:
@@ -70,6 +71,11 @@ class StepRun:
         self._failure = failure
         self._workflow.lost(self)
 
+    def take(self, member: Member, start: float, finish: float) -> None:
+        """The service is committed to it, from then until then."""
+        self.member, self.start, self.finish = member, start, finish
+        self.progress = Progress.ARRANGED
+
     def lose(self, failure: str | None = None) -> None:
         """The service that had it is out."""
         self.progress, self.member, self.failure = Progress.OPEN, None, failure
@@ -100,6 +106,8 @@ class Workflow:
         """Steps to arrange, when all before them is promised."""
         self._ready: set[str] = set()
         self._failed: set[str] = set()
+        self._promised: dict[str, set[str]] = {}
+        """The steps that each provider is committed to, or does."""
 
     def __iter__(self) -> Iterator[StepRun]:
         return iter(self.runs.values())
@@ -112,6 +120,8 @@ class Workflow:
         self._count[before] -= 1
         self._count[after] += 1
         self._sort(run)
+        if run.member is not None:
+            _keep(self._promised.setdefault(run.member.offer.provider, set()), run.step.id, after in PROMISED)
         promised = (after not in UNPROMISED) - (before not in UNPROMISED)
         done = (after is Progress.DONE) - (before is Progress.DONE)
         if promised or done:
@@ -145,8 +155,8 @@ class Workflow:
             same = waiting.get(run.work)
             if same:
                 new = same.popleft()
-                new.progress, new.member = run.progress, run.member
-                new.start, new.finish, new.precondition = run.start, run.finish, run.precondition
+                new.take(run.member, run.start, run.finish)
+                new.precondition = run.precondition
                 run.member.step = new.key
             else:
                 yield run.member
@@ -192,6 +202,10 @@ class Workflow:
     @property
     def done(self) -> bool:
         return self._count[Progress.DONE] == len(self.runs)
+
+    def promised(self, provider: str) -> Iterator[tuple[float, float]]:
+        """From when until when the provider is committed."""
+        return ((self.runs[id].start, self.runs[id].finish) for id in self._promised.get(provider, ()))
 
     def earliest_start(self, run: StepRun, now: float) -> float:
         """When everything before the step is promised to be finished."""
