@@ -13,7 +13,7 @@ from somrs.entish.formula import Attribute, Comparison, Formula, Literal, Name, 
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
 from somrs.ontology.truth import holds
 
 MAP = Map(
@@ -188,6 +188,8 @@ def test_every_index_follows_any_change(sequence: list[list[Change]]) -> None:
         fresh = pickle.loads(pickle.dumps(map))
         assert fresh == map
         assert _answers(map) == answer == _answers(fresh)
+        assert map.changed(differences(map, maps[-1])) == maps[-1]
+        assert list(differences(map, fresh)) == []
 
 
 def _answers(map: Map) -> list[set[object]]:

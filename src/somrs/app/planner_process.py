@@ -14,7 +14,10 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 
 from somrs.app.engines import plan_in_process
+from somrs.app.shipment import Recipient, Sender
 from somrs.errors import RemoteError
+from somrs.planner.plan import NoPlan, Plan
+from somrs.planner.problem import Problem
 
 PARENT_CHECK = 1.0
 """Seconds between two looks whether the parent process is still there."""
@@ -31,14 +34,14 @@ class PlannerProcess:
 
     def __init__(self) -> None:
         self._talking = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
-        self._running: tuple[SpawnProcess, Connection] | None = None
+        self._running: tuple[SpawnProcess, Connection, Sender] | None = None
 
     @property
     def pid(self) -> int | None:
         return self._running[0].pid if self._running is not None else None
 
-    async def plan(self, problem: object) -> object:
-        """A Plan or NoPlan. Raises what the planner raises, and RemoteError when its process ends again and again."""
+    async def plan(self, problem: Problem) -> Plan | NoPlan:
+        """Raises what the planner raises, and RemoteError when its process ends again and again."""
         return await asyncio.get_running_loop().run_in_executor(self._talking, self._ask, problem)
 
     def __enter__(self) -> PlannerProcess:
@@ -48,34 +51,37 @@ class PlannerProcess:
         self._talking.shutdown(cancel_futures=True)
         self._end()
 
-    def _ask(self, problem: object) -> object:
+    def _ask(self, problem: Problem) -> Plan | NoPlan:
         for _ in range(MOST_STARTS):
-            _, connection = self._running or self._start()
+            _, connection, sender = self._running or self._start()
             try:
-                connection.send(problem)
-                answer = connection.recv()
+                connection.send(sender.packed(problem))
+                answer: Plan | NoPlan | Exception = connection.recv()
             except (EOFError, OSError):  # it has ended
                 self._end()
                 continue
+            except BaseException:  # what could not be sent is not what it has
+                self._end()
+                raise
             if isinstance(answer, Exception):
                 raise answer
             return answer
         raise RemoteError(f"the planner's process ended {MOST_STARTS} times without an answer")
 
-    def _start(self) -> tuple[SpawnProcess, Connection]:
+    def _start(self) -> tuple[SpawnProcess, Connection, Sender]:
         # Spawned, not forked: a fork would keep the sockets of this process open when it is killed.
         spawned = multiprocessing.get_context("spawn")
         here, there = spawned.Pipe()
         process = spawned.Process(target=_serve, args=(there,), daemon=True)
         process.start()
         there.close()
-        self._running = process, here
+        self._running = process, here, Sender()
         return self._running
 
     def _end(self) -> None:
         if self._running is not None:
-            process, connection = self._running
-            connection.close()
+            process, connection, _ = self._running
+            connection.close()  # which ends the process, too
             process.join()
             self._running = None
 
@@ -84,12 +90,13 @@ def _serve(questions: Connection) -> None:
     """What the process does, until nobody can ask it any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in a terminal is for the Task Manager, which ends this process, too
     threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    recipient = Recipient()
     with contextlib.suppress(EOFError, OSError):
         while True:
-            problem = questions.recv()
+            shipment = questions.recv()
             answer: object
             try:
-                answer = plan_in_process(problem)
+                answer = plan_in_process(recipient.unpacked(shipment))
             except Exception as error:  # noqa: BLE001  # whatever went wrong is the answer; the Task Manager says what it means
                 answer = error
             questions.send(answer)

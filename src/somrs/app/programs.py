@@ -132,7 +132,9 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
     its process ended, it goes on with, at the address that it had."""
     from somrs.app.archive import FILE
     from somrs.app.journal import Journal
+    from somrs.app.planner import Planner
     from somrs.app.planner_process import PlannerProcess
+    from somrs.planner.problem import Problem
     from somrs.protocol.clients import ReadRecords
     from somrs.task_manager.manager import TaskManager
 
@@ -141,11 +143,13 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
     try:
         trace = Trace(data / "messages.jsonl")
         rim = await _where_it_was(journal, host, port, trace)
-        with PlannerProcess() as planner:
+        with PlannerProcess() as process:
+            planner = Planner(process)
 
             async def carry_out(task: object, report: Report) -> object:
                 if isinstance(task, ReadRecords):
                     return await journal.answer(task)
+                assert isinstance(task, Problem), "a Task Manager asks for nothing else"
                 return await planner.plan(task)
 
             trace.coordinator = f"{rim.url}/task-manager"

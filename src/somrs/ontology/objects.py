@@ -248,3 +248,31 @@ class Map:
             own.add("." + path)
             self._by_value[path] = self._by_value[path].copy()
         return self._by_value[path]
+
+
+def differences(before: Map, after: Map) -> Iterator[Change]:
+    """The changes that lead from one map to the other: few looks where the one was made of the other by `changed`."""
+    for relation in after._facts.keys() | before._facts.keys():
+        old, new = before._facts.get(relation, {}), after._facts.get(relation, {})
+        if old is not new:
+            yield from (FactRemoved(Fact(relation, arguments)) for arguments in old if arguments not in new)
+    if before.objects is not after.objects:
+        yield from _object_differences(before.objects, after.objects)
+    gone = before.objects.keys() - after.objects.keys() if before.objects is not after.objects else set()
+    for relation, new in after._facts.items():
+        old = before._facts.get(relation, {})
+        if old is not new or gone:
+            yield from (FactAdded(Fact(relation, args)) for args in new if args not in old or not gone.isdisjoint(args))
+
+
+def _object_differences(before: dict[str, Object], after: dict[str, Object]) -> Iterator[Change]:
+    yield from (ObjectRemoved(name) for name in before if name not in after)
+    for name, object in after.items():
+        old = before.get(name)
+        if old is None or (old is not object and old.type != object.type):
+            yield ObjectAdded(object)
+        elif old is not object:
+            for path in old.values.keys() | object.values.keys():
+                value = object.values.get(path)
+                if value != old.values.get(path) or type(value) is not type(old.values.get(path)):
+                    yield ValueSet(name, path, value)

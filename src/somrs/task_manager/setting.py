@@ -51,7 +51,7 @@ def problem(task: Submit, replica: Replica, offers: Iterable[Offer]) -> Problem:
         map=replica.map,
         goal=check(task.effect, replica.ontology, replica.map),
         precondition=check(task.precondition, replica.ontology, replica.map) if task.precondition else None,
-        excluded=frozenset(name for name, object in replica.map.objects.items() if object.values.get(UNKNOWN) is True),
+        excluded=frozenset(replica.map.with_value(UNKNOWN, True)),
         services=tuple(Available(service_type=types[name], providers=tuple(sorted(found))) for name, found in sorted(providers.items())),
     )
 
