@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from somrs.app.client import Client
 from somrs.app.system import System
 from somrs.app.trace import Follower
-from somrs.errors import RemoteError, UsageError
+from somrs.errors import UsageError
 from somrs.protocol.clients import Submit, TaskView
 from somrs.protocol.frp import Outcome
 
@@ -28,12 +27,8 @@ async def said(data: Path, kind: str) -> None:
 
 async def ended(client: Client, task: str) -> TaskView:
     """The task when it is over, whatever happens to the Task Manager meanwhile."""
-    while True:
-        with contextlib.suppress(RemoteError):
-            async for news in client.news(task):
-                if news.view.outcome is not None:
-                    return news.view
-        await asyncio.sleep(0.1)
+    views = [news.view async for news in client.news(task)]
+    return views[-1]
 
 
 @pytest.mark.parametrize("kind", ["Arrange", "Accept", "Execute"])
