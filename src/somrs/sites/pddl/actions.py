@@ -124,6 +124,11 @@ class Actions:
                 picked.append(Relation(kind.relation, (variable,)))
             if variable.name != PROVIDER:
                 inputs.append(Parameter(name=variable.name, type=kind.type))
+        if action.agent is not None and not any(
+            PROVIDER in variables(part) for part in (*case.precondition, *case.adds, *case.deletes, *picked)
+        ):
+            agent = scope[action.agent.name][0]  # whoever is chosen to do it has to be one of those that can
+            picked.append(Relation(self.words.kinds.relation(case.sorts[agent.name], action.agent), (agent,)))
         needed = [*case.precondition, *picked]
         term = substitute_term(cost, case.same) if cost is not None else None
         where = f" where {' and '.join(f'?{name} is {term}' for name, term in case.same.items())}" if case.same else ""

@@ -6,13 +6,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from somrs.entish import Formula, Name
+from somrs.entish import Formula, Name, Number
 from somrs.entish.formula import substitute_term
+from somrs.entish.parse import parse_term
+from somrs.errors import UsageError
 from somrs.ontology.files import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.schema import RESERVED
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType, Value
+from somrs.ontology.values import measure
 from somrs.planner.plan import Step
 from somrs.planner.problem import Available, Problem
 from somrs.sites.pddl.actions import Actions, Offer
@@ -62,6 +65,22 @@ class Imported:
             for service in offered:
                 providers[service.name].append(agent)
         return tuple(Available(service, tuple(providers[service.name])) for service in self.services)
+
+    def price(self, service: str, inputs: Mapping[str, str], agent: str) -> float:
+        """What doing it costs; 1 when the problem counts no costs. `inputs` are names of objects."""
+        return self.cost(
+            Step(id="", service_type=service, inputs={k: Name(v) for k, v in inputs.items()}, effect=self.goal, provider=agent)
+        )
+
+    def cost(self, step: Step) -> float:
+        """What the step costs; 1 when the problem counts no costs."""
+        cost = self._offers[step.service_type].service.cost
+        if cost is None:
+            return 1.0
+        measured = measure(parse_term(cost), self.map, self.ontology, step.bindings)
+        if measured is None or not isinstance(measured.constant, Number):
+            raise UsageError(f"the problem does not say what {step} costs: {cost} has no value; give one in its :init")
+        return measured.constant.value
 
     def pddl_name(self, object: str) -> str:
         """What the problem calls an object of the map."""

@@ -1,4 +1,4 @@
-"""PDDL's types as types of the ontology: what acts goes below `Device`, everything else below `Object`.
+"""PDDL's types as types of the ontology: what acts goes below `Device`, everything else below `PhysicalObject`.
 
 So a type that has agents and other things below it (drivers, trucks and packages, which all are somewhere) is not one type here:
 where an action speaks of it, the objects are said to be of the nearest type above them all, and a relation picks them out.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from somrs.ontology.types import ROOT, ObjectType
+from somrs.ontology.types import PHYSICAL, ObjectType
 from somrs.sites.pddl.names import Names
 from somrs.sites.pddl.syntax import OBJECT, Domain, Typed
 
@@ -92,7 +92,7 @@ class Kinds:
     def _common(self, wanted: Sorts) -> str:
         """The nearest type of the ontology that is above all these."""
         lines = [[*map(self.names.entish, self._entish_line(sort)), *self._tops(sort)] for sort in wanted]
-        return next((name for name in lines[0] if all(name in line for line in lines)), ROOT) if lines else ROOT
+        return next((name for name in lines[0] if all(name in line for line in lines)), PHYSICAL) if lines else PHYSICAL
 
     def _kept(self, name: str) -> bool:
         return name != OBJECT or self._root_used
@@ -107,7 +107,7 @@ class Kinds:
         return [above for above in self._line(name) if self._kept(above) and (above in self.acting) is side]
 
     def _tops(self, name: str) -> list[str]:
-        return [DEVICE, ROOT] if name in self.acting else [ROOT]
+        return [DEVICE, PHYSICAL] if name in self.acting else [PHYSICAL]
 
     def _relation(self, wanted: Sorts, declared: Typed | None) -> str:
         for known, sorts in self.picked.items():
@@ -117,6 +117,10 @@ class Kinds:
         relation = self.relations.fresh(f"is-{said}")
         self.picked[relation] = wanted
         return relation
+
+    def relation(self, sorts: Sorts, declared: Typed) -> str:
+        """The relation that picks out those objects, though no type has others besides."""
+        return self._relation(sorts & self.inhabited, declared)
 
     def of_picked(self, relation: str) -> str:
         """The type of which the relation picks some."""
@@ -137,7 +141,7 @@ class Kinds:
             if not self._kept(name):
                 continue
             own, above = self.names.entish(name), self._above(name)
-            parent = self.names.entish(above) if above is not None else DEVICE if name in self.acting else ROOT
+            parent = self.names.entish(above) if above is not None else DEVICE if name in self.acting else PHYSICAL
             yield ObjectType(
                 name=own,
                 parent=parent,
