@@ -6,9 +6,17 @@ import json
 import shlex
 import subprocess
 import sys
+from enum import StrEnum
 from pathlib import Path
 
 import pytest
+
+from somrs.app.cli import FaultOption
+from somrs.app.cli_tasks import FormatOption, OutcomeOption, PolicyOption, TableOption
+from somrs.app.export import Format, Table
+from somrs.devices.simulator.commands import Fault
+from somrs.protocol.clients import Policy
+from somrs.protocol.frp import Outcome
 
 REPOSITORY = Path(__file__).parent.parent
 SCENARIO = REPOSITORY / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
@@ -92,6 +100,15 @@ def test_check_reports_every_error_at_once_with_its_line(tmp_path: Path) -> None
     found = json.loads(somrs("check", site, "--json").stdout)
     assert {problem["line"] for problem in found} == {4, 5, 7}
     assert all(problem["file"] and problem["subject"] and problem["rule"] for problem in found)
+
+
+@pytest.mark.parametrize(
+    ("offered", "known"),
+    [(PolicyOption, Policy), (OutcomeOption, Outcome), (FormatOption, Format), (TableOption, Table), (FaultOption, Fault)],
+)
+def test_whatever_there_is_can_be_chosen(offered: type[StrEnum], known: type[StrEnum]) -> None:
+    """The options are written down once more, so that --help need not import what they stand for."""
+    assert [option.value for option in offered] == [value.value for value in known]
 
 
 def test_without_a_running_system_commands_say_how_to_start_one(tmp_path: Path) -> None:
