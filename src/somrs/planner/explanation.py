@@ -11,7 +11,8 @@ from somrs.entish.parse import nearest, parse
 from somrs.ontology.matching import bring_about_all, can_bring_about
 from somrs.ontology.services import PROVIDER
 from somrs.ontology.truth import bindings, holds
-from somrs.planner.grounding import Grounding
+from somrs.planner.conflict import impossible, smallest, torn
+from somrs.planner.grounding import Grounding, TooLarge
 from somrs.planner.operators import Inexpressible, goal_operators
 from somrs.planner.plan import NoPlan
 from somrs.planner.problem import Available, Problem
@@ -32,26 +33,26 @@ def unmet_precondition(problem: Problem) -> NoPlan | None:
     return NoPlan(explanation=f"the task starts from {said}, which does not hold on the map", missing=tuple(map(str, denied)))
 
 
-def why_not(problem: Problem, world: World) -> NoPlan:
-    """The reasons, for the alternative of the goal that lacks least."""
+def why_not(problem: Problem, world: World, guessed: bool = False) -> NoPlan:
+    """The reasons, for the alternative of the goal that lacks least. `guessed`: values that nobody named were not tried."""
     best: _Reasons | None = None
     for branch in alternatives(problem.goal):
         reasons = _Reasons(problem, world)
-        for literal in branch:
-            if not reasons.reachable([literal]):
-                reasons.unreachable.append(str(literal))
-                reasons.explain(literal, DEPTH)
+        reasons.explain_all(branch)
         if best is None or len(reasons.unreachable) < len(best.unreachable):
             best = reasons
     assert best is not None, "a formula has an alternative"
-    if not best.unreachable:
-        best.said[f"no order of services makes {problem.goal} true: each part can be brought about, but not all together"] = None
     told = "; ".join(best.said)
-    best.said.update(
-        (f"not considered: {inexpressible}", None) for inexpressible in world.repertoire.left_out if str(inexpressible) not in told
-    )
+    left_out = [inexpressible for inexpressible in world.repertoire.left_out if str(inexpressible) not in told]
+    best.said.update((f"not considered: {inexpressible}", None) for inexpressible in left_out)
+    if guessed:
+        best.said["services that can be given any number or text were tried with those only that the task names"] = None
     return NoPlan(
-        explanation="; ".join(best.said), unreachable=tuple(best.unreachable), missing=tuple(best.missing), unoffered=tuple(best.unoffered)
+        explanation="; ".join(best.said),
+        unreachable=tuple(best.unreachable),
+        missing=tuple(best.missing),
+        unoffered=tuple(best.unoffered),
+        undecided=guessed or bool(left_out),
     )
 
 
@@ -66,19 +67,37 @@ class _Reasons:
     unoffered: dict[str, None] = field(default_factory=dict)
     said: dict[str, None] = field(default_factory=dict)
 
+    def explain_all(self, parts: Sequence[Literal]) -> None:
+        """Why the parts of the goal cannot come about: each that cannot, else as few as possible that cannot together."""
+        for literal in parts:
+            if not self.reachable([literal]):
+                self.unreachable.append(str(literal))
+                self.explain(literal, DEPTH)
+        if self.unreachable:
+            return
+        together = smallest(parts, self.world)
+        self.unreachable.extend(map(str, together))
+        if len(together) == 1:
+            self.said[f"no order of services makes {_wish(together[0])} true"] = None
+            self.explain(together[0], DEPTH)
+            return
+        thing = torn(together, self.world)
+        because = f": {thing} would be in two places at a time" if thing is not None else ", in no order of services"
+        self.said[f"{' and '.join(map(_wish, together))} can each be brought about, but not all together{because}"] = None
+
     def reachable(self, literals: Sequence[Literal]) -> bool:
         """Whether all can come about together if nothing that is true ever became false; when in doubt, yes."""
         try:
             goals = list(goal_operators(conjunction(*literals), self.world.known))
             return Grounding(self.world, demands(goals, self.world)).reached
-        except Inexpressible:
+        except (Inexpressible, TooLarge):
             return True
 
     def explain(self, literal: Literal, depth: int) -> None:
         """Why the literal, which is not reachable, is not."""
         if self._unknown_objects(literal):
             return
-        offered = [available for available in self.problem.services if available.providers]
+        offered = [available for available in self.problem.services if self.world.providers[available.service_type.name]]
         helpful = [a for a in offered if can_bring_about(a.service_type, literal, self.problem.ontology, self.problem.map)]
         if not helpful:
             self._nobody(literal, {available.service_type.name for available in offered})
@@ -115,10 +134,15 @@ class _Reasons:
             for name, service in known.items()
             if name not in there and can_bring_about(service, literal, self.problem.ontology, self.problem.map)
         ]
-        self.unoffered.update(dict.fromkeys(absent))
-        if absent:
-            self.said[f"{_wish(literal)} could be brought about by {' or '.join(absent)}, which nobody offers now"] = None
-        else:
+        busy = {a.service_type.name: a.providers for a in self.problem.services if a.service_type.name in absent and a.providers}
+        nobody = [name for name in absent if name not in busy]
+        self.unoffered.update(dict.fromkeys(nobody))
+        for name, providers in busy.items():
+            why = " and ".join(map(not_usable, providers))
+            self.said[f"{_wish(literal)} could be brought about by {name}, but {why}"] = None
+        if nobody:
+            self.said[f"{_wish(literal)} could be brought about by {' or '.join(nobody)}, which nobody offers now"] = None
+        if not absent:
             self.missing[_wish(literal)] = None
             self.said[f"{_wish(literal)} does not hold on the map, and no service type brings it about"] = None
 
@@ -127,11 +151,11 @@ class _Reasons:
         service = available.service_type
         bound = next(bring_about_all(service, literal, self.problem.ontology, self.problem.map), {})
         given = {name: term for name, term in bound.items() if not isinstance(term, Variable)}
-        given.setdefault(PROVIDER, Name(next(p for p in available.providers)))
+        given.setdefault(PROVIDER, Name(self.world.providers[service.name][0]))
         had: list[Literal] = []
         lacking: list[Literal] = []
         for part in next(alternatives(substitute(parse(service.precondition), given))) if service.precondition is not None else ():
-            (had if self.reachable([*had, part]) else lacking).append(part)
+            (lacking if impossible([*had, part], self.world) else had).append(part)
         row = next(bindings(conjunction(*had), self.problem.map, self.problem.ontology), {}) if had else {}
         for part in lacking:
             missing = substitute(part, row)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from somrs.entish.formula import names
-from somrs.errors import SomrsError
+from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import holds
 from somrs.planner.explanation import not_usable, unmet_precondition, why_not
 from somrs.planner.grounding import Grounding, TooLarge
@@ -47,8 +47,8 @@ def plan(problem: Problem, engine: Engine | None = None, limit: float = LIMIT) -
         return _beyond(inexpressible)
     except TooLarge as large:
         return NoPlan(explanation=f"this is too large to be searched: {large}", undecided=True)
-    except TooHard:
-        explanation = "this takes a search; install the engine for it: pip install 'somrs[planner]'"
+    except TooHard as hard:
+        explanation = f"this takes a longer search ({hard}); install the engine for it: pip install 'somrs[planner]'"
         return NoPlan(explanation=explanation, undecided=True)
     except SomrsError as error:
         return NoPlan(explanation=f"no plan was found: {error}", undecided=True)
@@ -83,14 +83,17 @@ def _searched(problem: Problem, world: World, goals: list[Operator], engine: Eng
             moves = _solve(task, engine, limit)
             if moves is not None:
                 return stated(problem, without_useless(moves, task))
-    return why_not(problem, world)
+    return why_not(problem, world, grounding.guessed)
 
 
 def _solve(task: Task, engine: Engine | None, limit: float) -> list[Move] | None:
     try:
         return search(task)
-    except TooHard:
+    except TooHard as hard:
         if engine is None:
             raise
-    names = engine(written(task), limit)
+        try:
+            names = engine(written(task), limit)
+        except SomrsError as error:
+            raise RemoteError(f"{error}; of the short search before it, {hard}") from error
     return read(names, task) if names is not None else None

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
 
+from somrs.planner.progress import Progress, how_far
 from somrs.planner.task import Assignment, Move, State, Task
 
 EFFORT = 1_500_000
@@ -14,6 +15,10 @@ EFFORT = 1_500_000
 
 class TooHard(Exception):
     """Not found with the effort allowed; which does not say that there is no plan."""
+
+    def __init__(self, progress: Progress) -> None:
+        super().__init__(str(progress))
+        self.progress = progress
 
 
 def search(task: Task, effort: int = EFFORT) -> list[Move] | None:
@@ -39,7 +44,7 @@ def search(task: Task, effort: int = EFFORT) -> list[Move] | None:
             heappush(open_, (distance, move not in helpful, len(came), after))
         effort -= len(task.moves)
         if effort - estimate.looked_at < 0:
-            raise TooHard
+            raise TooHard(how_far(task, came))
     return None
 
 
