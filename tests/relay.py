@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from somrs.app.virtual import Work
 from somrs.entish import Name, Term
 from somrs.entish.formula import substitute
@@ -108,6 +110,14 @@ def loaded(couriers: int, parcels: int) -> tuple[Ontology, Map]:
     return found.ontology, found.map
 
 
+def maps_of(steps: Sequence[Step], problem: Problem) -> list[Map]:
+    """The map before the first step, and those after each."""
+    maps = [problem.map]
+    for step in steps:
+        maps.append(after(step, maps[-1], problem))
+    return maps
+
+
 def longest(plan: Plan) -> int:
     """The steps of the longest chain of links."""
     depth: dict[str, int] = {}
@@ -124,10 +134,7 @@ class Relay(VirtualSystem):
         known = problem(couriers, parcels)
         self.goal = goal(couriers, parcels)
         steps = carried(couriers, parcels)
-        maps = [known.map]
-        for step in steps:
-            maps.append(after(step, maps[-1], known))
-        self.plan = Plan(tuple(steps), linked(steps, maps, known))
+        self.plan = Plan(tuple(steps), linked(steps, maps_of(steps, known), known))
         self.wrong: list[str] = []
         self.begun: list[str] = []
         self._truth, self._ontology = known.map, known.ontology

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
-from somrs.entish.formula import Literal, alternatives, conjunction, conjuncts, substitute, terms
+from somrs.entish.formula import Literal, alternatives, conjunction, conjuncts, substitute, terms, variables
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import bindings, holds
 from somrs.ontology.types import Ontology
@@ -22,24 +24,103 @@ def linked(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) -> tupl
     """
     if len(steps) < 2:
         return ()
-    found: dict[Link, None] = {}
-    effects = [conjuncts(step.effect) for step in steps]
+    fates = _Fates(steps, maps, problem.ontology)
+    causal: dict[tuple[int, int], dict[str, None]] = {}
+    keeps: dict[tuple[int, int], Literal] = {}
     for place, condition in _conditions(steps, maps, problem):
-        touching = [n for n, effect in enumerate(effects) if any(touches(part, condition, problem.ontology) for part in effect)]
-        makes = {n for n in touching if holds(condition, maps[n + 1], problem.ontology)}
-        supporter = max((n for n in makes if n < place and not holds(condition, maps[n], problem.ontology)), default=-1)
+        fate = fates.of(condition)
+        supporter = fate.supporter(place)
         if supporter >= 0 and place < len(steps):
-            found[Link(steps[supporter].id, steps[place].id, str(condition))] = None
-        for n in touching:
-            if n == place or n in makes:
-                continue
+            causal.setdefault((supporter, place), {})[str(condition)] = None
+        for n in fate.spoilers:
             if n < supporter:
-                found[Link(steps[n].id, steps[supporter].id, str(condition), keeps=True)] = None
+                keeps.setdefault((n, supporter), condition)
             elif n > place:
-                found[Link(steps[place].id, steps[n].id, str(condition), keeps=True)] = None
-            elif place < len(steps):
-                found[Link(steps[n].id, steps[place].id, str(condition), keeps=True)] = None
-    return tuple(_needed(list(found), steps))
+                keeps.setdefault((place, n), condition)
+            elif n < place < len(steps):
+                keeps.setdefault((n, place), condition)
+    links = [Link(steps[one].id, steps[other].id, fact) for (one, other), facts in causal.items() for fact in facts]
+    needed = [pair for pair in _needed({*causal, *keeps}, len(steps)) if pair not in causal]
+    links += [Link(steps[one].id, steps[other].id, str(keeps[one, other]), keeps=True) for one, other in needed]
+    place_of = {step.id: number for number, step in enumerate(steps)}
+    return tuple(sorted(links, key=lambda link: (place_of[link.after], link.keeps, place_of[link.before])))
+
+
+@dataclass(frozen=True, slots=True)
+class _Fate:
+    """What becomes of a condition: the steps that bring it about where it was not so, and those after which it may not be so."""
+
+    makers: tuple[int, ...]
+    spoilers: tuple[int, ...]
+
+    def supporter(self, place: int) -> int:
+        """The last step before the place that brings it about; -1 when it is so from the start."""
+        number = bisect_left(self.makers, place)
+        return self.makers[number - 1] if number else -1
+
+
+class _Fates:
+    """The fate of each condition, found once, from the steps that speak of what it speaks of."""
+
+    def __init__(self, steps: Sequence[Step], maps: Sequence[Map], ontology: Ontology) -> None:
+        self._maps, self._ontology = maps, ontology
+        self._effects: list[list[Formula]] = [[*conjuncts(step.effect)] for step in steps]
+        self._about: dict[object, list[int]] = {}
+        for number, effect in enumerate(self._effects):
+            for subject in dict.fromkeys(subject for part in effect for subject in self._subjects(part)):
+                self._about.setdefault(subject, []).append(number)
+        self._known: dict[Literal, _Fate] = {}
+
+    def of(self, condition: Literal) -> _Fate:
+        if condition not in self._known:
+            self._known[condition] = self._find(condition)
+        return self._known[condition]
+
+    def _find(self, condition: Literal) -> _Fate:
+        subjects = [*self._subjects(condition)]
+        if not variables(condition):
+            subjects = [(what, object) for what, object in subjects if object is not None]
+        near = sorted({number for subject in subjects for number in self._about.get(subject, ())})
+        touching = [n for n in near if any(touches(part, condition, self._ontology) for part in self._effects[n])]
+        so = [n for n in touching if self._holds(condition, n + 1)]
+        held = set(so)
+        return _Fate(tuple(n for n in so if not self._holds(condition, n)), tuple(n for n in touching if n not in held))
+
+    def _holds(self, condition: Literal, number: int) -> bool:
+        map = self._maps[number]
+        match condition:
+            case Relation(name, arguments):
+                wanted = True
+            case Not(Relation(name, arguments)):
+                wanted = False
+            case _:
+                return holds(condition, map, self._ontology)
+        fact = tuple(argument.name for argument in arguments if isinstance(argument, Name))
+        if len(fact) < len(arguments) or name not in self._ontology.relations:
+            return holds(condition, map, self._ontology)
+        there = map.holds(name, fact) or (self._ontology.relations[name].symmetric and map.holds(name, fact[::-1]))
+        return there is wanted
+
+    def _subjects(self, part: Formula) -> Iterator[tuple[object, Term | None]]:
+        """What it is about: what touches a condition shares one of its subjects. Effects have the objects in them that they are about;
+        a condition with a variable is about the same of any object."""
+        match part.atom if isinstance(part, Not) else part:
+            case Relation(name, arguments):
+                relation = self._ontology.relations.get(name)
+                names = (name,) if relation is None or relation.excludes is None else (name, ("excludes", relation.excludes))
+                yield from _about(names, arguments)
+            case Comparison() as comparison:
+                for term in terms(comparison):
+                    if isinstance(term, Attribute):
+                        yield from _about((("attribute", term.path),), (term.of,))
+                    elif isinstance(term, Call) and (function := self._ontology.functions.get(term.function)) is not None:
+                        yield from _about((("attribute", function.attribute),), term.arguments)
+
+
+def _about(what: Iterable[object], objects: Sequence[Term]) -> Iterator[tuple[object, Term | None]]:
+    for one in what:
+        yield from ((one, object) for object in dict.fromkeys(objects))
+        yield one, None
 
 
 def _conditions(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) -> Iterator[tuple[int, Literal]]:
@@ -114,24 +195,15 @@ def _displaces(made: Relation, wanted: Relation, ontology: Ontology) -> bool:
     return gives_up and any(isinstance(argument, Variable) or argument == made.arguments[0] for argument in losing)
 
 
-def _needed(links: list[Link], steps: Sequence[Step]) -> Iterator[Link]:
-    """The links without orders that the others give already; causal links all stay, because they say why."""
-    place = {step.id: number for number, step in enumerate(steps)}
-    after: dict[str, set[str]] = {step.id: set() for step in steps}
-    for link in links:
-        after[link.before].add(link.after)
-    beyond: dict[str, int] = {}
+def _needed(pairs: Iterable[tuple[int, int]], count: int) -> Iterator[tuple[int, int]]:
+    """The pairs without orders that the others give already."""
+    after: list[list[int]] = [[] for _ in range(count)]
+    for one, other in pairs:
+        after[one].append(other)
+    beyond = [0] * count
     """For each step the steps that come somewhere after it, as bits."""
-    for step in reversed(steps):
-        beyond[step.id] = 0
-        for next_ in after[step.id]:
-            beyond[step.id] |= beyond[next_] | 1 << place[next_]
-    causal = {(link.before, link.after) for link in links if not link.keeps}
-    said: set[tuple[str, str]] = set()
-    for link in links:
-        pair = link.before, link.after
-        if not link.keeps:
-            yield link
-        elif pair not in causal | said and not any(beyond[other] >> place[link.after] & 1 for other in after[link.before]):
-            said.add(pair)
-            yield link
+    for one in reversed(range(count)):
+        for other in sorted(after[one]):  # a way round leads through a step that comes before the other
+            if not beyond[one] >> other & 1:
+                yield one, other
+                beyond[one] |= beyond[other] | 1 << other
