@@ -138,7 +138,8 @@ class _Reasons:
         nobody = [name for name in absent if name not in busy]
         self.unoffered.update(dict.fromkeys(nobody))
         for name, providers in busy.items():
-            why = " and ".join(map(not_usable, providers))
+            why = f"{' and '.join(providers)} are promised to other tasks, or nobody knows what state they are in"
+            why = not_usable(providers[0]) if len(providers) == 1 else why
             self.said[f"{_wish(literal)} could be brought about by {name}, but {why}"] = None
         if nobody:
             self.said[f"{_wish(literal)} could be brought about by {' or '.join(nobody)}, which nobody offers now"] = None
