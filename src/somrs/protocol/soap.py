@@ -74,6 +74,7 @@ _ADDRESSING = ("To", "From", "ReplyTo", "FaultTo", "Action", "MessageID", "Relat
 _ADDRESSING_TAGS = {f"{{{WSA}}}{name}": name for name in _ADDRESSING}
 _SESSION_TAGS = {f"{{{FRP}}}{name}": name for name in SESSION}
 _SESSION = frozenset(_SESSION_TAGS)
+_ENVELOPE = f"{{{ENV}}}Envelope"
 _ROLE, _MUST_UNDERSTAND = f"{{{ENV}}}role", f"{{{ENV}}}mustUnderstand"
 # In libxml2 all the way: to look at each element from Python takes as long as to parse it.
 _too_deep = etree.XPath(f"boolean({'/*' * (MOST_DEPTH + 1)})")
@@ -289,10 +290,10 @@ def decode(document: bytes) -> Message:
 def _place(element: Element, found: dict[str, str]) -> Place:
     """Which message it is, when its headers fit it."""
     place = _BY_TAG.get(str(element.tag))
-    namespace = etree.QName(element).namespace or ""
-    if namespace.startswith("urn:so-mrs:frp:") and namespace != FRP:
-        raise WireError("frp:UnknownVersion", f"{_short(namespace)} is an unknown version of the protocol; {FRP} is spoken here")
     if place is None:
+        namespace = etree.QName(element).namespace or ""
+        if namespace.startswith("urn:so-mrs:frp:") and namespace != FRP:
+            raise WireError("frp:UnknownVersion", f"{_short(namespace)} is an unknown version of the protocol; {FRP} is spoken here")
         raise WireError(ACTION_NOT_SUPPORTED, f"{_short(element.tag)} is no message that is known here")
     if "Action" not in found:
         raise WireError(HEADER_REQUIRED, "the header wsa:Action is missing")
@@ -310,10 +311,10 @@ def _short(text: object) -> str:
 
 
 def _parts(root: Element) -> tuple[Element | None, Element]:
-    name = etree.QName(root)
-    if name.localname == "Envelope" and name.namespace != ENV:
-        raise WireError("env:VersionMismatch", f"SOAP 1.2 is spoken here, and this is an envelope of {_short(name.namespace)}")
-    if root.tag != f"{{{ENV}}}Envelope":
+    if root.tag != _ENVELOPE:
+        name = etree.QName(root)
+        if name.localname == "Envelope":
+            raise WireError("env:VersionMismatch", f"SOAP 1.2 is spoken here, and this is an envelope of {_short(name.namespace)}")
         raise WireError(SENDER, f"a SOAP Envelope was expected, and this is {_short(root.tag)}")
     children = list(root)
     header = children[0] if children and children[0].tag == f"{{{ENV}}}Header" else None
