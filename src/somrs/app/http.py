@@ -89,6 +89,7 @@ class Server:
             timeout_keep_alive=KEPT_TIME + 15,
             timeout_graceful_shutdown=1,
             backlog=512,
+            proxy_headers=False,
             headers=[("Accept-Post", batches.ACCEPTED)],
         )
         self._server = _Quiet(config)
