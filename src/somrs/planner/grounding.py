@@ -72,21 +72,25 @@ class Grounding:
         return GOAL in self.facts.new
 
     def _run(self, demanded: list[Demand]) -> None:
-        by_need: dict[str, list[tuple[Demand, Bound, Pattern]]] = {}
+        # The needs that a fact may meet, by its predicate and one argument, if one is known (its place, and what it is).
+        by_need: dict[tuple[str, int, Argument], list[tuple[Demand, Bound, Pattern]]] = {}
         for demand in demanded:
             bound = dict(demand.values)
             for need in dict.fromkeys(demand.operator.needs):
-                by_need.setdefault(need[0], []).append((demand, bound, need))
+                known = [self._argument(term, bound) for term in need[1]]
+                place = next((place for place, argument in enumerate(known) if argument is not None), -1)
+                by_need.setdefault((need[0], place, known[place] or "" if place >= 0 else ""), []).append((demand, bound, need))
             self._extend(demand, bound, None)
         while self._waiting:
             fact = self._waiting.pop()
             if not self.facts.add(fact):
                 continue
             for arguments in self._orders(*fact):
-                for demand, bound, need in by_need.get(fact[0], ()):
-                    matched = self._match(demand, need, arguments, bound)
-                    if matched is not None:
-                        self._extend(demand, matched, need)
+                for place, argument in ((-1, ""), *enumerate(arguments)):
+                    for demand, bound, need in by_need.get((fact[0], place, argument), ()):
+                        matched = self._match(demand, need, arguments, bound)
+                        if matched is not None:
+                            self._extend(demand, matched, need)
 
     def _orders(self, predicate: str, arguments: tuple[Argument, ...]) -> tuple[tuple[Argument, ...], ...]:
         return (arguments, arguments[::-1]) if self.world.known.symmetric(predicate) else (arguments,)
@@ -276,7 +280,7 @@ class Grounding:
         return Action(operator, bound, needs, tuple(dict.fromkeys(adds)), tuple(map(ground, operator.removes)))
 
     def _effect(self, pattern: Pattern, bound: Bound) -> Fact | None:
-        """The fact that the effect makes; None for one that makes no sense (a thing on itself, a value that is none)."""
+        """The fact that the effect makes; None for one that makes no sense (a thing in its own place, a value that is none)."""
         predicate, terms = pattern
         if predicate.startswith("."):
             owner = self._argument(terms[0], bound)
@@ -285,9 +289,16 @@ class Grounding:
             fits = isinstance(owner, str) and value is not None and self.world.has(owner, predicate[1:])
             return (predicate, (owner, value)) if fits and owner is not None and value is not None else None
         arguments = tuple(argument for term in terms if (argument := self._argument(term, bound)) is not None)
-        if len(set(arguments)) < len(arguments) or any(argument not in self.world.map.objects for argument in arguments):
+        if any(argument not in self.world.map.objects for argument in arguments):
+            return None
+        if len(set(arguments)) < len(arguments) and not self._with_itself(predicate):
             return None
         return self.world.canonical((predicate, arguments))
+
+    def _with_itself(self, predicate: str) -> bool:
+        """Whether an object may stand in the relation to itself: no place is its own, nor is anything beside itself."""
+        relation = self.world.ontology.relations.get(predicate)
+        return relation is not None and not (relation.functional or relation.symmetric or relation.excludes)
 
     def _value(self, term: Argument | Term, attribute: AttributeType | None, bound: Bound) -> Constant | None:
         """What the attribute will be, as the map will have it."""

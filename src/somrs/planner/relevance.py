@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from somrs.entish import Comparison, Name, Number, Text, Truth, Variable
+from somrs.entish import Comparison, Name, Number, Relation, Text, Truth, Variable
+from somrs.entish.formula import variables
+from somrs.ontology.services import PROVIDER
 from somrs.planner.operators import SOME, Argument, Operator, Pattern
 from somrs.planner.world import World
 
@@ -46,7 +48,38 @@ def demands(goals: Sequence[Operator], world: World, *, narrow: bool = False, de
         new = [demand for wish in fresh for demand in _helping(wish, world) if demand not in found]
         new = list(dict.fromkeys(new))
         found.update(dict.fromkeys(new))
-    return list(found)
+    return _without_special(found, world, narrow)
+
+
+def _without_special(found: Iterable[Demand], world: World, narrow: bool) -> list[Demand]:
+    """The demands without those that are a special case of another one: who may move any crate may move this one.
+
+    When narrow, not all objects are tried where any will do, and the special case stays that names one.
+    """
+    kept: list[Demand] = []
+    general: dict[Operator, dict[tuple[str, ...], dict[tuple[Argument, ...], list[Demand]]]] = {}
+    for demand in sorted(found, key=lambda demand: (len(demand.values), len(demand.kinds))):
+        values = dict(demand.values)
+        by_names = general.setdefault(demand.operator, {})
+        if not any(
+            _covers(other, demand, world, narrow)
+            for names, by_values in by_names.items()
+            if all(name in values for name in names)
+            for other in by_values.get(tuple(values[name] for name in names), ())
+        ):
+            kept.append(demand)
+            by_names.setdefault(tuple(values), {}).setdefault(tuple(values.values()), []).append(demand)
+    return kept
+
+
+def _covers(general: Demand, special: Demand, world: World, narrow: bool) -> bool:
+    """Whether all that is of the types that the special one asks for is of those of the general one."""
+    values, kinds = dict(special.values), dict(special.kinds)
+    if narrow and not {*values} - {name for name, _ in general.values} <= {PROVIDER, *_found_by_facts(special.operator)}:
+        return False
+    return all(
+        world.is_a(values[name], wanted) if name in values else wanted <= kinds.get(name, ANYTHING) for name, wanted in general.kinds
+    )
 
 
 def _helping(wanted: Wanted, world: World) -> Iterator[Demand]:
@@ -122,3 +155,12 @@ def _matched(
 
 def _name(item: tuple[str, object]) -> str:
     return item[0]
+
+
+def _found_by_facts(operator: Operator) -> Iterator[str]:
+    """The variables that what the operator needs binds."""
+    for _, arguments in operator.needs:
+        yield from (argument.name for argument in arguments if isinstance(argument, Variable))
+    for literal in operator.static:
+        if isinstance(literal, Relation):
+            yield from variables(literal)
