@@ -14,9 +14,8 @@ from looking_lab import SITE, after, carrying, lab, looking
 from robot_lab import run
 from somrs.app.device import load
 from somrs.devices.simulator.commands import Fault
-from somrs.entish.formula import Formula
 from somrs.ontology.files import load_text, upper
-from somrs.service_manager.device import Device, Task, service
+from somrs.service_manager import Device
 from somrs.service_manager.orders import Done, Halt, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
 
 
@@ -199,27 +198,20 @@ def test_a_robot_that_fell_silent_is_said_to_have_failed_and_nothing_is_claimed_
 
 def test_the_documentation_shows_how_to_offer_it_oneself() -> None:
     page = (Path(__file__).parent.parent / "docs" / "cognitive-services.md").read_text()
-    python, *_ = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-
-    async def in_view(device: Device, task: Task) -> None:
-        return None
-
-    names: dict[str, object] = {"service": service, "in_view": in_view, "Task": Task, "Situation": object, "Formula": Formula}
-    names["Device"] = Device
-    exec(
-        f"from __future__ import annotations\nclass Lookout(Device):\n    type = 'StationaryDevice'\n{textwrap.indent(python, '    ')}",
-        names,
-    )
-    kind = names["Lookout"]
+    (python,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    names: dict[str, object] = {}
+    exec(python, names)
+    kind = names["LabelReader"]
     assert isinstance(kind, type)
     assert issubclass(kind, Device)
 
     async def test() -> None:
         async with lab() as at:
-            device = kind("Robot1")
-            assert isinstance(await at.do(device, Quote(looking("Jar1"))), Quoted)
-            assert await at.found(device, "Jar1") == "Jar1 isOn Table001 AND Jar1.Unknown = FALSE"
-            assert isinstance(await at.do(device, Undo(looking("Jar1"), "Jar1.Unknown = TRUE")), Done)
+            device = kind("Reader1")
+            assert await at.do(device, Quote(looking("Jar1"))) == Quoted(price=1.0, duration=1.0)
+            assert after(await at.found(device, "Jar1")).holds("isOn", ("Jar1", "Table1"))
+            with pytest.raises(Refusal, match="does not read the label of Jar2"):
+                await at.do(device, Quote(looking("Jar2")))
 
     run(test())
 

@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 import shlex
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import pytest
-
-from lab import lab
 from somrs.app.export import Table, columns
 from somrs.app.tasks import handlers
 from somrs.ontology.files import load_text, upper
 from somrs.ontology.services import Occasion
 from somrs.protocol.clients import ContractView, EventKind, MessageView, StepView, TaskEvent, TaskRecord, WorkView
 from somrs.protocol.frp import State
-from somrs.repository.component import Repository
-from somrs.repository.entries import Contents
-from somrs.service_manager import Refusal, participant
-from somrs.service_manager.orders import Done, Order, Perform, Quote, Quoted
-from somrs.service_manager.work import carry_out
+from somrs.service_manager import participant
 from somrs.task_manager import participants, recovery, tender, transaction
-from virtual_devices import asking
 from virtual_system import Robot, VirtualSystem
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -67,23 +56,6 @@ def test_the_words_and_the_limits_are_those_of_the_program() -> None:
         (row,) = [line for line in TEXT.splitlines() if f"`{name}`" in line and line.startswith("|")]
         assert re.search(rf"\b{value:g}\b", row), row
     assert 2 * participants.SILENCE > participant.CUT_OFF
-
-
-def test_a_device_that_looks_can_be_written_so() -> None:
-    (block,) = re.findall(r"```python\n(.*?)```", (DOCS / "cognitive-services.md").read_text(), re.DOTALL)
-    written: dict[str, Any] = {}
-    exec(block, written)
-    ontology, map = lab()
-    ask = asking(Repository("http://here/repository", Contents(ontology=ontology, map=map)), lambda: 0.0)
-
-    async def asked(work: Callable[[Order], Quote | Perform], object: str) -> object:
-        order = Order(participant="p", method="recognize", inputs={"Object": object}, effect=f"{object}.Unknown = FALSE")
-        return await carry_out(written["LabelReader"]("Reader1"), work(order), ask, lambda report: None)
-
-    assert asyncio.run(asked(Quote, "Jar1")) == Quoted(price=1.0, duration=1.0)
-    assert asyncio.run(asked(Perform, "Jar1")) == Done(situation="Jar1 isOn Table1 AND Jar1.Unknown = FALSE")
-    with pytest.raises(Refusal, match="does not read the label of Jar2"):
-        asyncio.run(asked(Quote, "Jar2"))
 
 
 def test_every_field_of_what_is_kept_is_explained() -> None:
