@@ -37,9 +37,9 @@ def test_everyone_goes_home_when_a_disk_is_lost(whose: Lost) -> None:
     assert _fallen({**check_lost_disk(FIFO, whose).cells}) == []
 
 
-@pytest.mark.parametrize(("cut_off", "expiry"), [(False, True), (True, False)])
-def test_without_the_timing_assumption_two_work_on_one_step(cut_off: bool, expiry: bool) -> None:
-    broken = check_assumption(cut_off=cut_off, expiry=expiry).cells[Property.HANDS]
+@pytest.mark.parametrize(("cut_off", "clocks"), [(False, True), (True, False)])
+def test_without_the_timing_assumption_two_work_on_one_step(cut_off: bool, clocks: bool) -> None:
+    broken = check_assumption(cut_off=cut_off, clocks=clocks).cells[Property.HANDS]
     assert broken is not None
     chart = "\n".join(broken.chart)
     assert "gives up A [Unreachable]" in chart

@@ -317,6 +317,59 @@ def test_compensation() -> None:
     assert hall.report() == frp.Compensated(situation="Jar1 isOn Table2")
 
 
+def test_an_execute_that_comes_too_late_moves_nothing() -> None:
+    hall = Hall()
+    late = msgspec.structs.replace(EXECUTE, begin_by=hall.world.now - 1)
+    hall.arranged("s1")
+    hall.session("s1").accept()  # that is lost
+    hall.ask("s1", late)
+    hall.until("s1", State.ENDED)
+    assert "too late to begin" in hall.session("s1").reason
+    hall.arranged("s2")
+    hall.ask("s2", ACCEPT)
+    hall.ask("s2", late)
+    hall.until("s2", State.FAILED)
+    failed = hall.report()
+    assert isinstance(failed, frp.Failed)
+    assert not failed.tried
+    assert "do not agree" in failed.description, "that clocks differ may be the cause"
+    assert hall.said().count("Failed") == 1
+    hall.world.run(120)
+    assert hall.device.at_once == 0
+
+
+def test_a_compensate_that_comes_too_late_moves_nothing() -> None:
+    hall = Hall()
+    hall.executing()
+    hall.until("s1", State.COMPLETED)
+    hall.ask("s1", frp.Compensate(situation="Jar1 isOn Table2", begin_by=hall.world.now - 1))
+    hall.until("s1", State.STRANDED)
+    stranded = hall.report()
+    assert isinstance(stranded, frp.Stranded)
+    assert not stranded.tried
+    assert hall.manager.idle
+
+
+def test_what_came_in_time_may_wait_for_its_turn() -> None:
+    hall = Hall()
+    hall.executing("s1")
+    hall.arranged("s2")
+    hall.ask("s2", ACCEPT)
+    hall.ask("s2", msgspec.structs.replace(EXECUTE, begin_by=hall.world.now + 10))
+    hall.until("s1", State.COMPLETED)
+    hall.until("s2", State.COMPLETED)
+
+
+def test_an_execute_that_comes_again_too_late_changes_nothing() -> None:
+    hall = Hall()
+    hall.arranged()
+    hall.ask("s1", ACCEPT)
+    hall.ask("s1", msgspec.structs.replace(EXECUTE, begin_by=hall.world.now + 10))
+    hall.world.run(20)
+    hall.world.send(hall.session("s1")._again("Execute")[0])
+    hall.until("s1", State.COMPLETED)
+
+
 def test_one_at_a_time_in_the_order_of_the_orders() -> None:
     hall = Hall()
     hall.executing("s1")

@@ -24,6 +24,8 @@ COLUMNS = 160
 BOUNDS = (
     "One copy of a message is under way at a time, but on the duplicating medium, which delivers whatever the others can.",
     "Two participants, FIFO and lossy: senders repeat their oldest message first, as the nodes do that run; one participant: in any order.",
+    "Two participants, or a lost disk: an order is too late when its participant is given up; else it may be so at any moment.",
+    "An order is said again to one that it did not reach; that it comes again later is the duplicating medium's.",
     "A lost disk: one, once, with no other restarts; only property 3 is asked for, as nobody is held to what is forgotten.",
     "Property 5, the map tells the truth, is about the Task Manager's data and not in this model: it is checked in the fault runs.",
 )
@@ -58,8 +60,8 @@ def _properties(console: Console) -> tuple[int, int]:
             results.append(result)
             bar.advance(task)
         without = []
-        for cut_off, expiry in ((False, True), (True, False)):
-            without.append(check_assumption(cut_off=cut_off, expiry=expiry, tick=tick))
+        for cut_off, clocks in ((False, True), (True, False)):
+            without.append(check_assumption(cut_off=cut_off, clocks=clocks, tick=tick))
             bar.advance(task)
     console.print(table(results, "The Failure Recovery Protocol, in every state that can be reached"))
     console.print(table(without, "Without the timing assumption property 1 has to fall: it is no protocol's to keep"))

@@ -34,6 +34,10 @@ MUST_SAY: dict[State, type[object]] = {
 }
 
 
+MUST_SAY_AGAIN: dict[State, type[object]] = {State.EXECUTING: frp.Execute, State.COMPENSATING: frp.Compensate}
+"""What it says again when the participant was not reached in time."""
+
+
 class Phase(Enum):
     """How far the transaction is. Failed and cancelled ones go the same way, so both are `BROKEN`."""
 
@@ -77,13 +81,6 @@ class Coordinators(Side[Coordinator]):
         known = key(one.session, lambda state, name: name == "Terms" or self.futures.moves_coordinator(state, name))
         return self._number((known, one.phase, one.left, one.given_up, one.overdue), one)
 
-    def receive(self, at: int, token: int) -> Step:
-        """What comes of hearing it."""
-        if (at, token) not in self.heard:
-            what = f"hears {self.hears.name(token)}"
-            self.heard[at, token] = trial(lambda: self._receive(at, token, what), what, at)
-        return self.heard[at, token]
-
     def _receive(self, at: int, token: int, what: str) -> Step:
         one, session = self.states[at], self.states[at].session.kept()
         message = self.hears.messages[token]
@@ -104,19 +101,16 @@ class Coordinators(Side[Coordinator]):
         session.reason = ""
         return self._add(replace(one, session=session, phase=phase))
 
-    def moves(self, at: int) -> tuple[Step, ...]:
-        """What it may do of its own accord. `joint` names the moves that depend on the other participants, or move them, too."""
-        if at not in self._moves:
-            self._moves[at] = tuple(self._all_moves(at))
-        return self._moves[at]
-
     def _all_moves(self, at: int) -> Iterator[Step]:
+        """`joint` names the moves that depend on the other participants, or move them, too."""
         one = self.states[at]
         state, said = one.session.state, one.session.said
         allowed = states.COORDINATOR_SENDS.get(state, {})
         undo = state in UNDONE_AT_LAST and "Execute" in said
         if one.phase is Phase.OPEN:
             for kind in dict.fromkeys((*allowed, *([MUST_SAY[state]] if state in MUST_SAY else []))):
+                if kind is MUST_SAY_AGAIN.get(state):
+                    continue
                 if kind is frp.Compensate and undo:
                     yield self._say(at, kind, joint="claim")
                 elif kind is frp.Accept:
@@ -138,11 +132,13 @@ class Coordinators(Side[Coordinator]):
             yield self._end(at, "overdue", Phase.BROKEN)
         if one.phase in (Phase.OPEN, Phase.STOPPING) and state in states.GIVES_UP:
             yield self._give_up(at)
+        if one.phase in (Phase.OPEN, Phase.STOPPING) and state in MUST_SAY_AGAIN:
+            yield self._say(at, MUST_SAY_AGAIN[state], joint="again")
         if self.queries and one.phase in (Phase.OPEN, Phase.STOPPING) and state in states.WORKING:
             yield self._say(at, frp.Query)
 
     def _say(self, at: int, kind: type[object], *, fair: Fair = Fair.NO, joint: str = "") -> Step:
-        what = f"says {kind.__name__}"
+        what = f"says {kind.__name__}{' again' if joint == 'again' else ''}"
         return trial(lambda: self._spoken_up(at, kind, what, fair, joint), what, at)
 
     def _spoken_up(self, at: int, kind: type[object], what: str, fair: Fair, joint: str) -> Step:
@@ -150,6 +146,8 @@ class Coordinators(Side[Coordinator]):
         if kind is frp.Query:
             session.said = {name: said for name, said in session.said.items() if name != "Query"}
             session.number = [*State].index(session.state)  # questions asked in one state are the same question
+        elif joint == "again":
+            self.says.ready_again(session, kind)
         else:
             self.says.ready(session, kind)
         message = session.accept() if kind is frp.Accept else session.send(COORDINATOR_SAYS[kind])

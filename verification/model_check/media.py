@@ -127,6 +127,16 @@ class Medium:
         queue, unacknowledged, copies = channel
         return Channel(tuple(token for token in queue if not tokens >> token & 1), unacknowledged & ~tokens, copies & ~tokens)
 
+    def lapsed(self, channel: Channel, order: int, late: int) -> Channel:
+        """The order's time is over: it is not sent again, and whatever of it is under way is too late."""
+        queue, unacknowledged, copies = channel
+        queue = tuple(late if token == order else token for token in queue if token != late)
+        waits, here = unacknowledged >> order & 1, copies >> order & 1
+        unacknowledged &= ~(1 << order)
+        if waits and not self.ordered and not self.duplicating:
+            unacknowledged |= 1 << late  # here that means that it is under way
+        return Channel(queue, unacknowledged, copies & ~(1 << order) | here << late)
+
     def restarted(self, channel: Channel) -> tuple[Channel, ...]:
         """What a restart of the sender leaves: what its node had yet to send is forgotten, what is under way may arrive."""
         if self.ordered or not self.lossy:

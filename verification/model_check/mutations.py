@@ -158,7 +158,7 @@ class Trial:
 
 TRIALS = (
     *(
-        Trial(name=f"1 participant, {medium.name}", model=Model(medium=medium))
+        Trial(name=f"1 participant, {medium.name}", model=Model(medium=medium, lapses=True))
         for medium in (DUPLICATING, FIFO, UNORDERED_LOSSY, UNORDERED)
     ),
     *(

@@ -12,7 +12,7 @@ from enum import Enum
 from somrs.protocol import frp, states
 from somrs.protocol.frp import State
 from somrs.protocol.session import ParticipantBody, ParticipantSession
-from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Fair, Side, Step, forget_fleeting, key, trial
+from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Fair, Side, Step, forget_fleeting, is_late, key, trial
 
 # Bodies say nothing here: what they carry changes no state.
 PARTICIPANT_SAYS: dict[type[object], ParticipantBody] = {
@@ -36,6 +36,10 @@ MUST_SAY: dict[State, tuple[type[object], ...]] = {
     State.STOPPING: (frp.Progress, frp.Completed, frp.Failed, frp.Stopped),
     State.COMPENSATING: (frp.Progress, frp.Compensated, frp.Stranded),
 }
+
+
+UNBEGUN: dict[State, type[object]] = {State.OFFERED: frp.Refuse, State.COMMITTED: frp.Failed}
+"""What it answers to an Execute that came too late; to a Compensate, Stranded."""
 
 
 class Deed(Enum):
@@ -75,16 +79,13 @@ class Participants(Side[Participant]):
         known = key(one.session, self.futures.moves_participant)
         return self._number((known, one.moving, one.verdict, one.halted, one.deed, one.committed, one.forgot), one)
 
-    def receive(self, at: int, token: int) -> Step:
-        """What comes of hearing it."""
-        if (at, token) not in self.heard:
-            what = f"hears {self.hears.name(token)}"
-            self.heard[at, token] = trial(lambda: self._receive(at, token, what), what, at)
-        return self.heard[at, token]
-
     def _receive(self, at: int, token: int, what: str) -> Step:
         one, session = self.states[at], self.states[at].session.kept()
         message = self.hears.messages[token]
+        late = is_late(message)
+        if late and isinstance(message.body, frp.Execute) and session.state in UNBEGUN:
+            says = self._refused(session, UNBEGUN[session.state])
+            return Step(what, self._add(replace(one, session=session)), says)
         self.says.ready(session, states.PARTICIPANT[session.state][type(message.body)].send)
         heard = session.receive(message)
         forget_fleeting(session)
@@ -94,6 +95,8 @@ class Participants(Side[Participant]):
         )
         if heard.before is State.ENDED and heard.state is not State.ENDED:
             wrong = f"a participant that is over becomes {heard.state}"
+        elif late and heard.moved and heard.state is State.COMPENSATING:
+            says = (*says, *self._refused(session, frp.Stranded))
         elif heard.moved and heard.state in (State.EXECUTING, State.COMPENSATING) and heard.before is not heard.state:
             began = heard.state is State.EXECUTING
             after = replace(after, moving=True, halted=False, verdict=None, deed=Deed.BEGUN if began else one.deed)
@@ -101,13 +104,13 @@ class Participants(Side[Participant]):
             after = replace(after, verdict=None, halted=False)
         return Step(what, self._add(after), says, wrong=wrong)
 
-    def moves(self, at: int) -> tuple[Step, ...]:
-        """What it may do of its own accord, and what its device and its timers do to it."""
-        if at not in self._moves:
-            self._moves[at] = tuple(self._all_moves(at))
-        return self._moves[at]
+    def _refused(self, session: ParticipantSession, kind: type[object]) -> tuple[int, ...]:
+        """As `ServiceManager` answers an order that came too late: nothing moves."""
+        self.says.ready(session, kind)
+        return (self.says.number(session.send(PARTICIPANT_SAYS[kind]), session.number),)
 
     def _all_moves(self, at: int) -> Iterator[Step]:
+        """With what its device and its timers do to it."""
         one = self.states[at]
         state = one.session.state
         for kind in dict.fromkeys((*states.PARTICIPANT_SENDS.get(state, {}), *MUST_SAY.get(state, ()))):

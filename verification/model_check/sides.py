@@ -7,10 +7,13 @@ worked out once by the session itself, and remembered: the exploration then hand
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Generic, NamedTuple, TypeVar
+
+from msgspec import structs
 
 from somrs.errors import UsageError
 from somrs.protocol import frp
@@ -21,6 +24,9 @@ from verification.model_check.futures import Futures
 
 TM, SM, TRANSACTION, PARTICIPANT = "tm", "sm", "t", "service#step"
 FLEETING = ("Progress", "Status", "Fault", "Query")
+
+LAPSED = 0.0
+"""The `begin_by` of an order that is too late to begin with, by the participant's clock. The others have none, and are in time."""
 
 
 class Fair(IntEnum):
@@ -68,6 +74,19 @@ class Post:
         before = session.said.get(kind.__name__) if kind is not None else None
         session.number = self._count.get(before.id, 0) if before is not None else 0
 
+    def lapsed(self, token: int) -> int:
+        """The same message, too late to begin with; itself when it is no order, or is too late already."""
+        message = self.messages[token]
+        if not isinstance(message.body, frp.Execute | frp.Compensate) or is_late(message):
+            return token
+        late = structs.replace(message, body=structs.replace(message.body, begin_by=LAPSED))
+        return self.number(late, self._count[message.header.message_id])
+
+    def ready_again(self, session: CoordinatorSession, kind: type[object]) -> None:
+        """As `ready`, to say the same again under the same number: to whoever hears it, both mean the same."""
+        self.ready(session, kind)
+        session.number -= 1
+
     def name(self, token: int) -> str:
         return type(self.messages[token].body).__name__
 
@@ -85,7 +104,14 @@ def _identity(message: Message) -> object:
         return "Progress"
     if isinstance(body, frp.Fault):
         return "Fault", header.relates_to
+    if is_late(message):
+        return "late", header.message_id
     return header.message_id
+
+
+def is_late(message: Message) -> bool:
+    """Whether it is an order that is too late to begin with."""
+    return isinstance(message.body, frp.Execute | frp.Compensate) and message.body.begin_by == LAPSED
 
 
 def key(session: CoordinatorSession | ParticipantSession, matters: Callable[[State, str], bool]) -> object:
@@ -98,8 +124,8 @@ S = TypeVar("S")
 
 
 @dataclass
-class Side(Generic[S]):
-    """The states of one side by number."""
+class Side(ABC, Generic[S]):
+    """The states of one side by number, and what comes of each once it was worked out."""
 
     hears: Post
     says: Post
@@ -115,6 +141,25 @@ class Side(Generic[S]):
             self._numbers[key] = len(self.states)
             self.states.append(state)
         return self._numbers[key]
+
+    def receive(self, at: int, token: int) -> Step:
+        """What comes of hearing it."""
+        if (at, token) not in self.heard:
+            what = f"hears {'late ' if is_late(self.hears.messages[token]) else ''}{self.hears.name(token)}"
+            self.heard[at, token] = trial(lambda: self._receive(at, token, what), what, at)
+        return self.heard[at, token]
+
+    def moves(self, at: int) -> tuple[Step, ...]:
+        """What it may do of its own accord."""
+        if at not in self._moves:
+            self._moves[at] = tuple(self._all_moves(at))
+        return self._moves[at]
+
+    @abstractmethod
+    def _receive(self, at: int, token: int, what: str) -> Step: ...
+
+    @abstractmethod
+    def _all_moves(self, at: int) -> Iterator[Step]: ...
 
     def _spoken(self, session: CoordinatorSession | ParticipantSession, messages: tuple[Message, ...]) -> tuple[tuple[int, ...], str]:
         """The messages' numbers, and what is wrong with them."""

@@ -44,8 +44,8 @@ ALONE = (Property.FITS, Property.CONTRACT, Property.HOME, Property.HALF_DONE, Pr
 def check_one(medium: Medium, tick: Tick | None = None) -> Result:
     """One participant, killed and restarted at any moment and, for property 7, never."""
     began = time.perf_counter()
-    calm = explore(Link(Model(medium=medium, restarts=False)), alone=True, tick=tick)
-    space = explore(Link(Model(medium=medium)), alone=True, tick=tick)
+    calm = explore(Link(Model(medium=medium, restarts=False, lapses=True)), alone=True, tick=tick)
+    space = explore(Link(Model(medium=medium, lapses=True)), alone=True, tick=tick)
     cells: dict[Property, Broken | None] = dict.fromkeys(ALONE)
     cells |= _fallen(space)
     if new := space.outcomes - calm.outcomes:
@@ -76,10 +76,10 @@ def check_lost_disk(medium: Medium, whose: Lost, tick: Tick | None = None) -> Re
     )
 
 
-def check_assumption(*, cut_off: bool, expiry: bool, tick: Tick | None = None) -> Result:
+def check_assumption(*, cut_off: bool, clocks: bool, tick: Tick | None = None) -> Result:
     """Two participants without a half of the timing assumption: property 1 has to fall, for no protocol can have it then."""
     began = time.perf_counter()
-    _, space = _two(Model(medium=FIFO, restarts=False, cut_off=cut_off, expiry=expiry), tick)
+    _, space = _two(Model(medium=FIFO, restarts=False, cut_off=cut_off, clocks=clocks), tick)
     without = "a silent participant works on" if not cut_off else "a late order is obeyed"
     cells = {Property.HANDS: fallen_of_two(space).get(Property.HANDS)}
     return Result(medium=FIFO.name, what=without, states=len(space.states), seconds=time.perf_counter() - began, cells=cells)

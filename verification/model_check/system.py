@@ -13,13 +13,14 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
-from somrs.protocol.frp import Compensate, Execute, State
+from somrs.protocol.frp import State
 from somrs.protocol.states import WORKING, Said
+from somrs.task_manager.participants import IDLE
 from verification.model_check.coordinator import Coordinator, Coordinators, Phase
 from verification.model_check.futures import Futures
-from verification.model_check.media import EMPTY, Arrival, Channel, Event, Medium
+from verification.model_check.media import EMPTY, Arrival, Channel, Event, Medium, members
 from verification.model_check.participant import Participant, Participants
-from verification.model_check.sides import Fair, Post, Step
+from verification.model_check.sides import Fair, Post, Step, is_late
 
 SURE = frozenset(("Cancel", "End", "Terms", "Refuse", "Completed", "Failed", "Stopped", "Compensated", "Stranded"))
 """What is sent again for a day. Signs of life, questions and Faults are not, and orders only while they are wanted."""
@@ -27,9 +28,6 @@ SURE = frozenset(("Cancel", "End", "Terms", "Refuse", "Completed", "Failed", "St
 WANTED = {"Arrange": State.ARRANGING, "Accept": State.COMMITTED, "Execute": State.EXECUTING, "Stop": State.STOPPING,
           "Compensate": State.COMPENSATING}  # fmt: skip
 """The coordinator's state in which it sends an order again."""
-
-ORDERS: frozenset[Said] = frozenset((Execute, Compensate))
-"""What lets a device move."""
 
 LinkState = tuple[int, int, int, int]
 """The numbers of the coordinator's state, the participant's, and of the channels to the participant and to the coordinator."""
@@ -45,16 +43,18 @@ class Lost(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """One configuration. Without `cut_off` and `expiry`, the timing assumption of this package does not hold."""
+    """One configuration. Without `cut_off` and `clocks`, the timing assumption of this package does not hold."""
 
     medium: Medium
     restarts: bool = True
     """Either side may be killed and started again from its journal at any moment."""
     lost_disk: Lost = Lost.NONE
+    lapses: bool = False
+    """An order under way may come to be too late at any moment; if not, when its participant is given up."""
     cut_off: bool = True
     """No device moves any more when its participant is given up."""
-    expiry: bool = True
-    """No order that is under way when a participant is given up makes a device move any more."""
+    clocks: bool = True
+    """An order that is under way when a participant is given up is too late by the participant's clock, too."""
 
 
 class Move(NamedTuple):
@@ -78,6 +78,7 @@ class _Channels:
         self._put: dict[tuple[int, tuple[int, ...]], int] = {}
         self._arrivals: dict[int, tuple[tuple[Arrival, int], ...]] = {}
         self._events: dict[int, tuple[tuple[Event, int], ...]] = {}
+        self._lapsed: dict[int, tuple[tuple[Event, int], ...]] = {}
         self._without: dict[tuple[int, frozenset[Said]], int] = {}
 
     def number(self, channel: Channel) -> int:
@@ -105,6 +106,18 @@ class _Channels:
         if at not in self._events:
             self._events[at] = tuple((one, self.number(one.after)) for one in self.medium.events(self.all[at]))
         return self._events[at]
+
+    def lapsed(self, at: int) -> tuple[tuple[Event, int], ...]:
+        """What it is when the time of one of the orders in it is over."""
+        if at not in self._lapsed:
+            channel = self.all[at]
+            found = []
+            for token in {*channel.queue, *members(channel.unacknowledged | channel.copies)}:
+                if (late := self.post.lapsed(token)) != token:
+                    after = self.medium.lapsed(channel, token, late)
+                    found.append((Event("is too late now", token, after, False), self.number(after)))
+            self._lapsed[at] = tuple(found)
+        return self._lapsed[at]
 
     def without(self, at: int, kinds: frozenset[Said]) -> int:
         """None of these types arrives any more."""
@@ -180,6 +193,9 @@ class Link:
             if step.joint == "give up":
                 if (after := self._given_up(state, step)) is not None:
                     yield Move("", Fair.NO, after, "tm", step)
+            elif step.joint == "again":
+                if self.participants.states[p].session.state in IDLE.get(self.coordinators.states[c].session.state, ()):
+                    yield Move("", Fair.YES, (step.after, p, put_down(down, step.says), up), "tm", step, step.wrong)
             elif step.what != "says Query" or down == 0:  # it asks when all is silent
                 fair = step.fair or _yes((asks and step.what == "says Query") or (waits and step.what == "says Cancel"))
                 yield Move(step.joint, fair, (step.after, p, put_down(down, step.says), up), "tm", step, step.wrong)
@@ -197,6 +213,8 @@ class Link:
         for event, rest in self._to_participant.events(down):
             if (happens := _fair(event, self._is_wanted(c, event.token))) is not None:
                 yield Move("", happens, (c, p, rest, up), "down", event)
+        for event, rest in self._to_participant.lapsed(down) if self.model.lapses else ():
+            yield Move("", Fair.NO, (c, p, rest, up), "down", event)
         for event, rest in self._to_coordinator.events(up):
             if (happens := _fair(event, self._is_repeated(p, event.token))) is not None:
                 yield Move("", happens, (c, p, down, rest), "up", event)
@@ -210,15 +228,15 @@ class Link:
         _, p, down, up = state
         if self.model.cut_off and self.participants.states[p].moving:
             return None
-        if self.model.expiry:
-            down = self._to_participant.without(down, ORDERS)
+        while self.model.clocks and (lapsed := self._to_participant.lapsed(down)):
+            down = lapsed[0][1]
         return step.after, p, down, up
 
     def _is_wanted(self, c: int, token: int) -> bool:
         """Whether the coordinator's node sends it again until it arrives."""
         if (c, token) not in self._wanted:
-            name = self.down.name(token)
-            self._wanted[c, token] = name in SURE or WANTED.get(name) is self.coordinators.states[c].session.state
+            name, late = self.down.name(token), is_late(self.down.messages[token])
+            self._wanted[c, token] = name in SURE or (not late and WANTED.get(name) is self.coordinators.states[c].session.state)
         return self._wanted[c, token]
 
     def _is_repeated(self, p: int, token: int) -> bool:

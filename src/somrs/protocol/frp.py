@@ -1,6 +1,8 @@
 """The bodies of the Failure Recovery Protocol, between a Task Manager (coordinator) and a service (participant).
 
 Formulas are Entish text. Times are seconds: `duration` and `reply_by` etc. on the clock of the coordinator's node.
+
+`begin_by`: an order that comes later than that is not obeyed, as its step may be another's by then. None: whenever it comes.
 """
 
 from __future__ import annotations
@@ -92,6 +94,7 @@ class Execute(Struct, frozen=True, kw_only=True, tag=True):
 
     inputs: dict[str, str]
     precondition: str | None = None
+    begin_by: float | None = None
 
 
 class Progress(Struct, frozen=True, kw_only=True, tag=True):
@@ -110,10 +113,11 @@ class Completed(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Failed(Struct, frozen=True, kw_only=True, tag=True):
-    """The effect does not hold; here is what does, as far as it is known."""
+    """The effect does not hold; here is what does, as far as it is known. `tried` FALSE: nothing was begun, and things are as they were."""
 
     description: str
     situation: str | None = None
+    tried: bool = True
 
 
 class Stop(Struct, frozen=True, kw_only=True, tag=True):
@@ -132,6 +136,7 @@ class Compensate(Struct, frozen=True, kw_only=True, tag=True):
     """Undo: the situation to restore, or an equivalent from which the task can go on."""
 
     situation: str
+    begin_by: float | None = None
 
 
 class Compensated(Struct, frozen=True, kw_only=True, tag=True):

@@ -121,7 +121,8 @@ PARTICIPANT: Table = _complete(PARTICIPANT_STATES, TO_PARTICIPANT, {
 })
 
 # What a participant may say of its own accord. Refuse when Offered: the terms expired. Failed when Committed: it broke before
-# the start. Completed when Stopping: it was quicker. Stopped when Executing: it was cut off, or a person stopped it.
+# the start. Either, and Stranded when Compensating: the order to begin came too late. Completed when Stopping: it was quicker.
+# Stopped when Executing: it was cut off, or a person stopped it.
 PARTICIPANT_SENDS: Sends = {
     ARRANGING:    {Terms: OFFERED, Refuse: ENDED},
     OFFERED:      {Refuse: ENDED},
@@ -164,16 +165,18 @@ COORDINATOR: Table = _complete(COORDINATOR_STATES, TO_COORDINATOR, {
                    Status: again()},
 })
 
-# What a coordinator may say of its own accord; Query besides, once it has said anything.
+# What a coordinator may say of its own accord; Query besides, once it has said anything. Execute when Executing, Compensate when
+# Compensating: it was not reached in time by the one before.
 COORDINATOR_SENDS: Sends = {
     NEW:          {Arrange: ARRANGING},
     ARRANGING:    {Cancel: ENDED},
     OFFERED:      {Accept: COMMITTED, Cancel: ENDED},
     COMMITTED:    {Execute: EXECUTING, Cancel: ENDED, End: ENDED},
-    EXECUTING:    {Stop: STOPPING},
+    EXECUTING:    {Execute: EXECUTING, Stop: STOPPING},
     COMPLETED:    {Compensate: COMPENSATING, End: ENDED},
     FAILED:       {Compensate: COMPENSATING, End: ENDED},
     STOPPED:      {Compensate: COMPENSATING, End: ENDED},
+    COMPENSATING: {Compensate: COMPENSATING},
     COMPENSATED:  {End: ENDED},
     STRANDED:     {End: ENDED},
     UNREACHABLE:  {End: ENDED},

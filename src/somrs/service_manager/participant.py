@@ -1,7 +1,7 @@
 """The Service Manager of one device: any number of participants of the Failure Recovery Protocol, on one calendar.
 
-It decides; `work.py` runs the author's coroutines. What it knows of each participant is in a `Job`; which messages it may send and
-what it makes of those that come is `protocol.session`'s.
+It decides; `turns.py` has the device do it, and `work.py` runs the author's coroutines. What it knows of each participant is in a
+`Job`; which messages it may send and what it makes of those that come is `protocol.session`'s.
 """
 
 from __future__ import annotations
@@ -12,29 +12,24 @@ from msgspec import structs
 
 from somrs.errors import FormulaError, WireError
 from somrs.protocol import frp
-from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Undelivered, Wake, Withdraw
+from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Undelivered, Wake
 from somrs.protocol.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.frp import State
 from somrs.protocol.session import NOT_ALLOWED, ParticipantBody, ParticipantSession, service_of
 from somrs.protocol.states import RESUMES, TO_COORDINATOR, TO_PARTICIPANT, WORKING
 from somrs.service_manager.calendar import Commitment, free_from, laid_out
-from somrs.service_manager.job import Job, Jobs, Verdict, failure, in_words, interrupted
+from somrs.service_manager.job import Job, Jobs, in_words, interrupted
 from somrs.service_manager.joining import TIMER, Joining
 from somrs.service_manager.orders import (
     Advance,
     Capability,
-    Done,
-    Halt,
     Kept,
     Order,
-    Perform,
     Profile,
     Quote,
     Quoted,
-    ServiceFailed,
-    Undo,
-    Work,
 )
+from somrs.service_manager.turns import Turns
 from somrs.service_manager.values import filled_in
 
 LEAVE = "leave"
@@ -64,9 +59,9 @@ class ServiceManager:
         self._jobs = Jobs(REMEMBERED)
         for one in kept:
             self._jobs.put(Job(one.session.kept(), one.order, situation=one.situation))
-        self._queue: list[Job] = []
-        self._asked: dict[str, Job] = {}
+        self._quoting: dict[str, Job] = {}
         self._effects: list[Effect] = []
+        self._turns = Turns(profile.capacity, self._jobs, self._effects, self._say, self._tell)
         self._leaving = False
 
     def handle(self, event: Input, now: float) -> list[Effect]:
@@ -81,17 +76,20 @@ class ServiceManager:
                 self._received(message, now)
             case Rang(timer):
                 self._ring(timer, now)
-            case Answered(question, value) if (job := self._asked.get(question)) is not None:
-                self._answered(job, question, value, now)
+            case Answered(question, value) if question in self._quoting:
+                self._quoted(question, value, now)
+            case Answered(question, value):
+                self._turns.answered(question, value, now)
             case Undelivered(message):
                 self._undelivered(message, now)
-        effects, self._effects = self._effects, []
+        effects = [*self._effects]
+        self._effects.clear()
         return effects
 
     @property
     def idle(self) -> bool:
         """Whether the device does nothing for anybody."""
-        return not self._queue and not any(job.doing in ("Perform", "Halt", "Undo") for job in self._asked.values())
+        return self._turns.idle
 
     def state(self, transaction: str, participant: str) -> State:
         job = self._jobs.get(transaction, participant)
@@ -122,9 +120,13 @@ class ServiceManager:
                 if kind is not frp.Fault:
                     self._effects.append(Send(reply(message, frp.Fault(code=NOT_ALLOWED, text=error.text), self.address)))
                 return
-        terms = job.session.terms
+        terms, late = job.session.terms, _late(message, now)
         if job.session.state is State.OFFERED and terms and terms.valid_until is not None and terms.valid_until <= now:
             self._say(job, frp.Refuse(reason="the terms expired"), now)
+        elif late and kind is frp.Execute and job.session.state in (State.OFFERED, State.COMMITTED):
+            offered = job.session.state is State.OFFERED
+            self._say(job, frp.Refuse(reason=late) if offered else frp.Failed(description=late, tried=False), now)
+            return
         heard = job.session.receive(message)
         if heard.moved:
             if isinstance(message.body, frp.Execute) and job.order is not None:
@@ -152,17 +154,16 @@ class ServiceManager:
                 self._timer(job, "expire", None)
                 self._timer(job, "start", None)
                 self._timer(job, "heartbeat", now + self.profile.heartbeat)
-                self._enqueue(job, now)
+                self._turns.enqueue(job, now)
             case State.STOPPING:
-                self._interrupt(job, frp.Stopped(situation=job.situation), now)
+                self._turns.interrupt(job, frp.Stopped(situation=job.situation), now)
             case State.COMPENSATING:
-                assert isinstance(message.body, frp.Compensate)
-                self._compensate(job, now)
+                self._compensate(job, _late(message, now), now)
             case State.ENDED:
                 for name in ("expire", "start", "heartbeat"):
                     self._timer(job, name, None)
                 if before in WORKING:
-                    self._interrupt(job, None, now)
+                    self._turns.interrupt(job, None, now)
 
     def _arrange(self, job: Job, now: float) -> None:
         arrange = job.session.order
@@ -182,7 +183,9 @@ class ServiceManager:
             earliest_start=arrange.earliest_start,
             latest_finish=arrange.latest_finish,
         )
-        self._do(job, Quote(job.order))
+        job.doing = Quote.__name__
+        self._quoting[job.question] = job
+        self._effects.append(Ask(job.question, Quote(job.order)))
 
     def _capability(self, job: Job, arrange: frp.Arrange) -> Capability | None:
         """The service that the participant is one of, or else one of the type."""
@@ -190,79 +193,21 @@ class ServiceManager:
         of_type = [one for one in self.profile.capabilities if one.type_name == arrange.service_type]
         return next((one for one in self.profile.capabilities if self.profile.service(one) == named), of_type[0] if of_type else None)
 
-    def _compensate(self, job: Job, now: float) -> None:
+    def _compensate(self, job: Job, late: str, now: float) -> None:
         capability = next((one for one in self.profile.capabilities if job.order and one.method == job.order.method), None)
-        if capability is None or not capability.undoable:
-            text = f"{self.profile.name} cannot undo {capability.type_name if capability else 'what it does not know'}"
+        if late or capability is None or not capability.undoable:
+            text = late or f"{self.profile.name} cannot undo {capability.type_name if capability else 'what it does not know'}"
             self._say(job, frp.Stranded(description=text, tried=False), now)
             return
         self._timer(job, "heartbeat", now + self.profile.heartbeat)
-        self._enqueue(job, now)
+        self._turns.enqueue(job, now)
 
-    # What the device does
-
-    def _do(self, job: Job, work: Work) -> None:
-        job.doing = type(work).__name__
-        self._asked[job.question] = job
-        self._effects.append(Ask(job.question, work))
-
-    def _enqueue(self, job: Job, now: float) -> None:
-        job.waiting = True
-        self._queue.append(job)
-        self._begin(now)
-
-    def _begin(self, now: float) -> None:
-        """Let those that wait begin, as far as the device has room, in the order in which they were told to."""
-        while self._queue and sum(job.doing in ("Perform", "Halt", "Undo") for job in self._asked.values()) < self.profile.capacity:
-            job = self._queue.pop(0)
-            job.waiting, job.began = False, now
-            assert job.order is not None, "only what was arranged is executed"
-            undone = job.session.heard.get("Compensate")
-            if undone is not None and isinstance(undone.body, frp.Compensate):
-                self._do(job, Undo(job.order, undone.body.situation))
-            else:
-                self._do(job, Perform(job.order))
-
-    def _interrupt(self, job: Job, verdict: Verdict | None, now: float) -> None:
-        """Have the device stop what it does for the job, and report the verdict then (None: there is nobody to report to)."""
-        if job.verdict is not None and job.doing:
-            return  # it is being stopped for another reason
-        job.verdict = verdict
-        if job.waiting:
-            job.waiting = False
-            self._queue.remove(job)
-            self._conclude(job, now)
-        elif job.doing in ("Perform", "Undo"):
-            self._effects.append(Withdraw(job.question))
-        elif job.doing != "Halt":
-            self._conclude(job, now)
-
-    def _answered(self, job: Job, question: str, value: object, now: float) -> None:
+    def _quoted(self, question: str, value: object, now: float) -> None:
         if isinstance(value, Advance):
-            self._advance(job, value, now)
-            return
-        doing, job.doing = job.doing, ""
-        del self._asked[question]
-        if doing == "Quote":
-            self._quoted(job, value, now)
-        elif doing == "Halt":
-            if isinstance(value, Done) and value.situation is not None:
-                job.situation = value.situation
-                if job.session.state is State.ENDED:
-                    self._effects.append(self._joining.tell(value.situation, service_of(job.session.participant), now))
-            self._conclude(job, now)
-        else:
-            self._came_to(job, doing, value, now)
+            return  # nothing is under way that could advance
+        job = self._quoting.pop(question)
+        job.doing = ""
         self._jobs.put(job)
-        self._begin(now)
-
-    def _advance(self, job: Job, value: Advance, now: float) -> None:
-        job.fraction = value.fraction
-        job.situation = value.situation or job.situation
-        if job.session.state in WORKING:
-            self._say(job, frp.Progress(fraction=value.fraction, situation=value.situation, note=value.note), now)
-
-    def _quoted(self, job: Job, value: object, now: float) -> None:
         if job.session.state is not State.ARRANGING:
             return
         answer: ParticipantBody
@@ -293,36 +238,6 @@ class ServiceManager:
             valid_until=now + self.profile.valid_for,
         )
 
-    def _done(self, job: Job, doing: str, value: Done) -> frp.Completed | frp.Compensated:
-        if doing == "Perform":
-            return frp.Completed(situation=job.situation or "", outputs=value.outputs)
-        wanted = job.session.heard["Compensate"].body
-        assert isinstance(wanted, frp.Compensate), "only what was told to is undone"
-        return frp.Compensated(situation=job.situation or wanted.situation)
-
-    def _came_to(self, job: Job, doing: str, value: object, now: float) -> None:
-        """The service, or its undoing, came to an end: it is done, it failed, it was interrupted, or its code is broken."""
-        if isinstance(value, Done):
-            job.fraction, job.situation = 1.0, value.situation or job.situation
-            if job.session.state in WORKING:
-                self._say(job, self._done(job, doing, value), now)
-            return
-        if isinstance(value, ServiceFailed):
-            job.situation = value.situation or job.situation
-            job.verdict = failure(doing, value.description, job.situation)
-            self._conclude(job, now)
-            return
-        if job.verdict is None:
-            job.verdict = failure(doing, in_words(value), job.situation)
-        assert job.order is not None, "only what was arranged is executed"
-        self._do(job, Halt(job.order))
-
-    def _conclude(self, job: Job, now: float) -> None:
-        """Report the verdict, with what is known by now."""
-        if job.verdict is not None and job.session.state in WORKING:
-            self._say(job, structs.replace(job.verdict, situation=job.situation), now)
-        job.verdict = None
-
     # What is said
 
     def _say(self, job: Job, body: ParticipantBody, now: float) -> None:
@@ -337,6 +252,9 @@ class ServiceManager:
             self._timer(job, "start", None)
         self._keep(job)
         self._effects.append(Send(message, now + REPORT_TIME))
+
+    def _tell(self, job: Job, situation: str, now: float) -> None:
+        self._effects.append(self._joining.tell(situation, service_of(job.session.participant), now))
 
     def _keep(self, job: Job) -> None:
         self._jobs.put(job)
@@ -370,7 +288,7 @@ class ServiceManager:
         elif name == "expire" and state is State.OFFERED:
             self._say(job, frp.Refuse(reason="the terms expired"), now)
         elif name == "start" and state is State.COMMITTED:
-            self._say(job, frp.Failed(description="it was not told to start in time", situation=None), now)
+            self._say(job, frp.Failed(description="it was not told to start in time", tried=False), now)
 
     def _undelivered(self, message: Message, now: float) -> None:
         """Signs of life do not get through: stop."""
@@ -381,7 +299,7 @@ class ServiceManager:
 
     def _cut_off(self, job: Job, reason: str, now: float) -> None:
         if (state := job.session.state) in (State.EXECUTING, State.COMPENSATING):
-            self._interrupt(job, interrupted(state, reason), now)
+            self._turns.interrupt(job, interrupted(state, reason), now)
 
     # Coming and going
 
@@ -395,7 +313,7 @@ class ServiceManager:
                 case State.ARRANGING | State.OFFERED:
                     self._say(job, frp.Refuse(reason=reason), now)
                 case State.COMMITTED:
-                    self._say(job, frp.Failed(description=reason), now)
+                    self._say(job, frp.Failed(description=reason, tried=False), now)
                 case _:
                     self._cut_off(job, reason, now)
 
@@ -407,15 +325,21 @@ class ServiceManager:
             case State.ARRANGING:
                 self._arrange(job, now)
             case state if state in RESUMES:
-                job.verdict = interrupted(state, reason)
+                self._timer(job, "heartbeat", now + self.profile.heartbeat)
+                self._turns.halt(job, interrupted(state, reason), now)
             case State.OFFERED:
                 self._timer(job, "expire", session.terms.valid_until if session.terms else now)
             case State.COMMITTED:
                 self._timer(job, "start", session.terms.start_until if session.terms else None)
-        if job.verdict is not None:
-            self._timer(job, "heartbeat", now + self.profile.heartbeat)
-            if job.order is not None:
-                self._do(job, Halt(job.order))
-            else:
-                self._conclude(job, now)
         self._effects += [Send(message, now + REPORT_TIME) for message in session.last_report()]
+
+
+def _late(message: Message, now: float) -> str:
+    """Why an order must not be obeyed any more, in words; empty when it came in time."""
+    body = message.body
+    if not isinstance(body, frp.Execute | frp.Compensate) or body.begin_by is None or now <= body.begin_by:
+        return ""
+    return (
+        f"{type(body).__name__} came {now - body.begin_by:.1f} s too late to begin, and nothing was moved: "
+        "a slow network, or the clocks of the two hosts do not agree"
+    )

@@ -91,6 +91,9 @@ class Hearing:
                 member.fraction = 1.0
                 self._owner.tell(now, f"{name} completed: {situation}", run)
                 self._reported(member, situation, None, now)
+            case frp.Failed(description=description, tried=False) if member.lost_at is None:
+                self._owner.tell(now, f"{name} did not begin: {description}", run, EventKind.SETBACK)
+                self._left(member, description, now)
             case frp.Failed(description=description, situation=situation):
                 self._owner.tell(now, f"{name} failed: {description}", run, EventKind.SETBACK)
                 self._reported(member, situation, f"failed: {description}", now)
@@ -127,10 +130,12 @@ class Hearing:
         member.last_word = reason
         work = self._owner.ledger.of(member)
         if work is not None and work.state is State.EXECUTING:
-            self._owner.ledger.drop(work)  # its terms had run out before it was told to start
+            self._owner.ledger.drop(work)  # its terms, or its time to begin, had run out before it was told to start
         pursuit, _ = self._at(member)
         if pursuit is not None:
             pursuit.left(member, reason, now)
+        else:
+            self._owner.proceed(now)
 
     def _reported(self, member: Member, situation: str | None, trouble: str | None, now: float) -> None:
         """A participant's work, or its undoing, is over. What it left is on the map before anything is planned or arranged on it."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from msgspec import structs
+
 from somrs.protocol import frp
 from somrs.protocol.component import Effect, Send, Wake
 from somrs.protocol.directory import Offer
@@ -47,10 +49,10 @@ class Member:
     note: str = ""
     heard_at: float = 0.0
     queried: bool = False
-    told: Message | None = None
-    """The Execute or Compensate that it was told last."""
+    told: frp.Execute | frp.Compensate | None = None
+    """What it was told last to begin."""
     begins_by: float = 0.0
-    """Until when that may reach it, while it has not been heard to begin."""
+    """Until when it may begin with that, while it has not been heard to."""
     last_word: str = ""
     lost_at: int | None = None
     """The version of the map when it was given up."""
@@ -120,9 +122,14 @@ class Participants:
         return True
 
     def _have_begin(self, member: Member, body: frp.Execute | frp.Compensate, now: float) -> None:
-        member.told = self._send(member, body, now, SILENCE)
-        member.begins_by = now + SILENCE
+        self._order(member, body, now)
         self._watch(member, now)
+
+    def _order(self, member: Member, body: frp.Execute | frp.Compensate, now: float) -> None:
+        """Told again, it is another message: what is still under way of the one before must not be obeyed for longer than that says."""
+        member.begins_by = now + SILENCE
+        member.told = structs.replace(body, begin_by=member.begins_by)
+        self._send(member, member.told, now, SILENCE)
 
     def dismiss(self, member: Member, reason: str, now: float) -> None:
         """It is not needed, and has not begun."""
@@ -179,8 +186,7 @@ class Participants:
         if heard.moved:
             member.begins_by = 0.0
         elif isinstance(message.body, frp.Status) and message.body.state in IDLE.get(member.state, ()) and member.told is not None:
-            member.begins_by = now + SILENCE
-            self._setting.effects.append(Send(member.told, member.begins_by))
+            self._order(member, member.told, now)
         if heard.before in WORKING and heard.state not in WORKING:
             self._unwatch(member)
         elif heard.before not in WORKING and heard.state in WORKING:
@@ -210,7 +216,7 @@ class Participants:
 
     def silent(self, participant: str, now: float) -> Member | None:
         """The heartbeat of one that works may have stopped: ask it, and after as long again give it up, and return it. One that was
-        never heard to begin may have begun as late as that could reach it, and is waited for from then on."""
+        never heard to begin may have begun at the last moment at which it might, and is waited for from then on."""
         member = self._members.get(participant)
         if member is None or member.state not in WORKING:
             return None
