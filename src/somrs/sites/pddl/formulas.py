@@ -120,8 +120,8 @@ class Speech:
             return None
         sorts, found = self._meaning(node)
         if found is None:
-            where = "a parameter of the action" if node.text.startswith("?") else "among the objects and constants"
-            self._wrong(node, f"{node} is not known; declare it as {where}, or mend the name")
+            where = "as a parameter of the action" if node.text.startswith("?") else "among the objects"
+            self._wrong(node, f"{node} is not known; declare it {where}, or mend the name")
         elif wanted is not None and not sorts & self.words.kinds.sorts(wanted):
             self._wrong(node, f"{node} can be no {' or '.join(wanted.types)}, and one is meant here")
             return None

@@ -1,0 +1,116 @@
+"""PDDL by its definition, as a reference: ground actions on sets of facts, an add winning over a delete."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from somrs.sites.pddl import syntax, text
+from somrs.sites.pddl.text import Group, Node, Word
+
+Fact = tuple[str, ...]
+State = frozenset[Fact]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """An action with objects for its agent and its parameters."""
+
+    action: syntax.Action
+    arguments: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"({' '.join([self.action.word.text, *self.arguments])})"
+
+    @property
+    def bound(self) -> Mapping[str, str]:
+        things = (*([self.action.agent] if self.action.agent else []), *self.action.parameters)
+        return {f"?{thing.name}": name for thing, name in zip(things, self.arguments, strict=True)}
+
+
+class Naive:
+    """A domain and a problem."""
+
+    def __init__(self, domain: Path, problem: Path) -> None:
+        roots = [text.parse(path.read_text(), text.Mistakes(path.name)) for path in (domain, problem)]
+        assert roots[0] is not None
+        assert roots[1] is not None
+        self.domain = syntax.domain(roots[0], text.Mistakes("domain"))
+        self.task = syntax.task(roots[1], text.Mistakes("problem"), self.domain)
+        self.objects = {**self.domain.constants, **self.task.objects}
+        self.initial: State = frozenset(_fact(node, {}) for node in self.task.init if isinstance(node, Group) and node.head != "=")
+        self.numbers = {
+            str(node.items[1]).lower(): float(str(node.items[2])) for node in self.task.init if isinstance(node, Group) and node.head == "="
+        }
+
+    def _of(self, types: tuple[str, ...]) -> list[str]:
+        def is_a(name: str, wanted: str) -> bool:
+            return name == wanted or (name in self.domain.parents and is_a(self.domain.parents[name], wanted))
+
+        return [name for name, thing in self.objects.items() if any(is_a(thing.types[0], wanted) for wanted in types)]
+
+    def actions(self) -> Iterator[Ground]:
+        for action in self.domain.actions.values():
+            things = (*([action.agent] if action.agent else []), *action.parameters)
+            for arguments in itertools.product(*(self._of(thing.types) for thing in things)):
+                yield Ground(action, arguments)
+
+    def applicable(self, ground: Ground, state: State) -> bool:
+        return ground.action.precondition is None or self._holds(ground.action.precondition, ground.bound, state)
+
+    def after(self, ground: Ground, state: State) -> State:
+        adds, deletes = set[Fact](), set[Fact]()
+        for part in _parts(ground.action.effect):
+            if part.head == "not":
+                deletes.add(_fact(part.items[1], ground.bound))
+            elif part.head != "increase":
+                adds.add(_fact(part, ground.bound))
+        return (state - deletes) | adds
+
+    def cost(self, ground: Ground) -> float:
+        costs = [part.items[2] for part in _parts(ground.action.effect) if part.head == "increase"]
+        return sum(self._number(cost, ground.bound) for cost in costs)
+
+    def reached(self, state: State) -> bool:
+        assert self.task.goal is not None
+        return self._holds(self.task.goal, {}, state)
+
+    def _number(self, node: Node, bound: Mapping[str, str]) -> float:
+        if isinstance(node, Word):
+            return float(node.text)
+        return self.numbers[f"({' '.join(_fact(node, bound))})"]
+
+    def _holds(self, node: Node, bound: Mapping[str, str], state: State) -> bool:
+        assert isinstance(node, Group)
+        rest = node.items[1:]
+        match node.head:
+            case "and":
+                return all(self._holds(part, bound, state) for part in rest)
+            case "or":
+                return any(self._holds(part, bound, state) for part in rest)
+            case "not":
+                return not self._holds(rest[0], bound, state)
+            case "imply":
+                return not self._holds(rest[0], bound, state) or self._holds(rest[1], bound, state)
+            case "=":
+                return bound.get(str(rest[0]), str(rest[0])) == bound.get(str(rest[1]), str(rest[1]))
+            case ">=":
+                return self._number(rest[0], bound) >= self._number(rest[1], bound)
+            case _:
+                return _fact(node, bound) in state
+
+
+def _parts(node: Node | None) -> Iterator[Group]:
+    assert isinstance(node, Group)
+    if node.head == "and":
+        for part in node.items[1:]:
+            yield from _parts(part)
+    else:
+        yield node
+
+
+def _fact(node: Node, bound: Mapping[str, str]) -> Fact:
+    assert isinstance(node, Group)
+    return tuple(bound.get(item.text, item.text) for item in node.items if isinstance(item, Word))
