@@ -1,15 +1,28 @@
-"""How long planning takes, by the size of the map and the length of the plan: `python benchmarks/planning.py`."""
+"""How long planning takes, by the size of the map and the length of the plan: `python benchmarks/planning.py`.
+
+`python benchmarks/planning.py somrs 10000 five` is one measurement, in a process whose memory is its own.
+"""
 
 from __future__ import annotations
 
+import importlib.util
+import json
+import resource
 import statistics
+import subprocess
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+from beside import shown
+from contestants import unified
 
 from somrs.app.engines import driver, fast_downward
 from somrs.entish.parse import parse
 from somrs.ontology.files import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.plan import NoPlan
@@ -17,6 +30,14 @@ from somrs.planner.planning import plan
 from somrs.planner.problem import Available, Problem
 
 RUNS = 3
+SIZES = (50, 100, 1_000, 10_000, 100_000)
+PATIENCE = 60.0
+"""Seconds after which a contestant is given up."""
+MEGABYTE = 1024
+"""In the kilobytes that Linux counts memory in."""
+
+ONE = "Jar7 isOn Shelf9"
+FIVE = "Jar7.Clean = TRUE AND Jar7 isOn Shelf9 AND Jar8.Clean = TRUE"
 
 TRANSFER = ServiceType(
     name="TransferObject",
@@ -79,7 +100,74 @@ def problems() -> Iterator[tuple[str, Problem]]:
         yield f"through {length} rooms", problem(corridor(length), f"Robot1 isInside Room{length - 1}", DRIVE, OPEN)
 
 
+def measured(contestant: str, size: int, task: str) -> dict[str, float]:
+    """Seconds to the first plan and to the same task a moment later, on a map on which a jar was moved meanwhile; megabytes."""
+    asked = problem(store(size), ONE if task == "one" else FIVE, TRANSFER, WASH)
+    before = _memory()
+    if contestant == "unified-planning":
+        goal = (
+            unified.stated(asked, (), {"Jar7": "Shelf9"}) if task == "one" else unified.stated(asked, ("Jar7", "Jar8"), {"Jar7": "Shelf9"})
+        )
+        first = _seconds(lambda: unified.steps(goal, PATIENCE))
+        return {"first": first, "again": first, "memory": _memory() - before}
+    first = _seconds(lambda: plan(asked))
+    again = []
+    for number in range(20, 20 + 5):
+        taken, put = Fact("isOn", (f"Jar{number}", f"Shelf{number}")), Fact("isOn", (f"Jar{number}", "Shelf1"))
+        moved = asked.map.changed([FactRemoved(taken), FactAdded(put)])
+        asked = replace(asked, map=moved)
+        again.append(_seconds(partial(plan, asked)))
+    return {"first": first, "again": statistics.median(again), "memory": _memory() - before}
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    started = time.perf_counter()
+    work()
+    return time.perf_counter() - started
+
+
+def _memory() -> float:
+    """The most that this process and those that it started had at a time, in megabytes."""
+    kilobytes = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return kilobytes / MEGABYTE
+
+
+def in_a_process(contestant: str, size: int, task: str) -> dict[str, float] | None:
+    """The measurement in a process of its own; None when it took too long, or too much."""
+    command = [sys.executable, __file__, contestant, str(size), task]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE, check=True)
+    except (subprocess.TimeoutExpired, subprocess.CalledProcessError):
+        return None
+    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def by_size() -> None:
+    """How time and memory grow with the map, and what that costs without looking for what matters first."""
+    rivals = importlib.util.find_spec("unified_planning") is not None and driver() is not None
+    contestants = ["somrs", *(["unified-planning"] if rivals else [])]
+    print(f"{'':26} {'objects':>8} {'first plan':>12} {'the next':>12} {'memory':>10}")
+    for task, said in (("one", "one step"), ("five", "five steps")):
+        for contestant in contestants:
+            for size in SIZES:
+                found = in_a_process(contestant, size, task)
+                if found is None:
+                    print(f"{said + ', ' + contestant:28} {size:6} {'none within ' + format(PATIENCE, '.0f') + ' s':>25}", flush=True)
+                    break
+                times = f"{shown(found['first']):>12} {shown(found['again']):>12}"
+                print(f"{said + ', ' + contestant:28} {size:6} {times} {found['memory']:7.0f} MB", flush=True)
+    if not rivals:
+        print("without unified-planning and Fast Downward, which pip install -e '.[planner,rivals]' brings")
+
+
 def main() -> None:
+    by_size()
+    print()
+    by_length()
+
+
+def by_length() -> None:
     engine = fast_downward if driver() is not None else None
     first = 0.0
     print(f"{'':55} {'found':>10} {'median':>12} {'ratio':>8}")
@@ -96,4 +184,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    if len(sys.argv) > 1:
+        print(json.dumps(measured(sys.argv[1], int(sys.argv[2]), sys.argv[3])))
+    else:
+        main()

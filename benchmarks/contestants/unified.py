@@ -1,0 +1,56 @@
+"""unified-planning (https://github.com/aiplan4eu/unified-planning) driving Fast Downward on the tasks of `planning.py`: all objects
+of the map, and the same services as actions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from somrs.planner.problem import Problem
+
+
+def stated(asked: Problem, washed: tuple[str, ...], places: dict[str, str]) -> Any:
+    """The task of `asked`, a store, as unified-planning has it; the goal is that jars are washed and stand on places."""
+    from unified_planning.shortcuts import BoolType, Equals, Fluent, InstantaneousAction, Not, Object, UserType
+    from unified_planning.shortcuts import Problem as Task
+
+    place = UserType("Place")
+    jar, shelf, washer = UserType("Jar", place), UserType("Shelf", place), UserType("Washer", place)
+    kinds = {"Jar": jar, "Shelf": shelf, "Washer": washer}
+    on, clean = Fluent("is_on", BoolType(), thing=jar, place=place), Fluent("clean", BoolType(), jar=jar)
+
+    transfer = InstantaneousAction("transfer", thing=jar, source=place, destination=place)
+    thing, source, destination = transfer.parameters
+    transfer.add_precondition(on(thing, source))
+    transfer.add_precondition(Not(Equals(thing, destination)))
+    transfer.add_effect(on(thing, source), False)
+    transfer.add_effect(on(thing, destination), True)
+    wash = InstantaneousAction("wash", thing=jar, provider=washer)
+    wash.add_precondition(on(wash.parameters[0], wash.parameters[1]))
+    wash.add_effect(clean(wash.parameters[0]), True)
+
+    task = Task("store")
+    for fluent in (on, clean):
+        task.add_fluent(fluent, default_initial_value=False)
+    task.add_actions([transfer, wash])
+    objects = {name: Object(name, kinds[object.type]) for name, object in asked.map.objects.items()}
+    task.add_objects(objects.values())
+    for fact in asked.map.facts("isOn"):
+        task.set_initial_value(on(objects[fact.arguments[0]], objects[fact.arguments[1]]), True)
+    for name in washed:
+        task.add_goal(clean(objects[name]))
+    for name, where in places.items():
+        task.add_goal(on(objects[name], objects[where]))
+    return task
+
+
+def steps(task: Any, seconds: float) -> int:
+    """How many steps its plan has. Raises RuntimeError when there is none in time."""
+    from unified_planning.shortcuts import OneshotPlanner, get_environment
+
+    get_environment().credits_stream = None
+    with OneshotPlanner(name="fast-downward") as planner:
+        planner.skip_checks = True
+        found = planner.solve(task, timeout=seconds).plan
+    if found is None:
+        raise RuntimeError("there was no plan in time")
+    return len(found.actions)
