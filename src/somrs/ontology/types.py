@@ -20,6 +20,9 @@ PHYSICAL = "PhysicalObject"
 UNKNOWN = "Unknown"
 """The attribute that is TRUE of an object of which nothing is known (upper ontology)."""
 
+WORKING = "Working"
+"""The attribute that is FALSE of a device that cannot do what it is for (upper ontology)."""
+
 ABSTRACT = "AbstractObject"
 PART_OF = "isPartOf"
 """The relation of a sub-object to the object that it is a part of; built in, because maps are nested by it."""

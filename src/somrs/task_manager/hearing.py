@@ -178,9 +178,11 @@ class Hearing:
         compensated = member.state in (State.COMPENSATED, State.STRANDED)
         called_off = member.state is State.STOPPED and self._owner.ending
         if trouble is not None and not compensated and not called_off:
-            self._owner.offered.broken[member.offer.service] = trouble
+            self._owner.offered.failed(member.offer.service, trouble)
             if work is not None and work.state is State.COMPLETED:
                 work.state, work.note = State.FAILED, trouble  # its report was impossible
+        elif member.state is State.COMPLETED:
+            self._owner.offered.completed(member.offer.service)
         pursuit, run = self._at(member)
         if pursuit is not None and run is not None and run.progress is Progress.REPORTING:
             pursuit.over(run, situation, trouble)
@@ -215,7 +217,7 @@ class Hearing:
         """It may do anything now. Its own limits see to it that it has stopped; what it left has to be found out."""
         pursuit, run = self._at(member)
         self._owner.tell(now, f"{member.offer.service} {reason}; nothing is known of what it left", run, EventKind.SETBACK)
-        self._owner.offered.broken[member.offer.service] = reason
+        self._owner.offered.lost(member.offer.service, reason)
         if (work := self._owner.ledger.of(member)) is not None:
             work.state, work.note = State.UNREACHABLE, reason
             self._owner.looks.want(work)

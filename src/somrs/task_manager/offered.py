@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction
 from somrs.ontology.services import ServiceType
+from somrs.ontology.types import WORKING
 from somrs.planner.plan import Step
 from somrs.protocol.directory import Offer
 from somrs.protocol.replica import Replica
 from somrs.task_manager.arrange import able, about, precondition_now, service_types
 from somrs.task_manager.workflow import StepRun
+
+MOST_FAILURES = 5
+"""So often in a row a service may fail in one task, and be asked again when nobody else can be."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -22,6 +27,8 @@ class Offered:
     offers: tuple[Offer, ...] = ()
     broken: dict[str, str] = field(default_factory=dict)
     """Services that failed or would not serve in this task, and why: new plans leave them out."""
+    _failures: Counter[str] = field(default_factory=Counter)
+    """Of services that said how they failed, since they last completed anything."""
     _types: dict[str, ServiceType] = field(default_factory=dict)
 
     def discovered(self, offers: tuple[Offer, ...]) -> None:
@@ -36,6 +43,35 @@ class Offered:
     def able(self, run: StepRun) -> list[Offer]:
         """Who can be asked for the step."""
         return able(run.step, self.offers, self._known, {*run.excluded, *self.broken})
+
+    def failed(self, service: str, why: str) -> None:
+        """It said that it failed."""
+        self._failures[service] += 1
+        self.broken[service] = why
+
+    def lost(self, service: str, why: str) -> None:
+        """It fell silent, and is not asked again."""
+        del self._failures[service]
+        self.broken[service] = why
+
+    def completed(self, service: str) -> None:
+        del self._failures[service]
+
+    def once_more(self, run: StepRun | None = None) -> list[Offer]:
+        """When nobody else can do it: those that failed, but may do better the next time, can be asked again for the step (None: for
+        any)."""
+        offers = able(run.step, self.offers, self._known, ()) if run is not None else self.offers
+        found = [offer for offer in offers if self._may_do_better(offer)]
+        for offer in found:
+            del self.broken[offer.service]
+            if run is not None:
+                run.excluded.pop(offer.service, None)
+        return found
+
+    def _may_do_better(self, offer: Offer) -> bool:
+        device = self.replica.map.objects.get(offer.provider)
+        works = device is None or device.values.get(WORKING) is not False
+        return works and offer.service in self.broken and 0 < self._failures[offer.service] < MOST_FAILURES
 
     def precondition(self, run: StepRun) -> Formula | None:
         """The step's precondition as it is now, with what a failed service reported about its objects. Raises LookupError."""

@@ -11,7 +11,7 @@ from enum import StrEnum
 from somrs.protocol.directory import Offer
 
 MOST_REPLANS = 8
-"""How often one task is planned anew before it is given up: each time something failed that the plan could not foresee."""
+"""How often one task is planned anew, with nothing completed between, before it is given up."""
 
 
 class Rung(StrEnum):
