@@ -25,7 +25,7 @@ Faults = Callable[[Order], Mishap | None]
 
 @dataclass(slots=True, kw_only=True)
 class SymbolicAgent:
-    """One device. Each service takes as many seconds as it costs, or one, if it costs nothing.
+    """One device. Each service takes `seconds`, or as many as it costs (one, if it costs nothing).
 
     What it does holds in the world when its time is over, not before. Who left answers nothing any more: `left` says so, and
     whoever runs the system ends its Service Manager then.
@@ -35,6 +35,7 @@ class SymbolicAgent:
     world: SymbolicWorld
     services: Sequence[ServiceType]
     faults: Faults = lambda order: None
+    seconds: float | None = None
     left: bool = False
     orders: list[Order] = field(default_factory=list)
     """What it was told to do."""
@@ -52,7 +53,7 @@ class SymbolicAgent:
         match task:
             case Quote(order):
                 cost = self.world.cost(order.method, order.inputs, self.name)
-                yield 0.0, Quoted(price=cost, duration=cost or 1.0)
+                yield 0.0, Quoted(price=cost, duration=self._duration(cost))
             case Perform(order):
                 self.orders.append(order)
                 yield from self._perform(order)
@@ -66,7 +67,7 @@ class SymbolicAgent:
     def _perform(self, order: Order) -> Iterator[tuple[float, object]]:
         service, inputs = order.method, order.inputs
         mishap = self.faults(order)
-        seconds = self.world.cost(service, inputs, self.name) or 1.0
+        seconds = self._duration(self.world.cost(service, inputs, self.name))
         if (refusal := self.world.refusal(service, inputs, self.name)) is not None:
             self.world.perform(service, inputs, self.name)  # which the world notes
             yield 0.0, self._failed(order, refusal)
@@ -81,7 +82,10 @@ class SymbolicAgent:
         elif (refusal := self.world.perform(service, inputs, self.name)) is not None:
             yield 0.0, self._failed(order, refusal)
         else:
-            yield 0.0, Done()
+            yield 0.0, Done(situation=self.world.said(order.effect, self.name, inputs))
+
+    def _duration(self, cost: float) -> float:
+        return self.seconds if self.seconds is not None else cost or 1.0
 
     def _failed(self, order: Order, refusal: str) -> ServiceFailed:
         return ServiceFailed(f"{self.name} cannot: {refusal}", self.world.said(order.effect, self.name, order.inputs))
