@@ -4,7 +4,7 @@ SCENARIO ?= 1b
 RUNS ?= 20
 BIN := .venv/bin
 
-.PHONY: setup demo test lint scenarios fault-runs model-check benchmarks bench-coordination docs clean kill-runs
+.PHONY: setup demo test lint scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs
 
 setup: .venv/.ready
 
@@ -40,6 +40,10 @@ benchmarks: setup
 # Kills real processes at every type of message of the protocol; SEED=17 plays one run once more.
 kill-runs: setup
 	@$(BIN)/python -m verification.kill_runs $(if $(N),--runs $(N)) $(if $(SEED_BASE),--first $(SEED_BASE)) $(if $(SEED),--seed $(SEED))
+
+# Published multi-agent planning problems, from their files to the goal; DIR has a folder for each domain, and in it one a problem.
+bench-codmap: setup
+	@$(BIN)/python -m verification.codmap "$(DIR)" --limit $(or $(LIMIT),60) --faults $(or $(FAULTS),0) --seed $(or $(SEED),0) --only "$(ONLY)"
 
 # Conversations per second, beside SPADE and DBOS where they are installed: pip install -e '.[rivals]'
 bench-coordination: setup

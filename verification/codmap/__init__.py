@@ -1,0 +1,1 @@
+"""`make bench-codmap`: published multi-agent planning problems, played to their ends by the whole system."""

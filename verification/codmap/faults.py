@@ -1,0 +1,52 @@
+"""What goes wrong in a problem's execution: drawn from a seed, so that a run can be played again."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from somrs.devices.symbolic.agent import Mishap
+from somrs.ontology.objects import Change
+from somrs.service_manager.orders import Order
+
+LEAVING = 0.2
+"""In this share of the problems one agent leaves for good."""
+
+EARLY = 20
+"""An agent that leaves does so at its first work from one of so many works on, of all agents'."""
+
+
+@dataclass
+class Faults:
+    """`share` of the works fail, half of them with a part of their effect. `leaver` is who leaves, without a word, if anybody does."""
+
+    share: float
+    seed: str
+    agents: Sequence[str]
+    leaver: str | None = None
+    works: int = 0
+    mishaps: int = 0
+    gone: bool = False
+    _leaves_at: int = 0
+    _dice: random.Random = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._dice = random.Random(f"{self.seed}/works")
+        dice = random.Random(f"{self.seed}/leaver")
+        if self.share > 0 and len(self.agents) > 1 and dice.random() < LEAVING:
+            self.leaver, self._leaves_at = dice.choice(sorted(self.agents)), dice.randrange(EARLY)
+
+    def mishap(self, agent: str, order: Order) -> Mishap | None:
+        """What goes wrong with the agent's next work, if anything."""
+        self.works += 1
+        if agent == self.leaver and self.works > self._leaves_at:
+            self.gone = True
+            return Mishap(happens=self._some, leaves=True)
+        if self._dice.random() >= self.share:
+            return None
+        self.mishaps += 1
+        return Mishap(happens=self._some) if self._dice.random() < 0.5 else Mishap()
+
+    def _some(self, changes: Sequence[Change]) -> Sequence[Change]:
+        return [change for change in changes if self._dice.random() < 0.5]

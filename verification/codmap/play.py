@@ -1,0 +1,198 @@
+"""One problem from its files to its end: imported, planned, arranged, executed, and judged by the world as it really is."""
+
+from __future__ import annotations
+
+import gc
+import time
+from functools import partial
+from pathlib import Path
+
+from somrs.app.engines import plan_in_process
+from somrs.app.virtual import CarryOut, Work, World
+from somrs.devices.symbolic.agent import SymbolicAgent
+from somrs.devices.symbolic.world import SymbolicWorld
+from somrs.errors import SomrsError
+from somrs.ontology.truth import holds
+from somrs.planner.plan import NoPlan, Plan, Step
+from somrs.planner.problem import Available, Problem
+from somrs.protocol.clients import Submit, Submitted
+from somrs.protocol.component import Effect, Input, Received
+from somrs.protocol.envelope import Header, Message
+from somrs.protocol.frp import Outcome, State
+from somrs.registry.component import Registry
+from somrs.repository.component import Repository
+from somrs.repository.entries import Contents
+from somrs.service_manager.orders import Profile
+from somrs.service_manager.participant import ServiceManager
+from somrs.sites.pddl import Imported, classical, read
+from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.transaction import Transaction
+from verification.codmap.faults import Faults
+from verification.codmap.hands import STEP_TIME, Hands, Observer
+from verification.codmap.referee import objections
+from verification.codmap.result import Result
+
+FOREVER = 1e9
+"""Seconds."""
+
+LONGEST = 30 * 86_400.0
+"""Seconds, of virtual time, in which a task has to end."""
+
+
+class Client:
+    """Submits the task once the services are known."""
+
+    def __init__(self) -> None:
+        self.task = ""
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if isinstance(event, Received) and isinstance(event.message.body, Submitted):
+            self.task = event.message.body.task
+        return []
+
+
+class Play:
+    """The whole system for one problem, on virtual time."""
+
+    def __init__(self, imported: Imported, faults: Faults, limit: float) -> None:
+        self.imported, self.faults, self.limit = imported, faults, limit
+        self.truth = SymbolicWorld(imported.ontology, imported.map)
+        self.plans: list[Plan | NoPlan] = []
+        self.planning = 0.0
+        self.world = World(watch=self._watch)
+        self.client = Client()
+        self.hands: dict[str, Hands] = {}
+        world, ontology = self.world, imported.ontology
+        world.add("repository", Repository("repository", Contents(ontology=ontology, map=imported.map)))
+        world.add("registry", Registry("registry", ontology, "repository"))
+        world.add("client", self.client)
+        for name, services in imported.agents.items():
+            agent = SymbolicAgent(name=name, world=self.truth, services=services, faults=partial(faults.mishap, name), seconds=STEP_TIME)
+            hands = self.hands[name] = Hands(agent=agent, now=lambda: world.now)
+            self._join(agent.profile(lease=FOREVER, valid_for=FOREVER), hands.carry_out)
+        if faults.share:
+            observer = Observer(world=self.truth)
+            self._join(observer.profile, observer.carry_out)
+        world.add("tm", TaskManager("tm", repository="repository", registry="registry"), self._plan)
+        world.run(5)
+
+    def _join(self, profile: Profile, carry_out: CarryOut) -> None:
+        manager = ServiceManager(profile, repository="repository", registry="registry")
+        self.world.add(f"devices/{profile.name}", manager, carry_out)
+
+    def _watch(self, address: str, event: Input) -> None:
+        """Who left is not there any more."""
+        name = address.removeprefix("devices/")
+        if name in self.hands and self.hands[name].agent.left and self.world.alive(address):
+            self.world.kill(address)
+
+    @property
+    def transaction(self) -> Transaction | None:
+        manager = self.world.components["tm"]
+        assert isinstance(manager, TaskManager)
+        return manager.transactions.get(self.client.task)
+
+    def run(self) -> Transaction | None:
+        """The task, over; None when it never came to an end."""
+        header = Header(sender="client", recipient="tm", message_id="client/task", reply_to="client")
+        self.world.send(Message(header=header, body=Submit(effect=str(self.imported.goal))))
+
+        def over() -> bool:
+            return (transaction := self.transaction) is not None and transaction.outcome is not None
+
+        return self.transaction if self.world.run(LONGEST, over) else None
+
+    def _plan(self, task: object) -> Work:
+        assert isinstance(task, Problem), "a Task Manager has nothing but plans made"
+        began = time.perf_counter()
+        found = plan_in_process(task, self.limit)
+        self.planning += time.perf_counter() - began
+        self.plans.append(found)
+        yield 0.0, found
+
+    def still_possible(self) -> Plan | NoPlan:
+        """From the world as it is now to the goal, with the agents that are there."""
+        start, gone = self.imported.problem(), {name for name, hands in self.hands.items() if hands.agent.left}
+        services = tuple(Available(one.service_type, tuple(name for name in one.providers if name not in gone)) for one in start.services)
+        return plan_in_process(Problem(ontology=start.ontology, map=self.truth.map, goal=start.goal, services=services), self.limit)
+
+
+def play(place: Path, limit: float, share: float = 0.0, seed: int = 0) -> Result:
+    """The problem in a folder, with `domain.pddl` and `problem.pddl`. `limit`: seconds until the first plan is found."""
+    result = Result(domain=place.parent.name, problem=place.name)
+    began = time.perf_counter()
+    try:
+        imported = read(place / "domain.pddl", place / "problem.pddl")
+    except SomrsError as error:
+        result.trouble = str(error)
+        return result
+    result.importing = time.perf_counter() - began
+    result.agents = len(imported.agents)
+    faults = Faults(share, f"{seed}/{result.name}", [*imported.agents])
+    stage = Play(imported, faults, limit - result.importing)
+    gc.collect()
+    began = time.perf_counter()
+    transaction = stage.run()
+    whole = time.perf_counter() - began
+    _note(result, stage, transaction, whole)
+    result.trouble = _trouble(result, stage, transaction, place)
+    return result
+
+
+def _note(result: Result, stage: Play, transaction: Transaction | None, whole: float) -> None:
+    first = stage.plans[0] if stage.plans else None
+    result.planning = result.importing + stage.planning
+    result.coordinating = whole - stage.planning
+    result.plans, result.messages = len(stage.plans), len(stage.world.messages)
+    result.mishaps, result.leaver = stage.faults.mishaps, stage.faults.leaver if stage.faults.gone else None
+    if isinstance(first, Plan):
+        result.steps = len(first.steps)
+        result.cost = sum(_cost(stage, step) for step in first.steps)
+    if transaction is None:
+        return
+    result.notes = [f"{event.at - transaction.submitted_at:9.1f} {event.step or '':14} {event.text}" for event in transaction.events]
+    result.accomplished = transaction.outcome is Outcome.ACCOMPLISHED
+    times = [time for hands in stage.hands.values() for time in hands.times]
+    if result.accomplished and times:
+        result.makespan = round((max(times) - min(times)) / STEP_TIME, 1)
+
+
+def _trouble(result: Result, stage: Play, transaction: Transaction | None, place: Path) -> str:
+    """Why it did not pass."""
+    first = stage.plans[0] if stage.plans else None
+    if transaction is None:
+        return "the task did not come to an end"
+    if not isinstance(first, Plan):
+        return first.explanation if first is not None else f"nothing was planned: {transaction.explanation}"
+    wrong = objections(*classical(place / "domain.pddl", place / "problem.pddl"), stage.imported.pddl_plan(first.topological()))
+    if wrong:
+        return "; ".join(wrong)
+    if (twice := _twice(transaction)) is not None:
+        return f"{twice} was executed by two"
+    if not stage.faults.share and stage.truth.rejected:
+        return f"the world rejected {stage.truth.rejected[0]}"
+    reached = holds(stage.imported.goal, stage.truth.map, stage.imported.ontology)
+    if result.accomplished:
+        return "" if reached else "it is called accomplished, and the goal does not hold in the world"
+    if not stage.faults.share:
+        return transaction.explanation
+    rest = stage.still_possible()
+    if isinstance(rest, Plan):
+        return f"given up ({transaction.explanation[:200]}), and {len(rest.steps)} more steps would reach the goal"
+    return ""
+
+
+def _twice(transaction: Transaction) -> str | None:
+    """A step that was completed twice."""
+    completed: set[int] = set()
+    for work in transaction.ledger:
+        if work.state is State.COMPLETED:
+            if id(work.step) in completed:
+                return f"{work.label} ({work.step})"
+            completed.add(id(work.step))
+    return None
+
+
+def _cost(stage: Play, step: Step) -> float:
+    inputs = {name: str(term) for name, term in step.inputs.items()}
+    return stage.truth.cost(step.service_type, inputs, step.provider or next(iter(stage.hands)))
