@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from somrs.app.virtual import Work
+from somrs.app.virtual import LATENCY, Work
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ValueSet
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol import frp
 from somrs.protocol.clients import CancelTask, Policy, TaskRecord, TaskView
 from somrs.protocol.envelope import Header, Message, message_id
 from somrs.protocol.frp import Outcome, State
-from somrs.protocol.knowledge import UpdateMap
+from somrs.protocol.knowledge import MapChanged, UpdateMap
 from somrs.service_manager.orders import Advance, Done, Halt, Order, ServiceFailed
 from virtual_system import Robot, Script, VirtualSystem, done
 
@@ -461,3 +461,23 @@ def test_what_a_robot_lays_down_that_comes_back_when_all_is_over_comes_to_the_ma
     system.world.run(30)
     assert system.devices["Robot1"].state(task, "Robot1.TransferObject#step1") is State.ENDED
     assert system.map.holds("isOn", ("Jar002", "Floor001"))
+
+
+def test_what_contradicts_an_assumption_is_known_before_anything_is_planned_on_it() -> None:
+    """News of the map comes late; the Repository's refusal says that there is some."""
+
+    def slow_news(message: Message) -> tuple[float, ...]:
+        return (30.0 if isinstance(message.body, MapChanged) and message.header.recipient == "tm" else LATENCY,)
+
+    def loses(order: Order) -> Work:
+        yield 10.0, ServiceFailed("it is not in the gripper any more")
+
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=loses), Robot("Robot2", 25, 60), medium=slow_news)
+    task = system.submit(WISH)
+    assert system.world.run(60, lambda: ("Execute", "Robot1") in system.said(task))
+    update(system, FactRemoved(Fact("isOn", ("Jar002", "Cupboard001"))), FactAdded(Fact("isOn", ("Jar002", "Floor001"))))
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    second = [m.body for m in system.world.messages if isinstance(m.body, frp.Execute)][-1]
+    assert second.precondition is not None
+    assert "Jar002 isOn Floor001" in second.precondition

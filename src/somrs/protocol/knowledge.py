@@ -119,9 +119,10 @@ class Updated(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Rejected(Struct, frozen=True, kw_only=True, tag=True):
-    """Nothing was changed, and why."""
+    """Nothing was changed, and why. `version`: that of the map on which that was found out."""
 
     problems: tuple[str, ...]
+    version: int | None = None
 
 
 class ReadHistory(Struct, frozen=True, kw_only=True, tag=True):

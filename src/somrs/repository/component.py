@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import islice
 
+from msgspec import structs
+
 from somrs.entish.parse import nearest
 from somrs.errors import InputError
 from somrs.ontology.check import check
@@ -157,7 +159,7 @@ class Repository:
         if isinstance(result, Outcome) and (problems := self._overtaken(result, update.expected_version)):
             result = rejected(problems)
         if isinstance(result, Rejected):
-            return self._handled(message, result)
+            return self._handled(message, structs.replace(result, version=contents.version))
         if not result.changes:
             return self._handled(message, Updated(version=contents.version))
         contents.version += 1

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from somrs.protocol.envelope import Message
-from somrs.protocol.knowledge import Updated, UpdateMap
+from somrs.protocol.knowledge import Rejected, Updated, UpdateMap
 from somrs.task_manager.questions import said
 from somrs.task_manager.setting import Setting
 
@@ -44,10 +44,13 @@ class Reports:
         self._setting.questions.update(self._waiting[0].update, self._answered, now)
 
     def _answered(self, answer: Message, now: float) -> None:
-        if isinstance(answer.body, Updated):
-            self._setting.when_known(answer.body.version, partial(self._over, None), now)
-        else:
-            self._over(said(answer), now)
+        match answer.body:
+            case Updated(version=version):
+                self._setting.when_known(version, partial(self._over, None), now)
+            case Rejected(version=int(version)):  # what it contradicts may not be known here yet
+                self._setting.when_known(version, partial(self._over, said(answer)), now)
+            case _:
+                self._over(said(answer), now)
 
     def _over(self, problem: str | None, now: float) -> None:
         report = self._waiting[0]
