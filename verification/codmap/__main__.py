@@ -25,13 +25,9 @@ from verification.codmap.table import table
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m verification.codmap", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument(
-        "folder", type=Path, help="has a folder for each domain, with one for each problem in it"
-    )
+    parser.add_argument("folder", type=Path, help="has a folder for each domain, with one for each problem in it")
     parser.add_argument("--limit", type=float, default=60.0, help="seconds that a problem has until it is planned")
-    parser.add_argument(
-        "--faults", type=float, default=0.0, help="share of steps that fail; in a fifth of the problems, one agent leaves"
-    )
+    parser.add_argument("--faults", type=float, default=0.0, help="share of steps that fail; in a fifth of the problems, one agent leaves")
     parser.add_argument("--seed", type=int, default=0, help="of what goes wrong")
     parser.add_argument("--only", default="", help="problems whose name (domain/problem) has this in it")
     parser.add_argument("--tell", action="store_true", help="tell the story of each task")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from somrs.devices.symbolic.agent import Mishap
-from somrs.ontology.objects import Change
+from somrs.ontology.objects import Change, objects_of
 from somrs.service_manager.orders import Order
 
 LEAVING = 0.2
@@ -49,4 +49,6 @@ class Faults:
         return Mishap(happens=self._some) if self._dice.random() < 0.5 else Mishap()
 
     def _some(self, changes: Sequence[Change]) -> Sequence[Change]:
-        return [change for change in changes if self._dice.random() < 0.5]
+        """What becomes of some of the objects: each is changed wholly, or not at all, so that none is in no place."""
+        happens = {objects_of(change)[0]: self._dice.random() < 0.5 for change in changes}
+        return [change for change in changes if happens[objects_of(change)[0]]]

@@ -179,6 +179,9 @@ def _trouble(result: Result, stage: Play, transaction: Transaction | None, place
     rest = stage.still_possible()
     if isinstance(rest, Plan):
         return f"given up ({transaction.explanation[:200]}), and {len(rest.steps)} more steps would reach the goal"
+    if rest.undecided:
+        return f"given up, and it is not known whether the goal could be reached: {rest.explanation}"
+    result.out_of_reach = True
     return ""
 
 

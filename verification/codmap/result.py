@@ -27,6 +27,8 @@ class Result:
     plans: int = 0
     messages: int = 0
     accomplished: bool = False
+    out_of_reach: bool = False
+    """What went wrong put the goal out of everyone's reach: from the world as it was left, there is no plan."""
     trouble: str = ""
     notes: list[str] = field(default_factory=list)
 

@@ -14,7 +14,19 @@ def table(results: Sequence[Result], seconds: float) -> Table:
     """`seconds` is how long all of it took."""
     made = Table(title=f"{len(results)} problems in {seconds / 60:.1f} min", title_justify="left")
     made.add_column("domain")
-    for title in ("solved", "passed", "steps", "plan cost", "makespan", "of the steps", "s to plan", "worst", "s to coordinate", "worst"):
+    for title in (
+        "solved",
+        "passed",
+        "out of reach",
+        "steps",
+        "plan cost",
+        "makespan",
+        "of the steps",
+        "s to plan",
+        "worst",
+        "s to coordinate",
+        "worst",
+    ):
         made.add_column(title, justify="right")
     domains = {result.domain: None for result in results}
     for domain in domains:
@@ -31,6 +43,7 @@ def _row(results: Sequence[Result]) -> list[str]:
     return [
         f"{len(solved)} of {len(results)}",
         str(sum(not result.trouble for result in results)),
+        str(sum(result.out_of_reach for result in results)),
         _total(result.steps for result in solved),
         _total(result.cost for result in solved),
         _total(result.makespan for result in played),
