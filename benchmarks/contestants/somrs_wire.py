@@ -1,4 +1,4 @@
-"""SO-MRS on one machine: each part in a process of its own, SOAP over HTTP between them; five devices share a process, a port and a file."""
+"""SO-MRS on one machine: each part in a process of its own, SOAP over HTTP between them; five devices share process, port and file."""
 
 from __future__ import annotations
 

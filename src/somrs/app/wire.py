@@ -171,6 +171,6 @@ def _read(response: _Response, message: Message) -> Message | None:
 
 
 def _unexpected(response: _Response, message: Message) -> RemoteError:
-    said = response.document[:200].decode(errors="replace").strip()
+    said = response.document[:500].decode(errors="replace").strip()
     trouble = f"{message.header.recipient} answered with HTTP {response.status}{': ' + said if said else ''}"
     return Unanswered(trouble) if response.status == 503 else RemoteError(trouble)
