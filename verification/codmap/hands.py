@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from somrs.app.virtual import Work
 from somrs.devices.symbolic.agent import SymbolicAgent
 from somrs.devices.symbolic.world import SymbolicWorld
+from somrs.ontology.objects import Object
 from somrs.service_manager.orders import Capability, Done, Perform, Profile, Quote, Quoted
 
 STEP_TIME = 4.0
@@ -40,9 +41,13 @@ class Observer:
     name: str = "Observer"
 
     @property
+    def object(self) -> Object:
+        return Object(name=self.name, type="Person")
+
+    @property
     def profile(self) -> Profile:
         looks = Capability(type="RecognizeSituation", method="look", undoable=True)
-        return Profile(name=self.name, type="Person", capabilities=(looks,), lease=1e9, capacity=100)
+        return Profile(name=self.name, type=self.object.type, capabilities=(looks,), lease=1e9, capacity=100)
 
     def carry_out(self, task: object) -> Work:
         match task:

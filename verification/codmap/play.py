@@ -12,7 +12,9 @@ from somrs.app.virtual import CarryOut, Work, World
 from somrs.devices.symbolic.agent import SymbolicAgent
 from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.errors import SomrsError
+from somrs.ontology.objects import Fact, FactAdded, ObjectAdded
 from somrs.ontology.truth import holds
+from somrs.ontology.types import PART_OF
 from somrs.planner.plan import NoPlan, Plan, Step
 from somrs.planner.problem import Available, Problem
 from somrs.protocol.clients import Submit, Submitted
@@ -63,7 +65,10 @@ class Play:
         self.client = Client()
         self.hands: dict[str, Hands] = {}
         world, ontology = self.world, imported.ontology
-        world.add("repository", Repository("repository", Contents(ontology=ontology, map=imported.map)))
+        map, observer = imported.map, Observer(world=self.truth)
+        if faults.share:
+            map = map.changed([ObjectAdded(observer.object), FactAdded(Fact(PART_OF, (observer.name, next(iter(map.roots())))))])
+        world.add("repository", Repository("repository", Contents(ontology=ontology, map=map)))
         world.add("registry", Registry("registry", ontology, "repository"))
         world.add("client", self.client)
         for name, services in imported.agents.items():
@@ -71,7 +76,6 @@ class Play:
             hands = self.hands[name] = Hands(agent=agent, now=lambda: world.now)
             self._join(agent.profile(lease=FOREVER, valid_for=FOREVER), hands.carry_out)
         if faults.share:
-            observer = Observer(world=self.truth)
             self._join(observer.profile, observer.carry_out)
         world.add("tm", TaskManager("tm", repository="repository", registry="registry"), self._plan)
         world.run(5)
