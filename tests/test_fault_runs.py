@@ -172,7 +172,8 @@ def test_a_task_manager_that_waits_for_ever_is_noticed(monkeypatch: pytest.Monke
     assert noticed(dies) is Property.HOME
 
 
-HALF_DONE = story(Misdeed(nth=1, act=Act.DROP), devices=(carrier(1),), wish="Jar1 isOn Table2 AND Jar2 isOn Table2")
+DROPS = tuple(Misdeed(nth=number, act=Act.DROP) for number in range(1, 9))
+HALF_DONE = story(*DROPS, devices=(carrier(1),), wish="Jar1 isOn Table2 AND Jar2 isOn Table2")
 
 
 def test_a_task_manager_that_leaves_what_it_did_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -139,7 +139,7 @@ def plan(found: Sequence[StepView]) -> Table:
 def outcome(view: TaskView) -> Text:
     """How far a task is, or how it ended, and the first reason for that."""
     if view.outcome is None:
-        return Text(view.phase.value, style="bold")
+        return Text(view.phase.value, style="bold").append(f": {view.explanation}" if view.explanation else "", style="not bold")
     sign, colour = MARKS[view.outcome]
     seconds = f" in {view.ended_at - view.submitted_at:.1f} s" if view.ended_at is not None else ""
     said = Text(f"{sign} {view.outcome.value}{seconds}", style=colour)

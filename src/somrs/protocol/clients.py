@@ -25,6 +25,8 @@ class Phase(StrEnum):
     """How far a task is."""
 
     PLANNING = "planning"
+    WAITING = "waiting"
+    """For another task, which has what this one needs."""
     ARRANGING = "arranging"
     EXECUTING = "executing"
     RECOVERING = "recovering"
@@ -139,6 +141,8 @@ class EventKind(StrEnum):
     """The ladder's first rung: another service takes the step."""
     REPLAN = "replan"
     """Its second rung: a new plan, from how things are now."""
+    WAIT = "wait"
+    """It waits for another task, or goes on."""
     LOOK = "look"
     """A cognitive service is to find out, or found out, what a failure left."""
     UNDO = "undo"

@@ -40,6 +40,9 @@ class Owner(Protocol):
     def handlers(self, work: Work, on: Occasion) -> Iterable[Handler]:
         """The procedures that were laid down for it and fit the situation."""
 
+    def taken_over(self, work: Work) -> bool:
+        """Whether another task has the objects of the work by now."""
+
     def restore(self, goal: str, work: Work, now: float) -> None:
         """Pursue the formula; `achieved` or `tried` is called then."""
 
@@ -67,6 +70,8 @@ class Undoing:
                 return False
             elif self._work.state is State.COMPENSATED or self._is_as_it_was(self._work):
                 self._settle(self._work, State.COMPENSATED, "is undone", now)
+            elif self._owner.taken_over(self._work):
+                self._settle(self._work, State.STRANDED, "is not undone: another task has what it left", now)
             else:
                 self._attempt(self._attempts.popleft(), self._work, now)
         return False

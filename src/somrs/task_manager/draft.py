@@ -1,27 +1,35 @@
-"""A plan that is being made: first the services on offer are discovered, then the planner is asked."""
+"""A plan that is being made: first the services on offer are discovered, then the planner is asked, for one that leaves alone what
+other tasks have. When there is none, it is found out whether there would be one without them: then they have to be waited for.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+from somrs.entish.parse import parse
 from somrs.errors import FormulaError
+from somrs.planner.plan import NoPlan, Plan
 from somrs.protocol.clients import Submit
 from somrs.protocol.component import Ask, Withdraw
 from somrs.protocol.directory import Offer
+from somrs.task_manager.claims import Held, claim
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.setting import Setting, problem
 
 Made = Callable[[object, float], None]
-"""Called with what the planner answered, or with a text that says why it could not be asked."""
+"""Called with what the planner answered, with who has what is needed, or with a text that says why it could not be asked."""
 
 
 class Draft:
-    """`question` is the one that the planner is asked. A draft that is withdrawn calls nobody."""
+    """`name` begins the planner's questions, `task` is what transaction `id` wants. A draft that is withdrawn calls nobody."""
 
-    def __init__(self, question: str, task: Submit, offered: Offered, setting: Setting, made: Made) -> None:
-        self.question = question
-        self._task, self._offered, self._setting = task, offered, setting
+    def __init__(self, name: str, id: str, task: Submit, offered: Offered, setting: Setting, made: Made) -> None:
+        self.question = name
+        self._name, self._id, self._task, self._offered, self._setting = name, id, task, offered, setting
         self._made: Made | None = made
+        self._avoided: frozenset[str] = frozenset()
+        self._regardless = False
+        self._asked = 0
 
     def begin(self, now: float) -> None:
         self._setting.questions.discover(self._discovered, now)
@@ -33,17 +41,47 @@ class Draft:
             self._made(offers, now)
             return
         self._offered.discovered(offers)
+        self._avoided = self._setting.claims.taken(self._id)
+        self._ask(now)
+
+    def _ask(self, now: float) -> None:
+        assert self._made is not None, "a draft that was withdrawn asks nothing"
+        avoided = self._avoided if not self._regardless else frozenset()
         try:
-            task = problem(self._task, self._setting.replica, self._offered.usable)
+            task = problem(self._task, self._setting.replica, self._offered.usable, avoided)
         except FormulaError as error:
             self._made(f"the task does not fit the map any more: {error}", now)
-        else:
-            self._setting.effects.append(Ask(self.question, task))
+            return
+        self._asked += 1
+        self.question = self._name if self._asked == 1 else f"{self._name}.{self._asked}"
+        self._setting.effects.append(Ask(self.question, task))
 
     def answered(self, value: object, now: float) -> None:
         """What the planner found."""
-        if self._made is not None:
+        if self._made is None:
+            return
+        if isinstance(value, NoPlan) and self._avoided and not self._regardless:
+            self._regardless = True
+            self._ask(now)
+        elif isinstance(value, Plan):
+            self._found(value, self._made, now)
+        else:
             self._made(value, now)
+
+    def _found(self, plan: Plan, made: Made, now: float) -> None:
+        claims = self._setting.claims
+        wanted = claim(plan.steps, parse(self._task.effect), self._setting.replica.ontology)
+        conflicts = claims.conflicts(self._id, wanted)
+        if not conflicts:
+            claims.hold(self._id, wanted)
+            made(plan, now)
+            return
+        met = frozenset[str]().union(*conflicts.values())
+        if self._regardless or met <= self._avoided:
+            made(Held(claim=wanted, by=conflicts), now)
+        else:  # it changes what others rely on, or they have taken it meanwhile
+            self._avoided |= met
+            self._ask(now)
 
     def withdraw(self) -> None:
         """It is out of date, or not wanted any more."""

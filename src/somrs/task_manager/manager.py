@@ -15,6 +15,7 @@ from somrs.protocol.directory import Offer
 from somrs.protocol.envelope import Message, message_id, reply
 from somrs.protocol.paging import fitting
 from somrs.protocol.replica import Replica
+from somrs.task_manager.claims import Claims
 from somrs.task_manager.participants import sent_home
 from somrs.task_manager.questions import Questions
 from somrs.task_manager.setting import Setting, problem, wrong_with
@@ -54,6 +55,7 @@ class TaskManager:
         self._repository = repository
         self._effects: list[Effect] = []
         self._questions = Questions(address, repository, registry, self._effects)
+        self._claims = Claims()
         self._map_version = -1
         self._until_known: list[tuple[int, Callable[[float], None]]] = []
         self._until_ready: dict[str, Message] = {}
@@ -66,6 +68,7 @@ class TaskManager:
             replica=self.replica,
             questions=self._questions,
             when_known=self._when_known,
+            claims=self._claims,
             busy=self._busy,
         )
 
@@ -82,6 +85,7 @@ class TaskManager:
             self._map_moved(news.read, now)
         else:
             self._handle(event, now)
+        self._claims.wake(now)
         self._tell_watchers()
         for id in [id for id, transaction in self._open.items() if transaction.outcome is not None]:
             del self._open[id]

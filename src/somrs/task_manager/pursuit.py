@@ -7,7 +7,7 @@ find out, what is to be restored. Who takes a step is `tender.py`'s to say; what
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from enum import StrEnum
 from typing import Protocol
 
@@ -19,7 +19,9 @@ from somrs.planner.plan import NoPlan, Plan
 from somrs.protocol import frp
 from somrs.protocol.clients import EventKind, Phase, Submit
 from somrs.protocol.component import Wake
+from somrs.protocol.directory import Offer
 from somrs.protocol.frp import State
+from somrs.task_manager.claims import Held
 from somrs.task_manager.draft import Draft
 from somrs.task_manager.looking import Look
 from somrs.task_manager.offered import Offered
@@ -88,8 +90,14 @@ class Pursuit:
         self._owner = owner
         self._number = number
         self._label = "" if purpose is Purpose.WISH else f"{purpose}{number}."
+        self.waits = ""
+        """For whom, and what they have; it goes on when they have ended."""
+        self._goes_on = False
+        """It was waiting, and makes its plan as soon as it may."""
         self._draft: Draft | None = None
         self._plans = 0
+        self._fruitless = 0
+        """Plans since anything was completed."""
         self._woken: float | None = None
         """When the timer for terms rings."""
         self._fixed = False
@@ -119,8 +127,10 @@ class Pursuit:
         # What the client said of the beginning is about the beginning.
         precondition = owner.task.precondition if self.purpose is Purpose.WISH and self._plans == 0 else None
         task = structs.replace(owner.task, effect=self.goal, precondition=precondition)
-        self._draft = Draft(f"{owner.id}/plan/{self._number}.{self._plans}", task, owner.offered, owner.setting, self._planned)
+        name = f"{owner.id}/plan/{self._number}.{self._plans}"
+        self._draft = Draft(name, owner.id, task, owner.offered, owner.setting, self._planned)
         self._plans += 1
+        self._fruitless += 1
         self._draft.begin(now)
 
     def planned(self, question: str, found: object, now: float) -> None:
@@ -133,15 +143,42 @@ class Pursuit:
         match found:
             case Plan():
                 self._take(found, now)
+            case Held() if self.purpose is Purpose.WISH:
+                self._wait(found, now)
+            case Held():
+                self._fail(f"other tasks have {_listed(found)}", now)
             case NoPlan():
                 lost = "".join(f"; {service}: {why}" for service, why in self._owner.offered.broken.items())
                 why = f"no plan: {found.explanation}{lost}"
-                if not self._owner.unblocked(self, why, now):
+                if self._owner.unblocked(self, why, now):
+                    return
+                if again := self._owner.offered.once_more():
+                    self._tell(now, f"there is no plan without {_named(again)}, which may try again", kind=EventKind.REPLAN)
+                    self._plan(now)
+                else:
                     self._fail(why, now)
             case str(why):
                 self._fail(why, now)
             case _:
                 self._fail(f"planning failed: {found}", now)
+
+    def _wait(self, held: Held, now: float) -> None:
+        """Until those who have what is needed have ended. Who waits has nothing that others might wait for."""
+        claims = self._owner.setting.claims
+        for run in self:
+            if run.progress is Progress.ARRANGED and run.member is not None:
+                self._owner.participants.dismiss(run.member, "the task has to wait for others", now)
+                run.lose()
+        self.phase = Phase.WAITING
+        who = " and ".join(f"task {task} ({claims.wish(task)})" for task in held.by)
+        self.waits = f"waiting for {who} to end, which {'has' if len(held.by) == 1 else 'have'} {_listed(held)}"
+        self._tell(now, self.waits, kind=EventKind.WAIT)
+        claims.wait(self._owner.id, held.claim, self._freed)
+
+    def _freed(self, now: float) -> None:
+        self.waits, self._goes_on = "", True
+        self._tell(now, "going on: what it waited for is free", kind=EventKind.WAIT)
+        self._owner.proceed(now)
 
     def _take(self, plan: Plan, now: float) -> None:
         old, self.workflow = self.workflow, Workflow(plan, f"{self._number}.{self._plans}/", self._label)
@@ -165,6 +202,9 @@ class Pursuit:
         if self._draft is not None:
             self._draft.withdraw()
             self._draft = None
+        self.waits, self._goes_on = "", False
+        if self.purpose is Purpose.WISH:
+            self._owner.setting.claims.forget(self._owner.id)
         self._drop_tenders()
 
     # Arranging
@@ -172,9 +212,12 @@ class Pursuit:
     def proceed(self, now: float) -> None:
         """Do whatever comes next. Nothing does while a plan is being made."""
         workflow = self.workflow
-        if self._draft is not None:
+        if self._draft is not None or self.waits:
             return
-        if self._replan_because is not None:
+        if self._goes_on:
+            self._goes_on = False
+            self._plan(now)
+        elif self._replan_because is not None:
             self._replan(now, self._replan_because)
         elif workflow is None:
             return
@@ -308,7 +351,7 @@ class Pursuit:
         """What became of a step is known, and on the map; what comes of that, `proceed` finds."""
         assert run.member is not None, "somebody did it"
         if failed is None:
-            run.progress = Progress.DONE
+            run.progress, self._fruitless = Progress.DONE, 0
         else:
             run.excluded[run.member.offer.service] = failed
             run.reported = parse(situation) if situation is not None else None
@@ -335,6 +378,9 @@ class Pursuit:
             possible = True
         except LookupError:
             possible = False
+        bound = run.step.provider is not None  # a plan without it would be a detour, if there is one
+        if begun and not others and (possible or bound) and (others := owner.offered.once_more(run)):
+            self._tell(now, f"nobody else can do it: {_named(others)} may try again", run)
         harmless = owner.offered.type_of(run.step).kind is not ServiceKind.PHYSICAL
         match next_rung(others, possible, known=run.reported is not None or harmless):
             case Rung.REPLACE:
@@ -354,8 +400,8 @@ class Pursuit:
         if self._fixed:
             self._fail(reason, now)
             return
-        if self._plans > MOST_REPLANS:
-            self._fail(f"{reason}; planned anew {self._plans - 1} times already", now)
+        if self._fruitless > MOST_REPLANS:
+            self._fail(f"{reason}; planned anew {self._fruitless - 1} times already, and nothing was done", now)
             return
         for tender in self.tenders.values():
             tender.withdraw(self._owner.participants, "the plan changed", now)
@@ -386,3 +432,11 @@ class Pursuit:
 
     def _tell(self, now: float, text: str, run: StepRun | None = None, kind: EventKind = EventKind.NEWS) -> None:
         self._owner.tell(now, text, run, kind)
+
+
+def _named(offers: Iterable[Offer]) -> str:
+    return ", ".join(offer.service for offer in offers)
+
+
+def _listed(held: Held) -> str:
+    return ", ".join(sorted(frozenset[str]().union(*held.by.values())))

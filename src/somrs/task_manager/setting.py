@@ -19,6 +19,7 @@ from somrs.protocol.clients import Submit
 from somrs.protocol.component import Effect
 from somrs.protocol.directory import Offer
 from somrs.protocol.replica import Replica
+from somrs.task_manager.claims import Claims
 from somrs.task_manager.questions import Questions
 
 
@@ -33,12 +34,14 @@ class Setting:
     questions: Questions
     when_known: Callable[[int, Callable[[float], None], float], None]
     """Calls the function as soon as the replica has this version of the map."""
+    claims: Claims
+    """What each transaction has to itself."""
     busy: Callable[[str], list[tuple[float, float]]]
     """From when until when a provider is committed to this Task Manager, in any transaction."""
 
 
-def problem(task: Submit, replica: Replica, offers: Iterable[Offer]) -> Problem:
-    """The planning problem of a task on the map as it is now, with these services on offer.
+def problem(task: Submit, replica: Replica, offers: Iterable[Offer], avoided: frozenset[str] = frozenset()) -> Problem:
+    """The planning problem of a task on the map as it is now, with these services on offer, without the objects that are to be `avoided`.
 
     Raises FormulaError when the task does not fit the map, which may have lost what the task speaks of.
     """
@@ -51,7 +54,7 @@ def problem(task: Submit, replica: Replica, offers: Iterable[Offer]) -> Problem:
         map=replica.map,
         goal=check(task.effect, replica.ontology, replica.map),
         precondition=check(task.precondition, replica.ontology, replica.map) if task.precondition else None,
-        excluded=frozenset(replica.map.with_value(UNKNOWN, True)),
+        excluded=avoided.union(replica.map.with_value(UNKNOWN, True)),
         services=tuple(Available(service_type=types[name], providers=tuple(sorted(found))) for name, found in sorted(providers.items())),
     )
 

@@ -8,7 +8,7 @@ otherwise than wanted (`compensation.py`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 
 from somrs.entish.parse import parse
@@ -18,6 +18,7 @@ from somrs.protocol.clients import EventKind, Phase, Submit, TaskEvent
 from somrs.protocol.component import Record, Wake
 from somrs.protocol.envelope import Message
 from somrs.protocol.frp import Outcome, State
+from somrs.task_manager.claims import Claim
 from somrs.task_manager.compensation import Undoing
 from somrs.task_manager.handlers import fitting
 from somrs.task_manager.hearing import Hearing
@@ -91,6 +92,7 @@ class Transaction:
 
     def start(self, now: float) -> None:
         self.tell(now, f"task: {self.task.effect}")
+        self.setting.claims.enter(self.id, self.task.effect)
         if self.latest is not None:
             self._wake("deadline", self.latest)
         self.wish.begin(now)
@@ -129,10 +131,20 @@ class Transaction:
             self._undo(self._undoing, now)
         elif self._ending is not None:
             self._wake("stop", None)
-            self._undoing = Undoing(self.ledger.to_undo(), self, by_others=True)
+            works = self.ledger.to_undo()
+            self._keep_to_itself(works)
+            self._undoing = Undoing(works, self, by_others=True)
             self._undo(self._undoing, now)
         else:
             self.wish.proceed(now)
+
+    def _keep_to_itself(self, works: Iterable[Work]) -> None:
+        """Nobody else has to do with what is going to be undone, but for those who have it already."""
+        claims = self.setting.claims
+        for work in works:
+            wanted = Claim(changes=frozenset(work.concerned))
+            if not claims.holders(self.id, wanted):
+                claims.hold(self.id, wanted)
 
     def _undo(self, undoing: Undoing, now: float) -> None:
         if not undoing.proceed(now):
@@ -141,7 +153,7 @@ class Transaction:
             self._end(now, self._ending)
         else:
             self._undoing = None
-            if undoing.restored:
+            if undoing.restored or self.offered.once_more():
                 self.wish.again(now)
             else:
                 self.give_up(now, self._blocked)
@@ -205,6 +217,10 @@ class Transaction:
 
     # What undoing says
 
+    def taken_over(self, work: Work) -> bool:
+        """Whether another task has the objects of the work by now: this one had to wait since."""
+        return bool(self.setting.claims.holders(self.id, Claim(changes=frozenset(work.concerned))))
+
     def handlers(self, work: Work, on: Occasion) -> list[Handler]:
         return fitting(self.task.handlers, work, on, self.setting.replica)
 
@@ -246,7 +262,7 @@ class Transaction:
     def _stop(self, now: float, outcome: Outcome, reason: str) -> None:
         if self.outcome is not None or self._ending is not None:
             return
-        self._ending, self.explanation = outcome, reason
+        self._ending, self.explanation = outcome, f"{reason}; it was {self.wish.waits}" if self.wish.waits else reason
         for pursuit in self.pursuits:
             pursuit.abandon()
             if pursuit.look is not None:
@@ -274,6 +290,7 @@ class Transaction:
     def _end(self, now: float, outcome: Outcome) -> None:
         self.participants.end(outcome, now)
         self.outcome, self.ended_at = outcome, now
+        self.setting.claims.leave(self.id)
         if outcome is not Outcome.ACCOMPLISHED:
             self.explanation += "".join(f"; {work.in_words()}" for work in self.ledger if work.matters)
         for timer in ("deadline", "stop"):

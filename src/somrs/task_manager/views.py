@@ -34,7 +34,7 @@ def view(transaction: Transaction) -> TaskView:
         submitted_at=transaction.submitted_at,
         outcome=transaction.outcome,
         ended_at=transaction.ended_at,
-        explanation=transaction.explanation,
+        explanation=transaction.explanation or transaction.wish.waits,
         steps=tuple(_run_view(workflow.plan, run) for run in workflow) if workflow is not None else (),
         work=tuple(work.view() for work in transaction.ledger),
     )
