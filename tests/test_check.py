@@ -47,6 +47,9 @@ MAP = Map(
         "?w < 5 kg AND Jar1.Weight = ?w",
         "?n: number = Jar1.Weight",
         "Robot1 = ?x AND ?x != ?y AND ?y isOn Table1",
+        "Robot1.Charge - 5 % >= 20 %",
+        "Jar1.Weight * 2 + 500 g <= ?w AND ?w = Table1.Weight",
+        "distance(Jar1, Robot1) * 2 - 1 <= range(Robot1)",
     ],
 )
 def test_what_fits(text: str) -> None:
@@ -85,6 +88,10 @@ def test_what_fits(text: str) -> None:
         ("range(Jar1) < 5", 6, "Jar1 is a Jar, and here a Device is meant", ""),
         ("?w < 5 kg AND Robot1.OperationRange = ?w", 21, "do not measure the same thing", ""),
         ("?x: number isOn Table1", 0, "a number, and here an object", ""),
+        ("Jar1.Weight + 5 m < 3 kg", 14, "kg and m do not measure the same thing", ""),
+        ("Jar1.Weight * 5 m < 3 kg", 20, "do not measure the same thing", ""),
+        ("Jar1.Weight + Jar1.Label < 3 kg", 19, "Jar1.Label is a text, and + is for numbers", ""),
+        ("?x isOn Table1 AND Jar1.Weight < 2 * ?x", 37, "?x is an object, and * is for numbers", ""),
         ("Rob1 = ?x", 0, "neither an object on the map nor a value", "Robot1"),
     ],
 )

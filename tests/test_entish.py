@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from somrs.entish.formula import (
     And,
+    Arithmetic,
     Attribute,
     Call,
     Comparison,
@@ -77,7 +78,11 @@ simple_terms: st.SearchStrategy[Term] = objects | attributes | numbers | st.buil
 calls = st.builds(Call, words, st.lists(simple_terms, max_size=3).map(tuple))
 all_terms = simple_terms | calls
 relations = st.builds(Relation, words, st.lists(objects, max_size=4).map(tuple))
-comparisons = st.builds(Comparison, all_terms, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]), all_terms)
+counted = attributes | numbers | calls | variable_terms
+products = st.builds(Arithmetic, counted, st.just("*"), counted)
+sums = st.builds(Arithmetic, counted | products, st.sampled_from("+-"), counted | products)
+sides = all_terms | products | sums
+comparisons = st.builds(Comparison, sides, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]), sides)
 atoms = relations | comparisons
 formulas: st.SearchStrategy[Formula] = st.recursive(
     atoms | st.builds(Not, atoms),
@@ -110,6 +115,8 @@ def test_every_atom_is_found_in_its_place(formula: Formula) -> None:
                 assert rest.startswith(path)
             case Call(function):
                 assert rest.startswith(function)
+            case Arithmetic(_, operator):
+                assert rest.startswith(operator)
             case _:
                 assert rest.startswith(str(term))
     assert {atom for atom, _ in reading.places} == {part.atom if isinstance(part, Not) else part for part in literals(formula)}
@@ -226,3 +233,25 @@ def test_the_mistakes_in_the_documentation_get_their_messages() -> None:
         with pytest.raises(FormulaError) as caught:
             check(text.rstrip("\n"), loaded.ontology, loaded.map)
         assert str(caught.value) == message.rstrip("\n")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "?P.Charge - 5 % >= 2 * distance(?A, ?B)",
+        "R.Charge = R.Charge - 5 + 2 * R.Level * 3 - -1",
+        "range(A) + 1 m > 3 m AND p(A)",
+        "(p(A) OR A.X * 2 <= 3) AND NOT A.X + 4 %/m = ?v: number",
+    ],
+)
+def test_numbers_are_calculated_with(text: str) -> None:
+    assert str(parse(text)) == text
+    assert parse(str(parse(text))) == parse(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("A.X = Red + 1", "Red is no number"), ("A.X = 2 * TRUE", "TRUE is no number"), ("A + B isOn C", "isOn")]
+)
+def test_what_is_no_number_is_not_calculated_with(text: str, said: str) -> None:
+    with pytest.raises(FormulaError, match=said):
+        parse(text)

@@ -2,6 +2,7 @@
 
 from somrs.entish.formula import (
     And,
+    Arithmetic,
     Attribute,
     Call,
     Comparison,
@@ -19,6 +20,7 @@ from somrs.entish.formula import (
 
 __all__ = [
     "And",
+    "Arithmetic",
     "Attribute",
     "Call",
     "Comparison",

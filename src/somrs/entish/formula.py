@@ -83,7 +83,19 @@ class Call(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
         return show(self, set())
 
 
-Term = Name | Variable | Number | Text | Truth | Attribute | Call
+class Arithmetic(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
+    """Two numbers added, subtracted or multiplied: `?Provider.Charge - 2 * distance(?From, ?To)`. There are no parentheses, so a
+    factor is no sum, nor is what is subtracted."""
+
+    left: Term
+    operator: str
+    right: Term
+
+    def __str__(self) -> str:
+        return show(self, set())
+
+
+Term = Name | Variable | Number | Text | Truth | Attribute | Call | Arithmetic
 
 
 class Relation(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -164,6 +176,8 @@ def show(node: Formula | Term, declared: set[str]) -> str:
             return f"{show(of, declared)}.{path}"
         case Call(name, arguments):
             return f"{name}({', '.join(show(argument, declared) for argument in arguments)})"
+        case Arithmetic(left, operator, right):
+            return f"{show(left, declared)} {operator} {show(right, declared)}"
         case Relation(name, (first, second)):
             return f"{show(first, declared)} {name} {show(second, declared)}"
         case Relation(name, arguments):
@@ -244,6 +258,10 @@ def terms(formula: Formula | Term) -> Iterator[Term]:
         case Comparison(left, _, right):
             yield from terms(left)
             yield from terms(right)
+        case Arithmetic(left, _, right):
+            yield formula
+            yield from terms(left)
+            yield from terms(right)
         case Call(_, inner):
             yield formula
             for argument in inner:
@@ -278,6 +296,8 @@ def substitute_term(term: Term, bindings: Substitution) -> Term:
             return Attribute(replaced, path)
         case Call(function, arguments):
             return Call(function, tuple(substitute_term(argument, bindings) for argument in arguments))
+        case Arithmetic(left, operator, right):
+            return Arithmetic(substitute_term(left, bindings), operator, substitute_term(right, bindings))
         case _:
             return term
 

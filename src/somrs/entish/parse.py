@@ -15,6 +15,7 @@ from lark.exceptions import VisitError
 from msgspec import Struct
 
 from somrs.entish.formula import (
+    Arithmetic,
     Atom,
     Attribute,
     Call,
@@ -46,7 +47,11 @@ start: formula
        | "(" formula ")"
 ?atom: term NAME term                   -> infix
      | NAME "(" [term ("," term)*] ")"  -> prefix
-     | term OPERATOR term               -> comparison
+     | sum OPERATOR sum                 -> comparison
+?sum: product
+    | sum SIGN product                  -> arithmetic
+?product: term
+        | product TIMES term            -> arithmetic
 ?term: NAME                             -> name
      | variable
      | (name_of | variable) ("." NAME)+ -> attribute
@@ -61,11 +66,13 @@ _AND.3: /AND\b(?!-)/
 _OR.3: /OR\b(?!-)/
 _NOT.3: /NOT\b(?!-)/
 TRUTH.3: /(TRUE|FALSE)\b(?!-)/
+SIGN: /[+-]/
+TIMES: "*"
 OPERATOR: /<=|>=|!=|=|<|>/
 VARIABLE: /\?[^\W\d]\w*(-\w+)*/
 NAME: /(?!(AND|OR|NOT|TRUE|FALSE)\b(?!-))[^\W\d]\w*(-\w+)*/
 NUMBER: /[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?/
-UNIT.2: /(?!(AND|OR|NOT)\b(?!-))[^\W\d][\w\/*^]*|°[A-Za-z]?|%/
+UNIT.2: /(?!(AND|OR|NOT)\b(?!-))[^\W\d][\w\/*^]*|°[A-Za-z]?|%(\/[^\W\d][\w\/*^]*)?/
 STRING: /"([^"\\\n]|\\.)*"/
 COMMENT: /#[^\n]*/
 %ignore /\s+/
@@ -80,6 +87,8 @@ EXPECTED = {
     "UNIT": "a unit",
     "STRING": 'a text in "quotes"',
     "OPERATOR": "a comparison (= != < <= > >=)",
+    "SIGN": "+ or -",
+    "TIMES": "*",
     "TRUTH": "TRUE or FALSE",
     "_AND": "AND",
     "_OR": "OR",
@@ -99,7 +108,8 @@ DEEPEST = 100
 
 class Reading(Struct, frozen=True):
     """A text and the formula that it says, and where things are written, as offsets in the text: an atom's relation or
-    comparison sign (with None), its terms (of an attribute, its name; of a call, the function), and variables' types."""
+    comparison sign (with None), its terms (of an attribute, its name; of a call, the function; of what is calculated, the
+    sign), and variables' types."""
 
     text: str
     formula: Formula
@@ -196,6 +206,13 @@ class _Build(Transformer[Token, Any]):
     def call(self, function: Token, *arguments: _Placed | None) -> _Placed:
         given = [argument for argument in arguments if argument is not None]
         return _at(Call(str(function), tuple(argument.term for argument in given)), function, *given)
+
+    def arithmetic(self, left: _Placed, operator: Token, right: _Placed) -> _Placed:
+        for placed in (left, right):
+            if isinstance(placed.term, Name | Text | Truth):
+                at = Token(operator.type, operator, start_pos=placed.places[0][1])
+                raise _Misplaced(at, f"{placed.term} is no number", f"{operator} is for numbers")
+        return _at(Arithmetic(left.term, str(operator), right.term), operator, left, right)
 
     def number(self, token: Token, unit: Token | None) -> _Placed:
         value = float(token)

@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from somrs.entish.formula import (
     And,
+    Arithmetic,
     Atom,
     Attribute,
     Call,
@@ -192,6 +193,20 @@ class _Checking:
         read_from = self.ontology.attributes.get(function.attribute.rpartition(".")[2]) if function.attribute else None
         return _Meaning(_Sort.NUMBER, unit=read_from.unit if read_from else function.unit)
 
+    def _arithmetic(self, atom: Atom, term: Arithmetic, scope: _Scope) -> _Meaning:
+        units: list[str] = []
+        for side in (term.left, term.right):
+            meaning = self._meaning(atom, side, scope)
+            if isinstance(side, Variable) and meaning.sort is _Sort.OPEN:
+                meaning = scope[side.name] = _Meaning(_Sort.NUMBER)
+            if meaning.sort is not _Sort.NUMBER:
+                raise self.reading.error(atom, side, f"{_plain(side)} is {meaning.sort}, and {term.operator} is for numbers")
+            units += [meaning.unit] if meaning.unit is not None else []
+        if term.operator == "*":
+            return _Meaning(_Sort.NUMBER, unit=" * ".join(f"({unit})" for unit in units) if len(units) > 1 else next(iter(units), None))
+        self._units(atom, term.right, units[0] if units else None, units[-1] if units else None)
+        return _Meaning(_Sort.NUMBER, unit=units[0] if units else None)
+
     def _meaning(self, atom: Atom, term: Term, scope: _Scope) -> _Meaning:
         match term:
             case Variable(name):
@@ -200,6 +215,8 @@ class _Checking:
                 return self._attribute(atom, term, scope)
             case Call():
                 return self._call(atom, term, scope)
+            case Arithmetic():
+                return self._arithmetic(atom, term, scope)
             case Number(_, unit):
                 return _Meaning(_Sort.NUMBER, unit=unit)
             case Text():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from somrs.entish.formula import (
+    Arithmetic,
     Attribute,
     Comparison,
     Formula,
@@ -16,6 +17,7 @@ from somrs.entish.formula import (
     Term,
     Text,
     Truth,
+    conjunction,
     conjuncts,
     literals,
     variables,
@@ -43,7 +45,22 @@ def applied(effect: Formula, map: Map, ontology: Ontology) -> Map:
     return _made(effect, map, ontology)[1]
 
 
+def settled(effect: Formula, map: Map, ontology: Ontology) -> Formula:
+    """The effect with what is calculated in it from values on the map: `?A.Charge = ?A.Charge - 5` says what is so after it."""
+    return conjunction(*(_settled(part, map, ontology) for part in conjuncts(effect)))
+
+
+def _settled(part: Formula, map: Map, ontology: Ontology) -> Formula:
+    if isinstance(part, Comparison) and part.operator == "=":
+        target, source = (part.left, part.right) if isinstance(part.left, Attribute) else (part.right, part.left)
+        measured = measure(source, map, ontology) if isinstance(source, Arithmetic) else None
+        if measured is not None:
+            return Comparison(target, "=", measured.constant)
+    return part
+
+
 def _made(effect: Formula, map: Map, ontology: Ontology) -> tuple[list[Change], Map]:
+    effect = settled(effect, map, ontology)
     making = _Making(effect, map, ontology)
     parts = conjuncts(effect)
     needed = [change for part in parts for change in making.changes_for(part)]

@@ -7,11 +7,13 @@ from collections.abc import Mapping
 
 from msgspec import Struct
 
-from somrs.entish.formula import Attribute, Call, Constant, Name, Number, Term, Text, Truth, Variable
+from somrs.entish.formula import Arithmetic, Attribute, Call, Constant, Name, Number, Term, Text, Truth, Variable
 from somrs.ontology.objects import Map
 from somrs.ontology.types import AttributeType, Kind, Ontology, Value
 from somrs.ontology.units import converted
 
+DIGITS = 12
+"""Of what is calculated; binary fractions differ from decimal ones beyond them."""
 ROUNDING = 1e-9
 """Two numbers that differ relatively by less are the same: what conversion between units may add."""
 
@@ -69,8 +71,34 @@ def measure(term: Term, map: Map, ontology: Ontology, bound: Mapping[str, Term] 
             owners = [name_of(argument, bound or {}) for argument in arguments]
             named = [owner for owner in owners if owner is not None]
             return _function_value(function, named, map, ontology) if len(named) == len(owners) else None
+        case Arithmetic(left, operator, right):
+            one, other = measure(left, map, ontology, bound), measure(right, map, ontology, bound)
+            return _calculated(one, operator, other) if one is not None and other is not None else None
         case _:
             return Measured(term)
+
+
+def _calculated(one: Measured, operator: str, other: Measured) -> Measured | None:
+    """What two numbers come to: a sum in the unit of the first that has one, a product in the units' product."""
+    left, right = one.constant, other.constant
+    if not isinstance(left, Number) or not isinstance(right, Number):
+        return None
+    if operator == "*":
+        unit = f"({left.unit}) * ({right.unit})" if left.unit and right.unit else left.unit or right.unit
+        return Measured(_exact(left.value * right.value, unit), abs(left.value) * other.tolerance + abs(right.value) * one.tolerance)
+    value, tolerance = right.value, other.tolerance
+    if left.unit and right.unit and left.unit != right.unit:
+        exact, above = (converted(value, right.unit, left.unit) for value in (right.value, right.value + other.tolerance))
+        if exact is None or above is None:
+            return None
+        value, tolerance = exact, abs(above - exact)
+    total = left.value + value if operator == "+" else left.value - value
+    return Measured(_exact(total, left.unit or right.unit), one.tolerance + tolerance)
+
+
+def _exact(value: float, unit: str | None) -> Number:
+    """Decimals are calculated with as they are written: 0.1 + 0.2 is 0.3."""
+    return Number(float(f"{value:.{DIGITS}g}"), unit)
 
 
 def name_of(term: Term, bound: Mapping[str, Term]) -> str | None:

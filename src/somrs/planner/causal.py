@@ -16,8 +16,9 @@ from somrs.planner.plan import Link, Step
 from somrs.planner.problem import Problem
 
 
-def linked(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) -> tuple[Link, ...]:
-    """The links among steps that can be done in the order given; `maps` are the one before the first, and those after each.
+def linked(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula] = ()) -> tuple[Link, ...]:
+    """The links among steps that can be done in the order given; `maps` are the one before the first, and those after each,
+    `written` the steps' effects before anything was calculated in them.
 
     For each condition of a step, the last step before it that brings it about comes before it (the causal link); a step
     that could undo it comes before that one or after it (Penberthy and Weld 1992). The goal is the last step's condition.
@@ -27,7 +28,7 @@ def linked(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) -> tupl
     fates = _Fates(steps, maps, problem.ontology)
     causal: dict[tuple[int, int], dict[str, None]] = {}
     keeps: dict[tuple[int, int], Literal] = {}
-    for place, condition in _conditions(steps, maps, problem):
+    for place, condition in _conditions(steps, maps, problem, written or [step.effect for step in steps]):
         fate = fates.of(condition)
         supporter = fate.supporter(place)
         if supporter >= 0 and place < len(steps):
@@ -123,14 +124,14 @@ def _about(what: Iterable[object], objects: Sequence[Term]) -> Iterator[tuple[ob
         yield one, None
 
 
-def _conditions(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) -> Iterator[tuple[int, Literal]]:
+def _conditions(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula]) -> Iterator[tuple[int, Literal]]:
     """Every condition, with the place of the step that needs it; the goal's come behind the last step."""
     for place, step in enumerate(steps):
         if step.precondition is not None:
             for part in conjuncts(step.precondition):
                 assert not isinstance(part, Or), "a step's precondition is one alternative"
                 yield place, part  # type: ignore[misc]  # conjuncts of a conjunction of literals
-        for reading in _readings(step.effect):
+        for reading in _readings(written[place]):
             measured = measure(reading, maps[place], problem.ontology)
             if measured is not None:
                 yield place, Comparison(reading, "=", measured.constant)
@@ -143,12 +144,11 @@ def _conditions(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) ->
 
 
 def _readings(effect: Formula) -> Iterator[Term]:
-    """What an effect copies: of `?A.Level = ?B.Level`, the level of ?B, which has to be what it is by then."""
+    """What an effect is made of: of `?A.Level = ?B.Level + 2`, the level of ?B, which has to be what it is by then."""
     for part in conjuncts(effect):
         if isinstance(part, Comparison):
             source = part.right if isinstance(part.left, Attribute) else part.left
-            if isinstance(source, Attribute | Call):
-                yield source
+            yield from (term for term in terms(source) if isinstance(term, Attribute | Call))
 
 
 def touches(effect: Formula, condition: Literal, ontology: Ontology) -> bool:

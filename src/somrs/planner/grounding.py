@@ -309,7 +309,8 @@ class Grounding:
         match attribute.kind, measured.constant:
             case Kind.NUMBER, Number(value, unit):
                 number = value if unit is None or attribute.unit is None else converted(value, unit, attribute.unit)
-                return constant(number, attribute) if number is not None else None
+                within = number is not None and _at_least(number, attribute.minimum) and _at_least(attribute.maximum, number)
+                return constant(number, attribute) if number is not None and within else None
             case Kind.TRUTH, Truth() as truth:
                 return truth
             case Kind.TEXT, Text() as text:
@@ -343,3 +344,7 @@ class Grounding:
 
 def _named(operator: Operator) -> str:
     return operator.service.name if operator.service is not None else "the task's own wish"
+
+
+def _at_least(number: float | None, least: float | None) -> bool:
+    return number is None or least is None or number >= least

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
+from somrs.entish import Arithmetic, Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
 from somrs.entish.formula import Constant, Literal, alternatives, conjuncts, count_alternatives, terms, typed, variables
 from somrs.entish.parse import parse
 from somrs.ontology.services import PROVIDER, ServiceType
@@ -273,6 +273,8 @@ class _Compiler:
         patterns: list[Pattern] = []
 
         def hide(term: Term) -> Term:
+            if isinstance(term, Arithmetic):
+                return Arithmetic(hide(term.left), term.operator, hide(term.right))
             attribute = self.known.changing(term)
             if attribute is None:
                 return term
@@ -309,9 +311,8 @@ class _Compiler:
             case Not(Relation() as atom):
                 self.removes.append(self._pattern(atom))
             case Comparison(Attribute() as target, "=", source) | Comparison(source, "=", Attribute() as target):
-                if self.known.changing(source) is not None:
-                    test, patterns = self._with_hidden(Comparison(source, "=", source))
-                    assert test is not None
+                test, patterns = self._with_hidden(Comparison(source, "=", source))
+                if test is not None:
                     self.needs.update(dict.fromkeys(patterns))
                     source = test.comparison.left
                 self.adds.append(("." + target.path, (_argument(target.of), source)))

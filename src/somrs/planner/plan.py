@@ -14,7 +14,7 @@ from msgspec import Struct
 from somrs.entish import Formula, Name, Term
 from somrs.entish.formula import Substitution, substitute, variables
 from somrs.entish.parse import parse
-from somrs.ontology.effects import applied
+from somrs.ontology.effects import applied, settled
 from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER
 from somrs.ontology.truth import holds
@@ -150,7 +150,7 @@ def validate(plan: Plan, problem: Problem) -> list[str]:
         if step.precondition is not None and not holds(step.precondition, map, problem.ontology):
             wrong.append(f"{step.id}: {step} needs {step.precondition}, which does not hold by then")
         promised = substitute(parse(known[step.service_type].effect), step.bindings)
-        if step.effect != promised and not variables(promised):
+        if not variables(promised) and step.effect != settled(promised, map, problem.ontology):
             wrong.append(f"{step.id}: {step.effect} is not what {step} brings about")
         map = after(step, map, problem)
     if not holds(problem.goal, map, problem.ontology):

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from msgspec import structs
+
 from somrs.entish import Formula, Term
 from somrs.entish.formula import conjunction, substitute, variables
+from somrs.ontology.effects import settled
 from somrs.ontology.objects import Map
 from somrs.planner.causal import linked
 from somrs.planner.grounding import Action
@@ -18,11 +21,14 @@ from somrs.planner.world import as_term, rows
 def stated(problem: Problem, moves: Sequence[Move]) -> Plan:
     """The plan that the moves are, in services, with the links between its steps."""
     steps: list[Step] = []
+    written: list[Formula] = []
     maps = [problem.map]
     for move in moves:
-        steps.append(_step(f"step{len(steps) + 1}", move.action, maps[-1], problem))
+        step = _step(f"step{len(steps) + 1}", move.action, maps[-1], problem)
+        written.append(step.effect)
+        steps.append(structs.replace(step, effect=settled(step.effect, maps[-1], problem.ontology)))
         maps.append(after(steps[-1], maps[-1], problem))
-    made = Plan(tuple(steps), linked(steps, maps, problem))
+    made = Plan(tuple(steps), linked(steps, maps, problem, written))
     wrong = validate(made, problem)
     if wrong:
         raise AssertionError("; ".join(wrong))

@@ -1,0 +1,171 @@
+"""Numbers in tasks: tests that are settled before the search, values that services set, and counters such as a battery."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.entish import Formula
+from somrs.entish.parse import parse
+from somrs.ontology.check import check
+from somrs.ontology.files import upper
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.truth import holds
+from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, Ontology, RelationType
+from somrs.planner.plan import NoPlan, Plan, after, linearisations, validate
+from somrs.planner.planning import plan
+from somrs.planner.problem import Available, Problem
+
+ONTOLOGY: Ontology = upper().extended(
+    [
+        AttributeType(name="Charge", kind=Kind.NUMBER, unit="%", minimum=0, maximum=100),
+        AttributeType(name="Consumption", kind=Kind.NUMBER, unit="%/m"),
+        AttributeType(name="Charger", kind=Kind.TRUTH),
+        AttributeType(name="Count", kind=Kind.NUMBER),
+        AttributeType(name="Reach", kind=Kind.NUMBER, unit="m"),
+        AttributeType(name="Capacity", kind=Kind.NUMBER, unit="kg"),
+        AttributeType(name="Level", kind=Kind.NUMBER, unit="cm", tolerance=0.5),
+        FunctionType(name="reach", parameters=("Device",), attribute="Reach"),
+        FunctionType(name="capacity", parameters=("Device",), attribute="Capacity"),
+        ObjectType(name="Rover", parent="MobileRobot", attributes=("Charge", "Consumption", "Reach", "Capacity"), required=()),
+        ObjectType(name="Hall", parent="Room", attributes=("Charger", "PositionX", "PositionY")),
+        ObjectType(name="Box", parent="Graspable", attributes=("Count", "Level")),
+        RelationType(name="isInside", joins=("Device", "Space"), functional=True),
+        RelationType(name="leads", joins=("Space", "Space")),
+    ]
+)
+DRIVE = ServiceType(
+    name="DriveTo",
+    inputs=(Parameter(name="To", type="Space"),),
+    precondition="?Provider isInside ?From AND leads(?From, ?To) AND ?Provider.Charge >= 20 %",
+    effect="?Provider isInside ?To AND ?Provider.Charge = ?Provider.Charge - 20 %",
+)
+FAR = ServiceType(
+    name="DriveFar",
+    inputs=(Parameter(name="To", type="Space"),),
+    precondition="?Provider isInside ?From AND leads(?From, ?To) AND ?Provider.Charge >= ?Provider.Consumption * distance(?From, ?To)",
+    effect="?Provider isInside ?To AND ?Provider.Charge = ?Provider.Charge - ?Provider.Consumption * distance(?From, ?To)",
+)
+RECHARGE = ServiceType(
+    name="Recharge",
+    precondition="?Provider isInside ?Room AND ?Room.Charger = TRUE",
+    effect="?Provider.Charge = 100 %",
+)
+
+
+def corridor(length: int, charge: float, charger: int = 2) -> Map:
+    """Halls in a row, ten metres apart, one with a charger; a robot in the first."""
+    halls = [
+        Object(name=f"Hall{n}", type="Hall", values={"Charger": n == charger, "PositionX": 10.0 * n, "PositionY": 0.0})
+        for n in range(length)
+    ]
+    ways = [Fact("leads", (f"Hall{a}", f"Hall{b}")) for n in range(length - 1) for a, b in ((n, n + 1), (n + 1, n))]
+    robot = Object(name="Robot1", type="Rover", values={"Charge": charge, "Consumption": 1.5})
+    return Map([*halls, robot], [Fact("isInside", ("Robot1", "Hall0")), *ways])
+
+
+def problem(map: Map, goal: str, *services: ServiceType) -> Problem:
+    for service in services:
+        types = {parameter.name: parameter.type for parameter in service.inputs} | {"Provider": "Rover"}
+        for text in (service.precondition, service.effect):
+            if text is not None:
+                check(text, ONTOLOGY, map, types)
+    return Problem(ontology=ONTOLOGY, map=map, goal=check(goal, ONTOLOGY, map), services=tuple(Available(s, ("Robot1",)) for s in services))
+
+
+def planned(asked: Problem) -> list[str]:
+    found = plan(asked)
+    assert isinstance(found, Plan), found
+    assert validate(found, asked) == []
+    for order in linearisations(found):
+        map = asked.map
+        for step in order:
+            assert step.precondition is None or holds(step.precondition, map, asked.ontology), (step, order)
+            map = after(step, map, asked)
+        assert holds(asked.goal, map, asked.ontology)
+    return [str(step).removesuffix(" by Robot1") for step in found.steps]
+
+
+def test_a_robot_recharges_to_get_there() -> None:
+    assert planned(problem(corridor(6, 60), "Robot1 isInside Hall5", DRIVE, RECHARGE)) == [
+        "DriveTo(To: Hall1)",
+        "DriveTo(To: Hall2)",
+        "Recharge()",
+        "DriveTo(To: Hall3)",
+        "DriveTo(To: Hall4)",
+        "DriveTo(To: Hall5)",
+    ]
+
+
+def test_a_robot_with_enough_does_not_recharge() -> None:
+    assert "Recharge()" not in planned(problem(corridor(6, 100), "Robot1 isInside Hall5", DRIVE, RECHARGE))
+
+
+def test_a_charger_out_of_reach_is_no_help() -> None:
+    found = plan(problem(corridor(6, 35), "Robot1 isInside Hall5", DRIVE, RECHARGE))
+    assert isinstance(found, NoPlan)
+    assert not found.undecided
+
+
+def test_what_is_left_in_the_end_can_be_wished_for() -> None:
+    steps = planned(problem(corridor(6, 100), "Robot1 isInside Hall5 AND Robot1.Charge >= 40 %", DRIVE, RECHARGE))
+    assert steps.count("Recharge()") == 1
+    assert steps.index("Recharge()") == 2
+
+
+def test_a_way_costs_what_it_is_long() -> None:
+    asked = problem(corridor(9, 40), "Robot1 isInside Hall8", FAR, RECHARGE)
+    assert planned(asked).index("Recharge()") == 2
+    assert isinstance(plan(problem(corridor(11, 40), "Robot1 isInside Hall10", FAR, RECHARGE)), NoPlan), "100 % are for 66 m"
+
+
+def test_the_steps_say_what_is_left_after_them() -> None:
+    found = plan(problem(corridor(3, 60), "Robot1 isInside Hall2", DRIVE, RECHARGE))
+    assert isinstance(found, Plan)
+    assert [str(step.effect) for step in found.steps] == [
+        "Robot1 isInside Hall1 AND Robot1.Charge = 40 %",
+        "Robot1 isInside Hall2 AND Robot1.Charge = 20 %",
+    ]
+    assert "Robot1.Charge = 40 %" in {link.fact for link in found.links}
+
+
+@pytest.mark.parametrize(("goal", "count"), [("Box1.Level = 12.4 cm", 0), ("Box1.Level = 125 mm", 0), ("Box1.Level = 13 cm", 1)])
+def test_numbers_are_the_same_within_the_tolerance_of_their_attribute(goal: str, count: int) -> None:
+    pour = ServiceType(
+        name="Pour",
+        inputs=(Parameter(name="Box", type="Box"), Parameter(name="Height", type="number")),
+        effect="?Box.Level = ?Height",
+    )
+    map = Map([Object(name="Box1", type="Box", values={"Level": 12.0}), Object(name="Robot1", type="Rover")])
+    assert len(planned(problem(map, goal, pour))) == count
+
+
+def test_what_does_not_change_is_settled_before_the_search() -> None:
+    carry = ServiceType(
+        name="Carry",
+        inputs=(Parameter(name="Box", type="Box"), Parameter(name="To", type="Shelf")),
+        precondition="?Box isOn ?From AND ?Box.Weight <= capacity(?Provider) AND distance(?From, ?To) <= reach(?Provider)",
+        effect="?Box isOn ?To",
+    )
+    shelves = [Object(name=f"Shelf{n}", type="Shelf", values={"PositionX": 2.5 * n, "PositionY": 0.0}) for n in range(4)]
+    robots = [
+        Object(name="Robot1", type="Rover", values={"Capacity": 5.0, "Reach": 3.0}),
+        Object(name="Robot2", type="Rover", values={"Capacity": 1.0, "Reach": 9.0}),
+    ]
+    for weight, expected in ((0.5, 1), (3.0, 3)):
+        box = Object(name="Box1", type="Box", values={"Weight": weight})
+        map = Map([*shelves, *robots, box], [Fact("isOn", ("Box1", "Shelf0"))])
+        goal: Formula = parse("Box1 isOn Shelf3")
+        asked = Problem(ontology=ONTOLOGY, map=map, goal=goal, services=(Available(carry, ("Robot1", "Robot2")),))
+        assert len(planned(asked)) == expected
+
+
+def test_decimals_are_counted_as_they_are_written() -> None:
+    sip = ServiceType(
+        name="Sip",
+        inputs=(Parameter(name="Box", type="Box"),),
+        precondition="?Box.Count >= 0.1",
+        effect="?Box.Count = ?Box.Count - 0.1",
+    )
+    map = Map([Object(name="Box1", type="Box", values={"Count": 0.3}), Object(name="Robot1", type="Rover")])
+    assert len(planned(problem(map, "Box1.Count = 0", sip))) == 3
