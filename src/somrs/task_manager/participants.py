@@ -224,7 +224,7 @@ class Participants:
             self._setting.effects.append(Wake(self._timer("silence", member), member.heard_at + SILENCE))
         elif not member.queried:
             member.queried = True
-            until = max(now + SILENCE, member.begins_by + 2 * SILENCE)
+            until = _at_rest(member, now)
             self._send(member, frp.Query(), now, until - now)
             self._setting.effects.append(Wake(self._timer("silence", member), until))
             self._tell(now, f"{member.offer.service} is silent; asking for its state")
@@ -259,7 +259,7 @@ class Participants:
         self.give_up(member)
         self._send(member, frp.End(outcome=Outcome.FAILED), now, GOODBYE_TIME)
         member.halting = True
-        self._setting.effects.append(Wake(self._timer("overdue", member), now + SILENCE))
+        self._setting.effects.append(Wake(self._timer("overdue", member), _at_rest(member, now)))
 
     def give_up(self, member: Member) -> None:
         """It may do anything from now on, but nobody waits for it."""
@@ -282,6 +282,11 @@ class Participants:
 
     def _timer(self, kind: str, member: Member) -> str:
         return f"{self._transaction}/{kind}/{member.id}"
+
+
+def _at_rest(member: Member, now: float) -> float:
+    """When one that says nothing more has stopped. If it was not heard to begin, it may until the last moment at which it might."""
+    return max(now + SILENCE, member.begins_by + 2 * SILENCE)
 
 
 def sent_home(message: Message, address: str) -> list[Effect]:
