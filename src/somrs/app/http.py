@@ -112,28 +112,29 @@ class Server:
 
     async def _serve(self, scope: Scope, receive: Receive, send: SendPart) -> None:
         """One request, as ASGI has it. There is nothing to be routed but by the method, and every message comes this way."""
-        request = Request(scope, receive)
-        match request.method:
+        match scope["method"]:
             case "POST":
-                response = await self._take(request)
+                response = await self._take(scope, receive)
             case "GET" | "HEAD":
-                response = await self._show(request)
+                response = await self._show(Request(scope))
             case _:
                 response = PlainTextResponse("send messages with POST\n", 405, headers={"Allow": "GET, HEAD, POST"})
         await response(scope, receive, send)
 
-    async def _take(self, request: Request) -> Response:
-        handler = self.parts.get(request.scope["path"])
+    async def _take(self, scope: Scope, receive: Receive) -> Response:
+        handler = self.parts.get(scope["path"])
         if handler is None:
-            return PlainTextResponse(self._nothing(request.scope["path"]), 404)
-        is_batch = request.headers.get("content-type") == batches.MEDIA_TYPE
-        if not is_batch and not _is_soap(request):
+            return PlainTextResponse(self._nothing(scope["path"]), 404)
+        headers: dict[bytes, bytes] = dict(scope["headers"])
+        content_type = headers.get(b"content-type", b"").decode("latin-1")
+        is_batch = content_type == batches.MEDIA_TYPE
+        if not (is_batch or _is_soap(content_type)) or not _is_plain(headers):
             return PlainTextResponse(f"send {CONTENT_TYPE}, not compressed\n", 415, headers=HANG_UP)
         try:
             if self._stopping:
                 raise RemoteError(STOPPING)
             async with asyncio.timeout(self.body_time):
-                document = await self._unless_stopped(_body(request))
+                document = await self._unless_stopped(_body(headers, receive))
         except ClientDisconnect:
             return Response(status_code=400)
         except TimeoutError:
@@ -234,26 +235,31 @@ def _xml(document: bytes | None) -> Response:
     return Response(document, media_type="text/xml") if document is not None else PlainTextResponse("there is none\n", 404)
 
 
-def _is_soap(request: Request) -> bool:
-    media, _, parameters = request.headers.get("content-type", "").partition(";")
+def _is_soap(content_type: str) -> bool:
+    media, _, parameters = content_type.partition(";")
     charset = parameters.lower().partition("charset=")[2].partition(";")[0].strip(' "')
-    plain = request.headers.get("content-encoding", "identity").strip().lower() in ("", "identity")
-    return media.strip().lower() == soap.MEDIA_TYPE and charset in ("", "utf-8", "utf-16") and plain
+    return media.strip().lower() == soap.MEDIA_TYPE and charset in ("", "utf-8", "utf-16")
 
 
-async def _body(request: Request) -> bytes | None:
+def _is_plain(headers: dict[bytes, bytes]) -> bool:
+    return headers.get(b"content-encoding", b"").strip().lower() in (b"", b"identity")
+
+
+async def _body(headers: dict[bytes, bytes], receive: Receive) -> bytes | None:
     """The request's body; None for one that is too large, which is not even read to its end, or not at all if it says so."""
-    declared = request.headers.get("content-length", "0")
-    if not declared.isdecimal() or int(declared[:20]) > soap.MOST_BYTES:
+    declared = headers.get(b"content-length", b"0")
+    if not declared.isdigit() or int(declared[:20]) > soap.MOST_BYTES:
         return None
-    parts: list[bytes] = []
-    length = 0
-    async for part in request.stream():
-        length += len(part)
-        if length > soap.MOST_BYTES:
+    body, more = b"", True
+    while more:
+        part = await receive()
+        if part["type"] == "http.disconnect":
+            raise ClientDisconnect
+        body += part.get("body", b"")
+        if len(body) > soap.MOST_BYTES:
             return None
-        parts.append(part)
-    return b"".join(parts)
+        more = part.get("more_body", False)
+    return body
 
 
 def _answer(answer: Message) -> Outcome:
