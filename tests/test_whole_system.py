@@ -19,8 +19,8 @@ import pytest
 from rich.console import Console
 
 from somrs.app.client import Addresses, Client
-from somrs.app.commands import importer, write_import
 from somrs.app.demo import play
+from somrs.app.importing import importer, write_import
 from somrs.app.system import System
 from somrs.app.trace import Line
 from somrs.devices.simulator.commands import Fault

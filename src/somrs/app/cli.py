@@ -123,11 +123,11 @@ def check(files: Annotated[list[Path], typer.Argument(help="Ontology and map fil
 
 @app.command(name="import")
 def import_(
-    source: Annotated[Path, typer.Argument(help="A building, such as an Open-RMF SITE.building.yaml.")],
+    source: Annotated[list[Path], typer.Argument(help="A building (Open-RMF's SITE.building.yaml), or a PDDL domain and its problem.")],
     out: Annotated[Path | None, typer.Option("--out", "-o", help="The map file to write.")] = None,
 ) -> None:
-    """Bring in an existing building as a map."""
-    from somrs.app.commands import import_site as run
+    """Bring in an existing building, or a planning problem, as a map."""
+    from somrs.app.importing import import_site as run
 
     guarded(lambda: run(source, out))
 

@@ -62,6 +62,20 @@ def simulator(
 
 
 @run_app.command()
+def world(
+    data: Data = HERE,
+    host: HostOption = LOOPBACK,
+    port: PortOption = 0,
+    speed: Annotated[str, typer.Option(help="A service that costs 1 takes 1 s at speed 1, and none at `max`.")] = "1",
+) -> None:
+    """The symbolic world, in which the services of devices without a body come true."""
+    from somrs.app.client import Addresses
+    from somrs.app.programs import run_program, run_world, speed_of
+
+    guarded(lambda: run_program(run_world(Addresses.read(data), host, port, speed_of(speed))))
+
+
+@run_app.command()
 def device(
     driver: Annotated[str, typer.Argument(help="The device's class: `module:Class` or `file.py:Class`.")],
     name: Annotated[str, typer.Option(help="The device's object on the map.")],

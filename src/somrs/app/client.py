@@ -33,12 +33,14 @@ Answer = TypeVar("Answer")
 
 
 class Addresses(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the parts of a running system listen; `simulator` is `host:port`."""
+    """Where the parts of a running system listen; `simulator` and `world` are `host:port`, and a system has one of them."""
 
     repository: str
     registry: str
     task_manager: str
     simulator: str | None = None
+    world: str | None = None
+    """The symbolic world."""
 
     @classmethod
     def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from somrs.app import show
 from somrs.app.client import Addresses, Client
@@ -15,9 +14,6 @@ from somrs.ontology.types import Value
 from somrs.protocol.directory import Discover
 from somrs.protocol.knowledge import UpdateMap
 from somrs.service_manager.values import python_value
-
-if TYPE_CHECKING:
-    from somrs.sites import Site
 
 
 def check(files: Sequence[Path], *, json: bool) -> int:
@@ -54,55 +50,18 @@ def schema(out: Path | None) -> None:
         print(f"{out}: begin a file with `# yaml-language-server: $schema={out}`, and editors that know YAML schemas complete it")
 
 
-def import_site(source: Path, out: Path | None) -> None:
-    """Bring a building in, check it, and write it as a map file."""
-    from somrs.ontology.files import load
-
-    if (bring_in := importer(source)) is None:
-        from somrs.sites import IMPORTERS
-
-        raise UsageError(f"{source}: nothing here brings in such a file; it can be {', '.join(f'*{ending}' for ending in IMPORTERS)}")
-    target = out or Path(source.name.split(".")[0] + ".map.yaml")
-    notes = write_import(bring_in, source, target)
-    loaded = load([target])
-    for note in notes:
-        print(f"note: {note}")
-    count = len(loaded.map.objects) if loaded.map is not None else 0
-    print(f"{target}: {count} objects, and all is well. Next: somrs up {target}")
-
-
-def importer(source: Path) -> Callable[[Path], Site] | None:
-    """What brings in a file of this name; None for the project's own files."""
-    from somrs.sites import IMPORTERS
-
-    return next((found for ending, found in IMPORTERS.items() if source.name.endswith(ending)), None)
-
-
-def write_import(bring_in: Callable[[Path], Site], source: Path, target: Path) -> tuple[str, ...]:
-    """Write what is brought in from `source` to `target`; what could not be brought in is returned, in words."""
-    from somrs.app.sitefile import dump_site
-
-    site = bring_in(source)
-    target.write_text(dump_site(site.ontology, site.map), encoding="utf-8")
-    return site.notes
-
-
 async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool) -> None:
     """Run a system until somebody ends it."""
+    from somrs.app.importing import brought_in
     from somrs.app.programs import until_stopped
     from somrs.app.system import System
 
     console = show.console()
     data.mkdir(parents=True, exist_ok=True)
-    files: list[Path] = []
     for file in site:
         if not file.exists():
             raise UsageError(f"{file}: there is no such file")
-        if (bring_in := importer(file)) is not None:
-            files.append(data / (file.name.split(".")[0] + ".map.yaml"))
-            write_import(bring_in, file, files[-1])
-        else:
-            files.append(file)
+    files = brought_in(site, data)
     system = System(files, data, speed=speed, host=host, fresh=fresh)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):

@@ -226,7 +226,7 @@ class DeviceRunner:
 async def serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:
     """Run a device until its process is told to end."""
     addresses = Addresses.read(data)
-    runner = DeviceRunner(kind(name, addresses.simulator), addresses, data, host)
+    runner = DeviceRunner(kind(name, addresses.simulator or addresses.world), addresses, data, host)
     try:
         say_ready(name, await runner.start())
         await until_stopped()

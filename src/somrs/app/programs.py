@@ -1,4 +1,5 @@
-"""The programs that a system is made of, one process each: Repository, Registry, Task Manager, simulator, devices.
+"""The programs that a system is made of, one process each: Repository, Registry, Task Manager, simulator or symbolic
+world, devices.
 
 Each prints one line of JSON when it is ready, ends at SIGTERM or SIGINT, and ends when the process that started it is gone.
 """
@@ -222,6 +223,21 @@ async def run_simulator_of_files(site: Sequence[Path], host: str, port: int, spe
     loaded = load_site(site)
     assert loaded.map is not None, "load_site sees to that"
     await _serve_robots(Simulation(loaded.map, loaded.ontology), host, port, speed)
+
+
+async def run_world(addresses: Addresses, host: str, port: int, speed: float | None) -> None:
+    """The symbolic world: its truth begins with the map that the Repository has."""
+    from somrs.app.client import Client
+    from somrs.devices.symbolic.server import WorldServer
+    from somrs.devices.symbolic.world import SymbolicWorld
+
+    async with Client(addresses) as client:
+        world = SymbolicWorld(await client.ontology(), await client.map())
+    server = WorldServer(world, host=host, port=port, speed=speed)
+    await server.start()
+    say_ready("world", f"{server.host}:{server.port}")
+    await until_stopped()
+    await server.stop()
 
 
 async def _serve_robots(simulation: Simulation, host: str, port: int, speed: float | None) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import msgspec
+from msgspec.structs import replace
 
 from somrs.app.client import SYSTEM_FILE, Addresses, Client
 from somrs.app.programs import Ready
@@ -90,24 +91,27 @@ class System:
             repository=f"http://{self.host}:{ports[0]}/repository",
             registry=f"http://{self.host}:{ports[1]}/registry",
             task_manager=f"http://{self.host}:{ports[2]}/task-manager",
-            simulator=f"{self.host}:{ports[3]}",
         )
         self._check_site()
         site = [argument for path in self.site for argument in ("--site", str(path))]
         await self._start("repository", "--port", str(ports[0]), *site)
+        async with Client(self.addresses) as client:
+            ontology, map = await client.ontology(), await client.map()
+        driven = devices(map, ontology)
+        bodiless = symbolic(driven)
+        stage = f"{self.host}:{ports[3]}"
+        self.addresses = replace(self.addresses, world=stage) if bodiless else replace(self.addresses, simulator=stage)
         # Only now: while another system has the store, its addresses are to stay.
         self.addresses.write(self.data)
         self.addresses.write(self.data, LAST_FILE)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
-        async with Client(self.addresses) as client:
-            ontology, map = await client.ontology(), await client.map()
         await asyncio.gather(
             self._start("registry", "--port", str(ports[1])),
             self._start("task-manager", "--port", str(ports[2])),
-            self._start("simulator", "--port", str(ports[3]), "--speed", self.speed),
+            self._start("world" if bodiless else "simulator", "--port", str(ports[3]), "--speed", self.speed),
         )
-        await asyncio.gather(*(self._start("device", driver, "--name", name, label=name) for name, driver in devices(map, ontology)))
+        await asyncio.gather(*(self._start("device", driver, "--name", name, label=name) for name, driver in driven))
 
     def _ports_before(self) -> list[int]:
         """Where the parts listened in the last run; nothing when there was none."""
@@ -115,7 +119,7 @@ class System:
             before = Addresses.read(self.data, LAST_FILE)
         except UsageError:
             return []
-        places = (before.repository, before.registry, before.task_manager, f"//{before.simulator}")
+        places = (before.repository, before.registry, before.task_manager, f"//{before.simulator or before.world}")
         return [urlsplit(place).port or 0 for place in places]
 
     async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
@@ -160,7 +164,7 @@ class System:
     async def stop(self) -> None:
         """End all programs, devices first, so that they can take their leave."""
         running = [program for program in reversed(self.programs.values()) if program.process.returncode is None]
-        core = {"repository", "registry", "task-manager", "simulator"}
+        core = {"repository", "registry", "task-manager", "simulator", "world"}
         for group in ([p for p in running if p.name not in core], [p for p in running if p.name in core]):
             for program in group:
                 with contextlib.suppress(ProcessLookupError):  # it has ended, and nobody noticed yet
@@ -211,6 +215,16 @@ def devices(map: Map, ontology: Ontology) -> list[tuple[str, str]]:
     """The devices on the map that a program serves, with that program: the types say which."""
     found = ((name, ontology.driver(object.type)) for name, object in sorted(map.objects.items()))
     return [(name, driver) for name, driver in found if driver is not None]
+
+
+def symbolic(driven: Sequence[tuple[str, str]]) -> bool:
+    """Whether the devices live in a symbolic world instead of the simulator. Raises UsageError if some do, and some do not."""
+    without = [name for name, driver in driven if driver.startswith("somrs.devices.symbolic.")]
+    simulated = [name for name, driver in driven if driver.startswith("somrs.devices.simulator.")]
+    if without and simulated:
+        what = f"{without[0]} is a device of a symbolic world, and {simulated[0]} one of the simulator"
+        raise UsageError(f"{what}; a system has one of the two, so take one of them from the map")
+    return bool(without)
 
 
 def free_ports(host: str, count: int, wanted: Sequence[int] = ()) -> list[int]:

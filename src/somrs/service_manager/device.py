@@ -217,10 +217,9 @@ class Device:
     async def close(self) -> None:
         """Called once when the device has left."""
 
-    @classmethod
-    def services(cls) -> Mapping[str, Service]:
+    def services(self) -> Mapping[str, Service]:
         """The services by the names of their methods, inherited ones included."""
-        return _services(cls)  # type: ignore[arg-type]  # classes are hashable; mypy takes the attribute `type` for the metaclass's
+        return _services(type(self))  # type: ignore[arg-type]  # classes are hashable; mypy takes the attribute `type` for the metaclass's
 
     def profile(self) -> Profile:
         """What the Service Manager has to know. Raises DeviceError when the class cannot be run as it is."""

@@ -88,4 +88,4 @@ class SymbolicAgent:
         return self.seconds if self.seconds is not None else cost or 1.0
 
     def _failed(self, order: Order, refusal: str) -> ServiceFailed:
-        return ServiceFailed(f"{self.name} cannot: {refusal}", self.world.said(order.effect, self.name, order.inputs))
+        return ServiceFailed(f"{self.name} cannot: {refusal}", self.world.found(order.method, order.inputs, self.name))

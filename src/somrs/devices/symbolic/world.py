@@ -10,6 +10,7 @@ from somrs.entish.formula import conjunction, conjuncts, literals, substitute, t
 from somrs.entish.parse import parse, parse_term
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
+from somrs.ontology.files import upper
 from somrs.ontology.objects import Change, Fact, FactAdded, Map
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.truth import bindings, holds
@@ -48,6 +49,8 @@ class SymbolicWorld:
         self.rejected: list[str] = []
         effects = [parse(service.effect) for service in ontology.services.values()]
         self._changing = {part.relation for effect in effects for part in _atoms(effect) if isinstance(part, Relation)}
+        sides = [side for effect in effects for part in _atoms(effect) if isinstance(part, Comparison) for side in (part.left, part.right)]
+        self._set = {side.path for side in sides if isinstance(side, Attribute)}
         self._once: dict[Fact, None] = dict.fromkeys(fact for fact in map.facts() if fact.relation in self._changing)
 
     def perform(self, service: str, inputs: Inputs, provider: str) -> str | None:
@@ -82,9 +85,19 @@ class SymbolicWorld:
     def said(self, formula: str, provider: str, inputs: Inputs = {}) -> str:  # noqa: B006  # a mapping that nobody changes
         """What holds now of what the formula speaks of: each of its facts as it is, each of its attributes with its value."""
         bound = {PROVIDER: Name(provider), **{name: term(text) for name, text in inputs.items()}}
-        found = [self._as_it_is(atom) for atom in _atoms(substitute(parse(formula), bound)) if not variables(atom)]
+        atoms = dict.fromkeys(atom for atom in _atoms(substitute(parse(formula), bound)) if not variables(atom))
+        found = [self._as_it_is(atom) for atom in atoms]
         known = [part for part in found if part is not None]
         return str(conjunction(*known)) if known else f"{provider}.Working = TRUE"
+
+    def found(self, service: str, inputs: Inputs, provider: str) -> str:
+        """What whoever could not do it has found out: what holds of what the service needs and brings about, and how it is itself."""
+        known = self.ontology.services.get(service)
+        spoken = [text for text in (known.precondition, known.effect) if text is not None] if known is not None else []
+        own = [str(fact) for fact in self.map.facts_about(provider) if fact.relation in self._changing]
+        return (
+            self.said(" AND ".join(f"({text})" for text in [*spoken, *own]), provider, inputs) if spoken else f"{provider}.Working = TRUE"
+        )
 
     def seen(self, object: str) -> str:
         """What somebody who looks at the object reports: the facts about it, and that what held once does not hold any more."""
@@ -103,9 +116,10 @@ class SymbolicWorld:
         return measured.constant.value if measured is not None and isinstance(measured.constant, Number) else 1.0
 
     def offers(self, device: str) -> tuple[ServiceType, ...]:
-        """What the device can do: the services whose formulas speak of a provider of its type, or of none."""
-        kind = self.map.objects[device].type
-        return tuple(service for service in self.ontology.services.values() if self._offers(kind, service))
+        """What the device can do: of the services that the site brings, those whose formulas speak of a provider of its type, or of
+        none. What every site has, such as TransferObject, is for devices with a body."""
+        kind, common = self.map.objects[device].type, upper().services
+        return tuple(service for name, service in self.ontology.services.items() if name not in common and self._offers(kind, service))
 
     def _offers(self, kind: str, service: ServiceType) -> bool:
         wanted = _provider(service)
@@ -157,12 +171,16 @@ class SymbolicWorld:
         return f"{' and '.join(map(str, parts or [precondition]))} {'does' if len(parts) < 2 else 'do'} not hold"
 
     def _as_it_is(self, atom: Relation | Comparison) -> Formula | None:
-        """What is so of what the atom speaks of; None when nothing can be said."""
+        """What is so of what the atom speaks of; None when nothing can be said, or need be, because nothing changes it."""
         if isinstance(atom, Relation):
+            if atom.relation not in self._changing:
+                return None
             return atom if holds(atom, self.map, self.ontology) else Not(atom)
         target = atom.left if isinstance(atom.left, Attribute) else atom.right
+        if not isinstance(target, Attribute) or target.path not in self._set:
+            return None
         measured = measure(target, self.map, self.ontology)
-        return Comparison(target, "=", measured.constant) if measured is not None and isinstance(target, Attribute) else None
+        return Comparison(target, "=", measured.constant) if measured is not None else None
 
 
 def _atoms(formula: Formula) -> list[Relation | Comparison]:

@@ -1,0 +1,70 @@
+"""The driver of a device of a symbolic world: it offers what its type can do there, and the world says what comes of it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+
+from somrs.devices.symbolic.lines import Begin, Came, Do, Estimate, Estimated, Hello, Look, Welcome
+from somrs.devices.symbolic.link import ask
+from somrs.errors import DeviceError
+from somrs.service_manager.device import Device, Service, Situation, Task
+from somrs.service_manager.orders import Profile, ServiceFailed
+
+
+class SymbolicDevice(Device):
+    """Any device of a symbolic world. Its services are those of the world's ontology that a device of its type can do."""
+
+    type = "Device"
+
+    def __init__(self, name: str, simulator: str | None = None) -> None:
+        super().__init__(name, simulator)
+        self._kind = ""
+        self._services: dict[str, Service] = {}
+
+    async def open(self) -> None:
+        welcome = await ask(self.simulator, Hello(device=self.name), Welcome)
+        self._kind = welcome.type
+        self._services = {name: _service(name) for name in welcome.services}
+        if not self._services:
+            raise DeviceError(f"no service type speaks of a {welcome.type} as its provider, so {self.name} has nothing to offer")
+
+    def services(self) -> Mapping[str, Service]:
+        return self._services
+
+    def profile(self) -> Profile:
+        """Before `open`, nothing is known but the name."""
+        capabilities = tuple(service.capability({}) for service in self._services.values())
+        return Profile(name=self.name, type=self._kind or "Device", capabilities=capabilities)
+
+    async def cost(self, task: Task) -> float:
+        return (await self._estimated(task)).cost
+
+    async def seconds(self, task: Task) -> float:
+        return (await self._estimated(task)).seconds
+
+    async def perform(self, task: Task) -> Situation:
+        """What it does holds in the world when its time is over, not before."""
+        service, inputs = task.order.method, task.order.inputs
+        estimated = await self._estimated(task)
+        self._held(await ask(self.simulator, Begin(device=self.name, service=service, inputs=inputs), Came))
+        await asyncio.sleep(estimated.seconds)
+        return self._held(await ask(self.simulator, Do(device=self.name, service=service, inputs=inputs), Came))
+
+    async def halt(self, task: Task) -> Situation:
+        return (await ask(self.simulator, Look(device=self.name, service=task.order.method, inputs=task.order.inputs), Came)).situation
+
+    async def _estimated(self, task: Task) -> Estimated:
+        return await ask(self.simulator, Estimate(device=self.name, service=task.order.method, inputs=task.order.inputs), Estimated)
+
+    def _held(self, came: Came) -> str:
+        if came.refusal is not None:
+            raise ServiceFailed(f"{self.name} cannot: {came.refusal}", came.situation)
+        return came.situation
+
+
+def _service(name: str) -> Service:
+    made = Service(SymbolicDevice.perform, name, SymbolicDevice.cost, SymbolicDevice.seconds, None)
+    made.name = name  # the order then says which of the services is meant
+    made.stops = SymbolicDevice.halt
+    return made

@@ -1,0 +1,94 @@
+"""Serves a symbolic world at a TCP port: the one truth for the programs of all its devices."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+
+from somrs.devices.symbolic.lines import (
+    LONGEST,
+    Answer,
+    Begin,
+    Came,
+    Do,
+    Estimate,
+    Estimated,
+    Hello,
+    Look,
+    Refused,
+    Request,
+    Welcome,
+    request,
+    written,
+)
+from somrs.devices.symbolic.world import SymbolicWorld
+from somrs.errors import UsageError, WireError
+
+log = logging.getLogger(__name__)
+
+
+class WorldServer:
+    """Answers lines about one world. `speed`: a service that costs 1 takes 1 second at speed 1; None: no time at all."""
+
+    def __init__(self, world: SymbolicWorld, *, host: str = "127.0.0.1", port: int = 0, speed: float | None = 1.0) -> None:
+        self.world, self.host, self.port, self.speed = world, host, port, speed
+        self._writers: set[asyncio.StreamWriter] = set()
+
+    async def start(self) -> None:
+        """Listen. `port` is then the real one."""
+        try:
+            self._listener = await asyncio.start_server(self._serve, self.host, self.port, limit=LONGEST)
+        except OSError as error:
+            raise UsageError(f"the symbolic world cannot listen at {self.host}:{self.port}: {error}; give another port") from None
+        self.port = self._listener.sockets[0].getsockname()[1]
+
+    async def stop(self) -> None:
+        self._listener.close()
+        for writer in self._writers:
+            writer.close()
+        await self._listener.wait_closed()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._writers.add(writer)
+        try:
+            while line := await reader.readline():
+                writer.write(written(self._answered(line)))
+                await writer.drain()
+        except (ConnectionError, ValueError) as error:  # ValueError: a line that is too long
+            log.warning("a connection of a device ended: %s", error)
+        finally:
+            self._writers.discard(writer)
+            writer.close()
+
+    def _answered(self, line: bytes) -> Answer:
+        try:
+            return self.answer(request(line))
+        except WireError as error:
+            return Refused(reason=error.text)
+
+    def answer(self, asked: Request) -> Answer:
+        """What is said to it."""
+        if asked.device not in self.world.map.objects:
+            return Refused(reason=f"there is no {asked.device} in this world; it knows the objects that were on the map when it began")
+        match asked:
+            case Hello(device=device):
+                kind = self.world.map.objects[device].type
+                return Welcome(type=kind, services=tuple(service.name for service in self.world.offers(device)))
+            case _ if asked.service not in self.world.ontology.services:
+                return Refused(reason=f"there is no service type {asked.service} in this world")
+            case Estimate(device=device, service=service, inputs=inputs):
+                cost = self.world.cost(service, inputs, device)
+                return Estimated(cost=cost, seconds=(cost or 1.0) / self.speed if self.speed is not None else 0.0)
+            case Begin(device=device, service=service, inputs=inputs):
+                return self._came(asked, self.world.refusal(service, inputs, device))
+            case Do(device=device, service=service, inputs=inputs):
+                return self._came(asked, self.world.perform(service, inputs, device))
+            case Look():
+                return self._came(asked, None)
+
+    def _came(self, asked: Begin | Do | Look, refusal: str | None) -> Came:
+        if refusal is not None:
+            log.warning("%s of %s is rejected: %s", asked.service, asked.device, refusal)
+            return Came(situation=self.world.found(asked.service, asked.inputs, asked.device), refusal=refusal)
+        effect = self.world.ontology.services[asked.service].effect
+        return Came(situation=self.world.said(effect, asked.device, asked.inputs))
