@@ -190,6 +190,31 @@ def test_objects_of_mixed_types_are_picked_out_by_a_relation(harbour: Imported) 
     assert picked == {"boat1", "crate1", "barrel1"}
 
 
+def test_numbers_of_one_object_are_attributes_and_of_several_tables(tmp_path: Path) -> None:
+    domain = """(define (domain trucks) (:requirements :typing :numeric-fluents) (:types truck place)
+      (:predicates (at ?t - truck ?p - place))
+      (:functions (fuel ?t - truck) (tank ?t - truck) (need ?a ?b - place) (price))
+      (:action go :parameters (?t - truck ?a ?b - place)
+        :precondition (and (at ?t ?a) (>= (fuel ?t) (need ?a ?b)))
+        :effect (and (not (at ?t ?a)) (at ?t ?b) (assign (fuel ?t) 1)))
+      (:action fill :parameters (?t - truck) :precondition (not (= (fuel ?t) (tank ?t)))
+        :effect (and (assign (fuel ?t) (tank ?t)) (assign (price) 7))))"""
+    problem = """(define (problem p) (:domain trucks) (:objects t1 - truck here there - place)
+      (:init (at t1 here) (= (fuel t1) 2) (= (tank t1) 9) (= (need here there) 5) (= (price) 3))
+      (:goal (and (at t1 there) (> (price) 6))))"""
+    imported = read(*written(tmp_path, domain, problem))
+    assert not violations(imported.map, imported.ontology)
+    assert imported.task == "t1 at there AND World.price > 6"
+    world = SymbolicWorld(imported.ontology, imported.map)
+    go = {"t": "t1", "a": "here", "b": "there"}
+    assert world.perform("go", go, "Agent1") == "t1.fuel >= need(here, there) does not hold"
+    assert world.perform("fill", {"t": "t1"}, "Agent1") is None
+    assert world.refusal("fill", {"t": "t1"}, "Agent1") == "t1.fuel != t1.tank does not hold"
+    assert world.perform("go", go, "Agent1") is None
+    assert world.map.objects["t1"].values["fuel"] == 1
+    assert holds(imported.goal, world.map, imported.ontology)
+
+
 def test_as_ordinary_pddl_the_agent_is_a_parameter_and_nothing_is_private(tmp_path: Path) -> None:
     domain, problem = classical(*written(tmp_path))
     for word in (":agent", ":private", ":multi-agent", ":unfactored-privacy"):

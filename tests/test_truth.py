@@ -35,7 +35,7 @@ from somrs.errors import FormulaError
 from somrs.ontology.files import load_text, upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.truth import bindings, evaluate, holds
-from somrs.ontology.types import Ontology, Value
+from somrs.ontology.types import FunctionType, Ontology, Value
 
 # The twin: reads values, compares and assigns in the most direct way, in metres and centimetres only
 
@@ -293,6 +293,15 @@ def test_evaluate(lab: tuple[Ontology, Map]) -> None:
     assert evaluate(Attribute(Name("Jar1"), "Label"), map, ontology) is None
     assert evaluate(Call("distance", (Name("Table1"), Name("Table2"))), map, ontology) == 5
     assert evaluate(Call("range", (Name("Robot1"),)), map, ontology) == 0.45
+
+
+def test_a_table_has_the_values_that_it_is_given(lab: tuple[Ontology, Map]) -> None:
+    ontology, map = lab
+    table = FunctionType(name="steps", parameters=("Object", "Object"), values={"Jar1 Table1": 3.0}, unit="m")
+    ontology = ontology.extended([table])
+    assert evaluate(Call("steps", (Name("Jar1"), Name("Table1"))), map, ontology) == 3
+    assert evaluate(Call("steps", (Name("Table1"), Name("Jar1"))), map, ontology) is None
+    assert list(bindings(parse("steps(?a, Table1) = 300 cm"), map, ontology)) == [{"a": Name("Jar1")}]
 
 
 def test_a_value_without_an_equation_is_an_error(lab: tuple[Ontology, Map]) -> None:

@@ -249,11 +249,13 @@ def parse(text: str) -> Formula:
 
 def parse_term(text: str) -> Term:
     """The term that `text` says. Raises FormulaError, which shows the place."""
-    formula = parse(f"{text} = 0")
+    try:
+        formula = parse(f"{text} = 0")
+    except FormulaError as error:
+        raise FormulaError(text, min(error.position, len(text)), "this is no term", error.hint) from None
     if not isinstance(formula, Comparison) or formula.right != Number(0.0):
-        raise FormulaError(
-            text, 0, "this is no term", "write a number, an attribute such as ?Jar.Weight, or a function such as range(?Provider)"
-        )
+        hint = "write a number, an attribute such as ?Jar.Weight, or a function such as range(?Provider)"
+        raise FormulaError(text, 0, "this is no term", hint)
     return formula.left
 
 
