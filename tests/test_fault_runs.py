@@ -6,16 +6,18 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from somrs.app.virtual import Moment, World
-from somrs.protocol.clients import CancelTask
+from somrs.protocol.clients import CancelTask, Policy
 from somrs.protocol.component import Component, Effect, Input, Rang, Received
 from somrs.protocol.frp import Accept, Outcome
 from somrs.protocol.knowledge import UpdateMap
 from somrs.service_manager.orders import Kept, Profile
+from somrs.task_manager.claims import Claims
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.participants import Participants
 from somrs.task_manager.reports import Reports, Then
@@ -49,7 +51,16 @@ def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many: Result) ->
     assert sum(many.troubled.values()) > 150
     for outcome in Outcome:
         assert many.troubled[outcome]
-    for rung in ("replaced", "planned anew", "looks", "nothing assumed", "undone by others", "undone by the participant", "stranded"):
+    for rung in (
+        "replaced",
+        "planned anew",
+        "waited for another task",
+        "looks",
+        "nothing assumed",
+        "undone by others",
+        "undone by the participant",
+        "stranded",
+    ):
         assert many.rungs[rung], f"nothing was {rung}"
 
 
@@ -174,6 +185,15 @@ def test_a_task_manager_that_waits_for_ever_is_noticed(monkeypatch: pytest.Monke
 
 DROPS = tuple(Misdeed(nth=number, act=Act.DROP) for number in range(1, 9))
 HALF_DONE = story(*DROPS, devices=(carrier(1),), wish="Jar1 isOn Table2 AND Jar2 isOn Table2")
+
+
+def test_tasks_that_do_not_leave_each_other_what_they_were_promised_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    wishes = [Wish(at=2.0 * number, to="tm1", effect=f"Jar1 isOn Table{number}", policy=Policy.TIME) for number in (2, 3)]
+    quarrel = replace(story(), wishes=tuple(wishes))
+    assert noticed(quarrel) is None
+    monkeypatch.setattr(Claims, "conflicts", lambda *_: {})
+    monkeypatch.setattr(Claims, "taken", lambda *_: frozenset())
+    assert noticed(quarrel) is Property.HANDS
 
 
 def test_a_task_manager_that_leaves_what_it_did_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,7 +52,7 @@ class _Draw:
         self.things = [(f"Jar{number}", dice.choice(self.tables)) for number in range(1, dice.choice((3, 4, 5, 6, 10)) + 1)]
         self.characters = [*self._characters()]
         self.count = dice.choice((1, 1, 2, 2, 3, 4, 6, 8))
-        self.quarrel = self.chance(SELDOM)
+        self.quarrel = self.chance(OFTEN)
         """Whether several tasks may want the same things."""
         self.unclaimed = [thing for thing, _ in self.things]
 

@@ -69,6 +69,8 @@ class Witness:
         self._taken: dict[Pair, float] = {}
         """When the participant took the Accept, or the Execute that says as much."""
         self._released: set[Pair] = set()
+        self._managers: dict[str, str] = {}
+        """Whose each task is."""
         self._unsaid: dict[str, dict[str, Pair]] = {}
         """What was reported in each transaction and has not come to the Repository yet, by message id: service and situation."""
         self._updates: dict[str, Pair] = {}
@@ -95,10 +97,15 @@ class Witness:
         """A device begins to work, or to undo its work."""
         self._hear()
         for other, its in self._stage.working if labour.order.method != LOOKING else ():
-            if its is not labour and (its.transaction, its.object) == (labour.transaction, labour.object):
+            if its is not labour and its.object == labour.object and self._together(its.transaction, labour.transaction):
                 text = f"{hands.name} begins {labour.participant} ({labour.kind}) while {other.name} is at {its.participant} ({its.kind})"
-                raise Violation(Property.HANDS, f"{text}; both have their hands on {labour.object} for {labour.transaction}")
+                tasks = " and ".join(dict.fromkeys((labour.transaction, its.transaction)))
+                raise Violation(Property.HANDS, f"{text}; both have their hands on {labour.object} for {tasks}")
         self._contracted(labour)
+
+    def _together(self, *tasks: str | None) -> bool:
+        """Whether one Task Manager has them all: it knows what each was promised. Of others' it knows nothing."""
+        return len({self._managers.get(task or "", task) for task in tasks}) == 1
 
     def _contracted(self, labour: Labour) -> None:
         """FRP, property 2. A contract is made when its Accept is taken by the participant while its Terms hold; it may begin later. An
@@ -140,6 +147,7 @@ class Witness:
                 case frp.Completed() | frp.Failed() | frp.Stopped() | frp.Compensated() | frp.Stranded():
                     self._reports.setdefault(message.header.message_id, self._stage.world.now)
                 case frp.Arrange():
+                    self._managers[pair[0]] = message.header.sender
                     self._nothing_unsaid(pair[0], f"{pair[1]} was asked for terms")
 
     def _keep(self) -> None:
@@ -247,8 +255,9 @@ class Witness:
                 )
 
     def _meanwhile(self, deed: Deed, task: Transaction) -> bool:
-        """Whether somebody else did it while the task was under way, or for a task that was under way then, too."""
-        if deed.task == task.id:
+        """Whether somebody else did it while the task was under way, or for a task that was under way then, too: for another Task
+        Manager's, or for nobody's. What one of its own has, its Task Manager gives to nobody."""
+        if self._together(deed.task, task.id):
             return False
         other = self.outcomes.get(deed.task) if deed.task is not None else None
         over = deed.at if other is None or other.ended_at is None else other.ended_at
@@ -320,12 +329,14 @@ class Witness:
 
     def _map_is_true(self) -> None:
         """At the end, when everything that was done has been reported: by whoever did it, or seen since. Only of a device that never
-        came back may the map not know better; and of a thing that two tasks moved, the later report may be of the earlier deed."""
+        came back may the map not know better; and of a thing that tasks of two Task Managers moved, the later report may be of the earlier
+        deed."""
         stage, contents = self._stage, self._stage.contents
         assert contents is not None, "whoever shares the Repository waits for it"
         for deed in {deed.object: deed for deed in stage.reality.deeds}.values():
             tasks = {one.task for one in stage.reality.deeds if one.object == deed.object}
-            if deed.object in stage.reality.doubtful or f"devices/{deed.who}" not in stage.world.components or len(tasks) > 1:
+            apart = len(tasks) > 1 and not self._together(*tasks)
+            if deed.object in stage.reality.doubtful or f"devices/{deed.who}" not in stage.world.components or apart:
                 continue
             said = parse(stage.reality.said(deed.object))
             known = contents.map.objects[deed.object].values.get("Unknown") is not True

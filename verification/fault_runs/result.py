@@ -17,6 +17,7 @@ RUNGS: dict[str, tuple[EventKind, str]] = {
     "handlers": (EventKind.HANDLER, ""),
     "replaced": (EventKind.REPLACE, ""),
     "planned anew": (EventKind.REPLAN, ""),
+    "waited for another task": (EventKind.WAIT, "waiting for"),
     "looks": (EventKind.LOOK, "somebody is to look"),
     "nothing assumed": (EventKind.LOOK, "nothing is assumed"),
     "undone by others": (EventKind.UNDO, "others are to restore"),
