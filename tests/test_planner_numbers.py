@@ -22,6 +22,7 @@ ONTOLOGY: Ontology = upper().extended(
         AttributeType(name="Consumption", kind=Kind.NUMBER, unit="%/m"),
         AttributeType(name="Charger", kind=Kind.TRUTH),
         AttributeType(name="Count", kind=Kind.NUMBER),
+        AttributeType(name="Closed", kind=Kind.TRUTH),
         AttributeType(name="Reach", kind=Kind.NUMBER, unit="m"),
         AttributeType(name="Capacity", kind=Kind.NUMBER, unit="kg"),
         AttributeType(name="Level", kind=Kind.NUMBER, unit="cm", tolerance=0.5),
@@ -29,7 +30,7 @@ ONTOLOGY: Ontology = upper().extended(
         FunctionType(name="capacity", parameters=("Device",), attribute="Capacity"),
         ObjectType(name="Rover", parent="MobileRobot", attributes=("Charge", "Consumption", "Reach", "Capacity"), required=()),
         ObjectType(name="Hall", parent="Room", attributes=("Charger", "PositionX", "PositionY")),
-        ObjectType(name="Box", parent="Graspable", attributes=("Count", "Level")),
+        ObjectType(name="Box", parent="Graspable", attributes=("Count", "Level", "Closed")),
         RelationType(name="isInside", joins=("Device", "Space"), functional=True),
         RelationType(name="leads", joins=("Space", "Space")),
     ]
@@ -51,6 +52,9 @@ RECHARGE = ServiceType(
     precondition="?Provider isInside ?Room AND ?Room.Charger = TRUE",
     effect="?Provider.Charge = 100 %",
 )
+
+
+FILL = ServiceType(name="Fill", inputs=(Parameter(name="Box", type="Box"),), effect="?Box.Count = ?Box.Count + 1")
 
 
 def corridor(length: int, charge: float, charger: int = 2) -> Map:
@@ -129,6 +133,25 @@ def test_the_steps_say_what_is_left_after_them() -> None:
     assert "Robot1.Charge = 40 %" in {link.fact for link in found.links}
 
 
+def test_a_counter_without_an_end_counts_as_far_as_it_has_to() -> None:
+    map = Map([Object(name="Box1", type="Box", values={"Count": 2.0}), Object(name="Robot1", type="Rover")])
+    assert planned(problem(map, "Box1.Count = 5", FILL)) == ["Fill(Box: Box1)"] * 3
+
+
+def test_two_counters_without_an_end_are_made_the_same() -> None:
+    pair = ServiceType(
+        name="Pair",
+        inputs=(Parameter(name="Box", type="Box"), Parameter(name="Other", type="Box")),
+        precondition="?Box.Count = ?Other.Count + 1 AND ?Box != ?Other",
+        effect="?Other.Closed = TRUE AND ?Box.Closed = TRUE",
+    )
+    boxes = [Object(name=f"Box{n}", type="Box", values={"Count": float(n)}) for n in (1, 4)]
+    map = Map([*boxes, Object(name="Robot1", type="Rover")])
+    steps = planned(problem(map, "Box1.Closed = TRUE AND Box1.Count >= 4", FILL, pair))
+    assert steps.count("Fill(Box: Box1)") >= 3
+    assert any(step.startswith("Pair") for step in steps)
+
+
 @pytest.mark.parametrize(("goal", "count"), [("Box1.Level = 12.4 cm", 0), ("Box1.Level = 125 mm", 0), ("Box1.Level = 13 cm", 1)])
 def test_numbers_are_the_same_within_the_tolerance_of_their_attribute(goal: str, count: int) -> None:
     pour = ServiceType(
@@ -169,3 +192,19 @@ def test_decimals_are_counted_as_they_are_written() -> None:
     )
     map = Map([Object(name="Box1", type="Box", values={"Count": 0.3}), Object(name="Robot1", type="Rover")])
     assert len(planned(problem(map, "Box1.Count = 0", sip))) == 3
+
+
+@pytest.mark.parametrize("length", [3, 5])
+@pytest.mark.parametrize("charge", [10.0, 40.0, 60.0, 100.0])
+@pytest.mark.parametrize("charger", [0, 1, 4])
+def test_counting_finds_what_listing_the_values_finds(length: int, charge: float, charger: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    for service in (DRIVE, FAR):
+        asked = problem(corridor(length, charge, charger), f"Robot1 isInside Hall{length - 1}", service, RECHARGE)
+        listed = plan(asked)
+        monkeypatch.setattr("somrs.planner.planning.VALUES", 0)
+        monkeypatch.setattr("somrs.planner.matching.FACTS", 0)
+        if isinstance(listed, Plan):
+            assert len(planned(asked)) <= len(listed.steps) + 2
+        else:
+            assert isinstance(plan(asked), NoPlan)
+        monkeypatch.undo()

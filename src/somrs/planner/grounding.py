@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 
-from somrs.entish import Comparison, Name, Not, Number, Relation, Term, Text, Truth, Variable
-from somrs.entish.formula import Constant, Literal, variables
+from somrs.entish import Attribute, Comparison, Name, Not, Number, Relation, Term, Text, Truth, Variable
+from somrs.entish.formula import Constant, Literal, substitute, substitute_term, variables
 from somrs.ontology.services import PROVIDER
 from somrs.ontology.types import AttributeType, Kind
 from somrs.ontology.units import converted
@@ -40,6 +40,8 @@ class Action:
     needs: tuple[Fact, ...]
     adds: tuple[Fact, ...]
     removes: tuple[Fact, ...]
+    counts: tuple[Literal, ...] = ()
+    sets: tuple[tuple[Attribute, Term], ...] = ()
 
     @property
     def provider(self) -> str | None:
@@ -55,12 +57,15 @@ class TooLarge(Exception):
 class Grounding:
     """The actions that are demanded and reachable, and the facts they lead to. Making it raises TooLarge."""
 
-    def __init__(self, world: World, demanded: list[Demand], *, narrow: bool = False, effort: int = EFFORT) -> None:
+    def __init__(
+        self, world: World, demanded: list[Demand], *, narrow: bool = False, effort: int = EFFORT, most: int | None = None
+    ) -> None:
         self.world = world
         self.narrow = narrow
         self.guessed = False
         """Whether a service could be given values that nobody named, and was not."""
         self._effort = effort
+        self._most = ACTIONS if most is None else most
         self.facts = Facts(world)
         self.actions: list[Action] = []
         self._seen: set[tuple[Operator, tuple[Argument, ...]]] = set()
@@ -264,8 +269,8 @@ class Grounding:
         if any(fact is None for fact in adds):
             return
         self.actions.append(action := self._action(operator, bound, [fact for fact in adds if fact is not None]))
-        if len(self.actions) > ACTIONS:
-            raise TooLarge(f"there are more than {ACTIONS} ways to use services, the last one of them {_named(operator)}")
+        if len(self.actions) > self._most:
+            raise TooLarge(f"there are more than {self._most} ways to use services, the last one of them {_named(operator)}")
         for predicate, arguments in action.adds:
             self._waiting.append((predicate, arguments))
             if predicate in self.world.ontology.relations:
@@ -277,7 +282,10 @@ class Grounding:
             return self.world.canonical((pattern[0], arguments))
 
         needs = tuple(dict.fromkeys(map(ground, operator.needs)))
-        return Action(operator, bound, needs, tuple(dict.fromkeys(adds)), tuple(map(ground, operator.removes)))
+        given = {name: as_term(value) for name, value in bound.items()} if operator.counts or operator.sets else {}
+        counts = tuple(substitute(literal, given) for literal in operator.counts)
+        sets = tuple((substitute_term(target, given), substitute_term(source, given)) for target, source in operator.sets)
+        return Action(operator, bound, needs, tuple(dict.fromkeys(adds)), tuple(map(ground, operator.removes)), counts, sets)  # type: ignore[arg-type]
 
     def _effect(self, pattern: Pattern, bound: Bound) -> Fact | None:
         """The fact that the effect makes; None for one that makes no sense (a thing in its own place, a value that is none)."""

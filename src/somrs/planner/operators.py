@@ -15,7 +15,7 @@ from somrs.entish import Arithmetic, Attribute, Call, Comparison, Formula, Name,
 from somrs.entish.formula import Constant, Literal, alternatives, conjuncts, count_alternatives, terms, typed, variables
 from somrs.entish.parse import parse
 from somrs.ontology.services import PROVIDER, ServiceType
-from somrs.ontology.types import Ontology
+from somrs.ontology.types import Kind, Ontology
 from somrs.ontology.values import attribute_at
 
 Argument = str | Constant
@@ -70,6 +70,10 @@ class Operator:
     static: tuple[Literal, ...]
     adds: tuple[Pattern, ...]
     removes: tuple[Pattern, ...]
+    counts: tuple[Literal, ...]
+    """Comparisons of counters, which are not facts."""
+    sets: tuple[tuple[Attribute, Term], ...]
+    """The counters that it gives values, and which."""
     types: Mapping[str, frozenset[str]]
     """The types that what a variable stands for must all be of."""
     variables: tuple[str, ...]
@@ -77,10 +81,15 @@ class Operator:
 
 
 class Vocabulary:
-    """What the services on offer can change, and which facts replace each other."""
+    """What the services on offer can change, and which facts replace each other.
 
-    def __init__(self, ontology: Ontology, effects: Iterable[Formula]) -> None:
+    When counting, the numbers that they can change are counters, and not facts with a value each.
+    """
+
+    def __init__(self, ontology: Ontology, effects: Iterable[Formula], counting: bool = False) -> None:
         self.ontology = ontology
+        self.calculates = False
+        """Whether effects calculate numbers: there may be more of those than can be listed."""
         self.relations: set[str] = set()
         self.paths: set[str] = set()
         groups: dict[str, list[str]] = {}
@@ -97,6 +106,13 @@ class Vocabulary:
                         target = left if isinstance(left, Attribute) else right
                         if isinstance(target, Attribute):
                             self.paths.add(target.path)
+                            self.calculates |= any(isinstance(side, Arithmetic) for side in (left, right))
+        self.counters: set[str] = {path for path in self.paths if counting and self._is_number(path)}
+        self.paths -= self.counters
+
+    def _is_number(self, path: str) -> bool:
+        attribute = attribute_at(path, self.ontology)
+        return attribute is not None and attribute.kind is Kind.NUMBER
 
     def excluded_by(self, relation: str) -> list[str]:
         """The other relations that an object leaves when it enters into this one."""
@@ -126,14 +142,21 @@ class Vocabulary:
 
     def changing(self, term: Term) -> Attribute | None:
         """The attribute that the term reads, if services change it."""
+        return self._read(term, self.paths)
+
+    def counter(self, term: Term) -> Attribute | None:
+        """The same, if it is a counter."""
+        return self._read(term, self.counters)
+
+    def _read(self, term: Term, paths: set[str]) -> Attribute | None:
         match term:
-            case Attribute(_, path) if path in self.paths:
+            case Attribute(_, path) if path in paths:
                 return term
             case Call(name, arguments):
                 function = self.ontology.functions.get(name)
-                if function and function.attribute in self.paths and len(arguments) == 1 and isinstance(arguments[0], Name | Variable):
+                if function and function.attribute in paths and len(arguments) == 1 and isinstance(arguments[0], Name | Variable):
                     return Attribute(arguments[0], function.attribute)
-                if name == "distance" and self.paths & {"PositionX", "PositionY", "PositionZ"}:
+                if name == "distance" and paths & {"PositionX", "PositionY", "PositionZ"}:
                     raise Inexpressible(term, "services on offer move what it measures")
         return None
 
@@ -182,6 +205,8 @@ class _Compiler:
         self.static: list[Literal] = []
         self.adds: list[Pattern] = []
         self.removes: list[Pattern] = []
+        self.counts: list[Literal] = []
+        self.sets: list[tuple[Attribute, Term]] = []
         self.types: dict[str, frozenset[str]] = {}
 
     def operator(self, service: ServiceType | None, precondition: tuple[Literal, ...], effect: Formula | None) -> Operator:
@@ -207,6 +232,8 @@ class _Compiler:
             static=tuple(self.static),
             adds=tuple(self.adds),
             removes=tuple(self.removes),
+            counts=tuple(self.counts),
+            sets=tuple(self.sets),
             types=self.types,
             variables=tuple(dict.fromkeys([*self.inputs, *self._to_bind()])),
         )
@@ -217,9 +244,11 @@ class _Compiler:
             for argument in arguments:
                 if not isinstance(argument, str):
                     yield from variables(argument)
-        for literal in (*self.static, *(test.comparison for test in self.tests)):
+        for literal in (*self.static, *self.counts, *(test.comparison for test in self.tests)):
             if not isinstance(literal, Not):
                 yield from variables(literal)
+        for target, source in self.sets:
+            yield from (*variables(target), *variables(source))
 
     def _note(self, name: str, type_name: str) -> None:
         self.types[name] = self.types.get(name, frozenset()) | {type_name}
@@ -243,6 +272,8 @@ class _Compiler:
                 self.needs[some if some is not None else self._pattern(literal)] = None
             case Not(Relation(name) as atom) if name in self.known.relations:
                 self.forbids.append(Forbidden(self._pattern(atom)))
+            case Comparison() | Not(Comparison()) if any(self.known.counter(term) is not None for term in terms(literal)):
+                self.counts.append(literal)
             case Comparison() as comparison:
                 self._comparison(comparison)
             case Not(Comparison() as comparison):
@@ -281,7 +312,7 @@ class _Compiler:
             variable = Variable(str(attribute))  # a text with a dot in it is no other variable's name
             known = attribute_at(attribute.path, self.known.ontology)
             hidden[variable.name] = known.tolerance if known else 0.0
-            patterns.append(("." + attribute.path, (_argument(attribute.of), variable)))
+            patterns.append(("." + attribute.path, (bare(attribute.of), variable)))
             return variable
 
         changed = Comparison(hide(comparison.left), comparison.operator, hide(comparison.right))
@@ -297,10 +328,10 @@ class _Compiler:
                 return None
             if argument.type is not None and not self.known.ontology.is_a(joined, argument.type):
                 return None
-        return atom.relation + SOME, (_argument(atom.arguments[0]),)
+        return atom.relation + SOME, (bare(atom.arguments[0]),)
 
     def _pattern(self, atom: Relation) -> Pattern:
-        return atom.relation, tuple(map(_argument, atom.arguments))
+        return atom.relation, tuple(map(bare, atom.arguments))
 
     # Effects
 
@@ -310,17 +341,21 @@ class _Compiler:
                 self.adds.append(self._pattern(part))
             case Not(Relation() as atom):
                 self.removes.append(self._pattern(atom))
+            case Comparison(Attribute(_, path) as target, "=", source) if path in self.known.counters:
+                self.sets.append((target, source))
+            case Comparison(source, "=", Attribute(_, path) as target) if path in self.known.counters:
+                self.sets.append((target, source))
             case Comparison(Attribute() as target, "=", source) | Comparison(source, "=", Attribute() as target):
                 test, patterns = self._with_hidden(Comparison(source, "=", source))
                 if test is not None:
                     self.needs.update(dict.fromkeys(patterns))
                     source = test.comparison.left
-                self.adds.append(("." + target.path, (_argument(target.of), source)))
+                self.adds.append(("." + target.path, (bare(target.of), source)))
             case Or():
                 raise Inexpressible(part, "an effect with OR does not say what becomes true")
             case _:
                 raise Inexpressible(part, "it does not say what becomes true")
 
 
-def _argument(term: Name | Variable) -> str | Variable:
+def bare(term: Name | Variable) -> str | Variable:
     return term.name if isinstance(term, Name) else Variable(term.name)

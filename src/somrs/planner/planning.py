@@ -7,6 +7,7 @@ from collections.abc import Callable
 from somrs.entish.formula import names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import holds
+from somrs.planner.counting import Counters, TooMany, count, needed
 from somrs.planner.explanation import not_usable, unmet_precondition, why_not
 from somrs.planner.grounding import Grounding, TooLarge
 from somrs.planner.matching import match
@@ -24,6 +25,8 @@ Engine = Callable[[str, float], list[str] | None]
 """Given a task in Fast Downward's format and a limit in seconds: the names of the operators that solve it, or None when
 there are none. Raises SomrsError when it could not find out."""
 
+VALUES = 5_000
+"""Where services calculate, so many actions with a value each are listed; then the values are counted with."""
 LIMIT = 30.0
 """Seconds that an engine may take."""
 
@@ -45,7 +48,7 @@ def plan(problem: Problem, engine: Engine | None = None, limit: float = LIMIT) -
         return match(problem, world, goals) or _searched(problem, world, goals, engine, limit)
     except Inexpressible as inexpressible:
         return _beyond(inexpressible)
-    except TooLarge as large:
+    except (TooLarge, TooMany) as large:
         return NoPlan(explanation=f"this is too large to be searched: {large}", undecided=True)
     except TooHard as hard:
         explanation = f"this takes a longer search ({hard}); install the engine for it: pip install 'somrs[planner]'"
@@ -76,13 +79,34 @@ def _beyond(inexpressible: Inexpressible) -> NoPlan:
 
 def _searched(problem: Problem, world: World, goals: list[Operator], engine: Engine | None, limit: float) -> Plan | NoPlan:
     """By what is likely to help first, then by all that can help: only that may show that there is no plan."""
+    most = VALUES if world.known.calculates else None
+    try:
+        for narrow in (True, False):
+            grounding = Grounding(world, demands(goals, world, narrow=narrow), narrow=narrow, most=most)
+            if grounding.reached:
+                task = Task(grounding)
+                moves = _solve(task, engine, limit)
+                if moves is not None:
+                    return stated(problem, without_useless(moves, task))
+    except TooLarge:
+        if not world.known.calculates:
+            raise
+        return _counted(problem)
+    return why_not(problem, world, grounding.guessed)
+
+
+def _counted(problem: Problem) -> Plan | NoPlan:
+    """The same with numbers beside the facts, where they may come to more values than can be listed."""
+    world = World(problem, counting=True)
+    goals = list(goal_operators(problem.goal, world.known))
     for narrow in (True, False):
         grounding = Grounding(world, demands(goals, world, narrow=narrow), narrow=narrow)
         if grounding.reached:
             task = Task(grounding)
-            moves = _solve(task, engine, limit)
+            counters = Counters(task, world)
+            moves = count(task, counters)
             if moves is not None:
-                return stated(problem, without_useless(moves, task))
+                return stated(problem, needed(moves, task, counters))
     return why_not(problem, world, grounding.guessed)
 
 

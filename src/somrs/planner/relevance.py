@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from somrs.entish import Comparison, Name, Number, Relation, Text, Truth, Variable
-from somrs.entish.formula import variables
+from somrs.entish import Attribute, Comparison, Name, Number, Relation, Text, Truth, Variable
+from somrs.entish.formula import terms, variables
 from somrs.ontology.services import PROVIDER
-from somrs.planner.operators import SOME, Argument, Operator, Pattern
+from somrs.planner.operators import SOME, Argument, Operator, Pattern, bare
 from somrs.planner.world import World
 
 Kinds = frozenset[str]
@@ -123,6 +123,10 @@ def _wants(demand: Demand) -> Iterator[Wanted]:
 
     for predicate, arguments in demand.operator.needs:
         yield True, predicate, tuple(map(argument, arguments))
+    for literal in demand.operator.counts:
+        for term in terms(literal):
+            if isinstance(term, Attribute):
+                yield True, "." + term.path, (argument(bare(term.of)), ANYTHING)
     for forbidden in demand.operator.forbids:
         predicate, arguments = forbidden.pattern
         yield False, predicate, tuple(map(argument, arguments))

@@ -10,7 +10,7 @@ from somrs.entish import Term, Variable
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
-from somrs.planner.operators import SOME, Argument, Inexpressible, Operator, Pattern, Vocabulary, operators
+from somrs.planner.operators import SOME, Argument, Inexpressible, Operator, Pattern, Vocabulary, bare, operators
 
 Outcome = tuple[bool, str]
 """That facts of a predicate hold (True) or do not hold any more."""
@@ -27,8 +27,8 @@ class Repertoire:
 
 
 @lru_cache(maxsize=32)  # an ontology is never changed: it stands for what it says
-def repertoire(ontology: Ontology, services: tuple[ServiceType, ...]) -> Repertoire:
-    known = Vocabulary(ontology, [parse(service.effect) for service in services])
+def repertoire(ontology: Ontology, services: tuple[ServiceType, ...], counting: bool = False) -> Repertoire:
+    known = Vocabulary(ontology, [parse(service.effect) for service in services], counting)
     makes: dict[Outcome, list[tuple[Operator, Pattern]]] = {}
     left_out: list[Inexpressible] = []
     for service in services:
@@ -55,6 +55,8 @@ def _brings_about(operator: Operator, known: Vocabulary) -> Iterator[tuple[bool,
                 yield True, (predicate, arguments[::-1])
             for other in (predicate, *known.excluded_by(predicate)):
                 yield from ((False, pattern) for pattern in _given_up(predicate, other, arguments, known))
+    for target, _ in operator.sets:
+        yield True, ("." + target.path, (bare(target.of), Variable("")))
     for predicate, arguments in operator.removes:
         yield False, (predicate, arguments)
         if known.symmetric(predicate):

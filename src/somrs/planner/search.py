@@ -24,7 +24,7 @@ class TooHard(Exception):
 def search(task: Task, effort: int = EFFORT) -> list[Move] | None:
     """The moves that reach the goal, or None if nothing does. Raises TooHard."""
     assert task.goal is not None, "a goal that nothing reaches is not searched for"
-    estimate = _Estimate(task)
+    estimate = Estimate(task)
     came: dict[State, tuple[State, Move] | None] = {task.initial: None}
     open_: list[tuple[float, bool, int, State]] = [(0.0, True, 0, task.initial)]
     while open_:
@@ -79,7 +79,7 @@ def _reaches(state: State, task: Task) -> bool:
     return any(move.action.operator.service is None and move.applicable(state) for move in task.moves)
 
 
-class _Estimate:
+class Estimate:
     """How far a state is from the goal: each fact costs what the cheapest move to it costs, and what that needs, added up."""
 
     def __init__(self, task: Task) -> None:

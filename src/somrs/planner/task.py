@@ -79,6 +79,7 @@ class Task:
                 for action in actions
                 if any(fact in needed or self._some(fact) in needed or self._first(fact) in gone for fact in action.adds)
                 or any(fact in unwanted for fact in action.removes)
+                or action.sets
             ]
             if len(kept) == len(actions):
                 self.mentioned = needed | unwanted | dict.fromkeys(fact for action in actions for fact in action.removes)

@@ -24,10 +24,10 @@ VALUES: Mapping[str, tuple[type, ...]] = {"number": (Number,), "text": (Text, Na
 class World:
     """One problem's map and ontology, with answers kept."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, counting: bool = False) -> None:
         self.map: Map = problem.map
         self.ontology: Ontology = problem.ontology
-        self.repertoire = repertoire(problem.ontology, tuple(available.service_type for available in problem.services))
+        self.repertoire = repertoire(problem.ontology, tuple(available.service_type for available in problem.services), counting)
         self.known = self.repertoire.known
         self.excluded = problem.excluded
         self.providers: Mapping[str, tuple[str, ...]] = {
