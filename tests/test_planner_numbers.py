@@ -109,6 +109,8 @@ def test_a_charger_out_of_reach_is_no_help() -> None:
     found = plan(problem(corridor(6, 35), "Robot1 isInside Hall5", DRIVE, RECHARGE))
     assert isinstance(found, NoPlan)
     assert not found.undecided
+    assert "DriveTo could bring about Robot1 isInside Hall5, but needs" in found.explanation
+    assert "?From leads Hall5, and no order of services leads to that" in found.explanation
 
 
 def test_what_is_left_in_the_end_can_be_wished_for() -> None:

@@ -71,7 +71,9 @@ def test_parts_that_use_up_the_same_thing_are_named() -> None:
 def test_one_part_that_no_order_of_services_makes_true_is_explained_by_what_it_needs() -> None:
     found = refused(cellar("Door1.Open = TRUE"))
     assert found.unreachable == ("Door1.Open = TRUE",)
-    assert "OpenDoor could bring about Door1.Open = TRUE, but needs Lamp2.Lit = TRUE" in found.explanation
+    needs = "Lamp1.Lit = TRUE and Lamp2.Lit = TRUE"
+    assert f"OpenDoor could bring about Door1.Open = TRUE, but needs {needs}, and no order of services leads to that" in found.explanation
+    assert found.missing == (needs,)
 
 
 def test_a_provider_that_is_taken_is_named() -> None:

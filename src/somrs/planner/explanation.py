@@ -159,6 +159,9 @@ class _Reasons:
             (lacking if impossible([*had, part], self.world) else had).append(part)
         row = next(bindings(conjunction(*had), self.problem.map, self.problem.ontology), {}) if had else {}
         for part in lacking:
+            if had and self.reachable([*had, part]):
+                self._together(service.name, literal, smallest([*had, part], self.world))
+                continue
             missing = substitute(part, row)
             assert isinstance(missing, Literal), "variables of a literal were replaced"
             circular = _wish(missing) in (_wish(literal), *self.missing)
@@ -169,6 +172,12 @@ class _Reasons:
                 self.explain(missing, depth - 1)
         if not lacking:
             self.said[f"{service.name} brings about such things, but not {_wish(literal)}"] = None
+
+    def _together(self, service: str, literal: Literal, parts: Sequence[Literal]) -> None:
+        """The service needs what can come about, but not all of it at a time."""
+        needs = str(conjunction(*parts)).replace(" AND ", " and ")
+        self.missing[needs] = None
+        self.said[f"{service} could bring about {_wish(literal)}, but needs {needs}, and no order of services leads to that"] = None
 
     def _instead(self, literal: Literal) -> str:
         """What the map says in the place of a relation that would have to hold."""
