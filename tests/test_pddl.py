@@ -182,6 +182,52 @@ def test_without_agents_one_device_offers_everything(tmp_path: Path) -> None:
     assert imported.pddl_step(step) == "(take a)"
 
 
+MIXED = """(define (domain mixed) (:requirements :typing :multi-agent) (:types {types})
+  (:predicates (at ?x ?y - object) (on ?x - object) (done))
+  (:action move :agent ?a - {agent} :parameters (?x - {moved} ?y - object)
+    :precondition (and (on ?a) (not (at ?x ?y))) :effect (and (at ?x ?y) (not (on ?a)) (on ?x)))
+  (:action ring :agent ?a - {rings} :parameters () :precondition (not (done)) :effect (done)))"""
+OF_MIXED = """(define (problem p) (:domain mixed) (:objects {objects}) (:init (on a) (on v)) (:goal (and (at a a) (done))))"""
+
+
+@pytest.mark.parametrize(
+    ("types", "agent", "moved", "rings", "objects"),
+    [
+        ("van box - thing", "van", "thing", "van", "a v - van b - box"),
+        ("van box - thing", "van", "object", "van", "a v - van b - box c"),
+        ("van box - thing", "object", "thing", "van", "a v - van b - box"),
+        ("van box - thing", "thing", "box", "van", "a v - van b - box t - thing"),
+        ("van tram - vehicle box", "van", "vehicle", "tram", "a - tram v - van b - box"),
+        ("van tram - vehicle box", "(either van tram)", "(either tram box)", "(either van box)", "a - tram v - van b - box"),
+        ("van tram - vehicle vehicle box - thing", "tram", "vehicle", "tram", "a - tram v - vehicle b - box c - van"),
+        ("van - van2 van2 - van3", "van2", "van3", "van", "a - van v - van2 c - van3"),
+        ("van", "van", "van", "object", "a v c"),
+    ],
+)
+def test_whatever_the_types_the_same_can_be_done(tmp_path: Path, types: str, agent: str, moved: str, rings: str, objects: str) -> None:
+    domain = MIXED.format(types=types, agent=agent, moved=moved, rings=rings)
+    files = written(tmp_path, domain, OF_MIXED.format(objects=objects))
+    imported, naive = read(*files), Naive(*files)
+    assert not ontology_violations(imported.ontology)
+    assert not violations(imported.map, imported.ontology)
+    for seed in range(4):
+        compare(imported, naive, 8, seed)
+    for agent_name in imported.agents:
+        assert imported.ontology.is_a(imported.map.objects[agent_name].type, "Device")
+
+
+def test_an_agent_may_be_a_constant_of_its_own_action(tmp_path: Path) -> None:
+    domain = """(define (domain chiefs) (:requirements :typing :multi-agent) (:types van)
+      (:constants chief - van) (:predicates (on ?v - van))
+      (:action call :agent ?a - van :parameters () :effect (and (on chief) (not (on ?a)))))"""
+    problem = "(define (problem p) (:domain chiefs) (:objects v - van) (:init (on v)) (:goal (and (on chief) (not (on v)))))"
+    files = written(tmp_path, domain, problem)
+    imported, naive = read(*files), Naive(*files)
+    assert not ontology_violations(imported.ontology)
+    for seed in range(4):
+        compare(imported, naive, 3, seed)
+
+
 def test_objects_of_mixed_types_are_picked_out_by_a_relation(harbour: Imported) -> None:
     """`signal` is of boats, which act, and boxes, which do not: no type of the ontology is both and nothing else."""
     signal = harbour.ontology.services["signal"]

@@ -116,6 +116,7 @@ class Actions:
         name = self.services.fresh("-".join([written, *joined]))
         picked: list[Formula] = []
         inputs: list[Parameter] = []
+        provider = Variable(PROVIDER)
         for variable, _ in scope.values():
             if variable.name in case.same:
                 continue
@@ -124,25 +125,35 @@ class Actions:
                 picked.append(Relation(kind.relation, (variable,)))
             if variable.name != PROVIDER:
                 inputs.append(Parameter(name=variable.name, type=kind.type))
-        if action.agent is not None and not any(
-            PROVIDER in variables(part) for part in (*case.precondition, *case.adds, *case.deletes, *picked)
-        ):
-            agent = scope[action.agent.name][0]  # whoever is chosen to do it has to be one of those that can
-            picked.append(Relation(self.words.kinds.relation(case.sorts[agent.name], action.agent), (agent,)))
-        needed = [*case.precondition, *picked]
-        term = substitute_term(cost, case.same) if cost is not None else None
-        where = f" where {' and '.join(f'?{name} is {term}' for name, term in case.same.items())}" if case.same else ""
+            else:
+                provider = Variable(PROVIDER, kind.type)
+        if action.agent is not None:
+            picked += self._of_provider(case, picked, action.agent)
+        typed = {PROVIDER: provider}
+        needed = [substitute(formula, typed) for formula in (*case.precondition, *picked)]
+        effect: list[Formula] = [*case.adds, *case.values, *map(Not, case.deletes)]
+        brought = [substitute(formula, typed) for formula in effect]
+        term = substitute_term(substitute_term(cost, case.same), {PROVIDER: Variable(PROVIDER)}) if cost is not None else None
+        same = " and ".join(f"?{name} is {substitute_term(other, {PROVIDER: Variable(PROVIDER)})}" for name, other in case.same.items())
         service = ServiceType(
             name=name,
             inputs=tuple(inputs),
             precondition=str(conjunction(*needed)) if needed else None,
-            effect=str(conjunction(*case.adds, *case.values, *map(Not, case.deletes))),
+            effect=str(conjunction(*brought)),
             cost=(str(term) if term is not None else "0") if self.counted else None,
-            doc=f"The action {written} of PDDL{where}" if where else "",
+            doc=f"The action {written} of PDDL where {same}" if same else "",
         )
         arguments = tuple(substitute_term(variable, case.same) for variable, _ in scope.values())
-        agents = self.words.kinds.sorts(action.agent) if action.agent is not None else None
+        agents = (self.words.kinds.sorts(action.agent) & case.sorts[PROVIDER]) if action.agent is not None else None
         return Offer(service=service, action=written, arguments=arguments, agents=agents)
+
+    def _of_provider(self, case: _Case, picked: list[Formula], agent: Typed) -> Iterator[Formula]:
+        """Whoever is chosen to do it has to be one of those that can, even if nothing else is said of it."""
+        provider = Variable(PROVIDER)
+        if (one := case.same.get(PROVIDER)) is not None:
+            yield Comparison(provider, "=", one)
+        elif not any(PROVIDER in variables(part) for part in (*case.precondition, *case.adds, *case.values, *case.deletes, *picked)):
+            yield Relation(self.words.kinds.relation(case.sorts[PROVIDER], agent), (provider,))
 
     # What is deleted and added again
 
