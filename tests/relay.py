@@ -155,6 +155,10 @@ class Relay(VirtualSystem):
         self._truth = self._truth.changed(changes(parse(order.effect), self._truth, self._ontology))
         return Done(situation=order.effect)
 
+    def learn(self, situation: str) -> None:
+        """Somebody else makes that so."""
+        self._truth = self._truth.changed(changes(parse(situation), self._truth, self._ontology))
+
     def _look(self, order: Order) -> None:
         assert order.precondition is not None
         if not holds(parse(order.precondition), self._truth, self._ontology):

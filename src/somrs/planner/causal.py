@@ -47,6 +47,24 @@ def linked(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written
     return tuple(sorted(links, key=lambda link: (place_of[link.after], link.keeps, place_of[link.before])))
 
 
+def useful(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) -> list[int]:
+    """The places of the steps that the goal needs, or others that it needs."""
+    fates = _Fates(steps, maps, problem.ontology)
+    needs: dict[int, list[Literal]] = {}
+    for place, condition in _conditions(steps, maps, problem, [step.effect for step in steps]):
+        needs.setdefault(place, []).append(condition)
+    found: set[int] = set()
+    waiting = [len(steps)]
+    while waiting:
+        place = waiting.pop()
+        for condition in needs.get(place, ()):
+            supporter = fates.of(condition).supporter(place)
+            if supporter >= 0 and supporter not in found:
+                found.add(supporter)
+                waiting.append(supporter)
+    return sorted(found)
+
+
 @dataclass(frozen=True, slots=True)
 class _Fate:
     """What becomes of a condition: the steps that bring it about where it was not so, and those after which it may not be so."""

@@ -15,6 +15,7 @@ from somrs.planner.operators import Inexpressible, Operator, goal_operators
 from somrs.planner.plan import NoPlan, Plan
 from somrs.planner.problem import Problem
 from somrs.planner.relevance import demands
+from somrs.planner.repair import shorter, sure
 from somrs.planner.sas import read, written
 from somrs.planner.search import TooHard, search, without_useless
 from somrs.planner.steps import stated
@@ -34,18 +35,20 @@ LIMIT = 30.0
 def quick(problem: Problem) -> Plan | NoPlan | None:
     """What can be said of the problem within a few milliseconds; None when it has to be searched."""
     try:
-        return _said(problem) or match(problem, *_stated(problem))
+        said = _said(problem)
+        return said if said is not None else sure(problem, match(problem, *_stated(problem)))
     except Inexpressible as inexpressible:
         return _beyond(inexpressible)
 
 
 def plan(problem: Problem, engine: Engine | None = None, limit: float = LIMIT) -> Plan | NoPlan:
-    """A plan that makes the goal true on the map, or why there is none."""
+    """A plan that makes the goal true on the map, or why there is none; what still stands of the plan before, if that is as short."""
+    return quick(problem) or shorter(problem, _plan(problem, engine, limit))
+
+
+def _plan(problem: Problem, engine: Engine | None, limit: float) -> Plan | NoPlan:
     try:
-        if (said := _said(problem)) is not None:
-            return said
-        world, goals = _stated(problem)
-        return match(problem, world, goals) or _searched(problem, world, goals, engine, limit)
+        return _searched(problem, *_stated(problem), engine, limit)
     except Inexpressible as inexpressible:
         return _beyond(inexpressible)
     except (TooLarge, TooMany) as large:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
@@ -10,6 +11,9 @@ from somrs.entish import Formula
 from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
+
+if TYPE_CHECKING:
+    from somrs.planner.plan import Step
 
 
 class Available(Struct, frozen=True):
@@ -25,6 +29,8 @@ class Problem:
 
     `goal` may have variables (any binding will do) and OR. `precondition` is what the client says is so at the start.
     `excluded` are objects that no step may involve: promised to another task, or in a state that nobody knows.
+    `rest` is what was still to do of the plan before, in an order, when it has to be planned anew; to those `promised`, by id, services
+    are committed.
     """
 
     ontology: Ontology
@@ -33,3 +39,5 @@ class Problem:
     services: tuple[Available, ...] = ()
     precondition: Formula | None = None
     excluded: frozenset[str] = frozenset()
+    rest: tuple[Step, ...] = ()
+    promised: frozenset[str] = frozenset()

@@ -1,10 +1,12 @@
 """A plan that is being made: first the services on offer are discovered, then the planner is asked, for one that leaves alone what
-other tasks have. When there is none, it is found out whether there would be one without them: then they have to be waited for.
+other tasks have, and keeps what still stands of the plan `before`. When there is none, it is found out whether there would be one
+without them: then they have to be waited for.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
@@ -15,6 +17,7 @@ from somrs.protocol.directory import Offer
 from somrs.task_manager.claims import Held, claim
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.setting import Setting, problem
+from somrs.task_manager.workflow import Progress, Workflow
 
 Made = Callable[[object, float], None]
 """Called with what the planner answered, with who has what is needed, or with a text that says why it could not be asked."""
@@ -23,8 +26,11 @@ Made = Callable[[object, float], None]
 class Draft:
     """`name` begins the planner's questions, `task` is what transaction `id` wants. A draft that is withdrawn calls nobody."""
 
-    def __init__(self, name: str, id: str, task: Submit, offered: Offered, setting: Setting, made: Made) -> None:
+    def __init__(
+        self, name: str, id: str, task: Submit, offered: Offered, setting: Setting, made: Made, before: Workflow | None = None
+    ) -> None:
         self.question = name
+        self._before = before
         self._name, self._id, self._task, self._offered, self._setting = name, id, task, offered, setting
         self._made: Made | None = made
         self._avoided: frozenset[str] = frozenset()
@@ -52,6 +58,10 @@ class Draft:
         except FormulaError as error:
             self._made(f"the task does not fit the map any more: {error}", now)
             return
+        if self._before is not None:
+            left = self._before.rest
+            promised = frozenset(run.step.id for run in left if run.progress is Progress.ARRANGED)
+            task = replace(task, rest=tuple(run.step for run in left), promised=promised)
         self._asked += 1
         self.question = self._name if self._asked == 1 else f"{self._name}.{self._asked}"
         self._setting.effects.append(Ask(self.question, task))

@@ -26,7 +26,7 @@ from somrs.task_manager.draft import Draft
 from somrs.task_manager.looking import Look
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.participants import Member, Participants
-from somrs.task_manager.recovery import MOST_REPLANS, Rung, next_rung
+from somrs.task_manager.recovery import Replans, Rung, next_rung
 from somrs.task_manager.setting import Setting, known_to_hold
 from somrs.task_manager.tender import Tender, call
 from somrs.task_manager.work import Ledger, Work
@@ -96,7 +96,7 @@ class Pursuit:
         """It was waiting, and makes its plan as soon as it may."""
         self._draft: Draft | None = None
         self._plans = 0
-        self._fruitless = 0
+        self._replans = Replans()
         """Plans since anything was completed."""
         self._woken: float | None = None
         """When the timer for terms rings."""
@@ -119,6 +119,7 @@ class Pursuit:
 
     def again(self, now: float) -> None:
         """The map is another now: what was impossible may be possible."""
+        self._replans.count()
         self._plan(now)
 
     def _plan(self, now: float) -> None:
@@ -128,9 +129,8 @@ class Pursuit:
         precondition = owner.task.precondition if self.purpose is Purpose.WISH and self._plans == 0 else None
         task = structs.replace(owner.task, effect=self.goal, precondition=precondition)
         name = f"{owner.id}/plan/{self._number}.{self._plans}"
-        self._draft = Draft(name, owner.id, task, owner.offered, owner.setting, self._planned)
+        self._draft = Draft(name, owner.id, task, owner.offered, owner.setting, self._planned, self.workflow)
         self._plans += 1
-        self._fruitless += 1
         self._draft.begin(now)
 
     def planned(self, question: str, found: object, now: float) -> None:
@@ -181,6 +181,7 @@ class Pursuit:
         self._owner.proceed(now)
 
     def _take(self, plan: Plan, now: float) -> None:
+        self._replans.planned(len(plan.steps))
         old, self.workflow = self.workflow, Workflow(plan, f"{self._number}.{self._plans}/", self._label)
         for member in self.workflow.adopt(old) if old is not None else ():
             self._owner.participants.dismiss(member, "the plan changed", now)
@@ -351,7 +352,8 @@ class Pursuit:
         """What became of a step is known, and on the map; what comes of that, `proceed` finds."""
         assert run.member is not None, "somebody did it"
         if failed is None:
-            run.progress, self._fruitless = Progress.DONE, 0
+            run.progress = Progress.DONE
+            self._replans.done()
         else:
             run.excluded[run.member.offer.service] = failed
             run.reported = parse(situation) if situation is not None else None
@@ -400,8 +402,8 @@ class Pursuit:
         if self._fixed:
             self._fail(reason, now)
             return
-        if self._fruitless > MOST_REPLANS:
-            self._fail(f"{reason}; planned anew {self._fruitless - 1} times already, and nothing was done", now)
+        if self._replans.spent:
+            self._fail(f"{reason}; {self._replans}", now)
             return
         for tender in self.tenders.values():
             tender.withdraw(self._owner.participants, "the plan changed", now)
@@ -410,6 +412,7 @@ class Pursuit:
             self._replan_because, self.phase = reason, Phase.RECOVERING
             return
         self._replan_because = None
+        self._replans.count()
         self._tell(now, f"planning anew: {reason}", kind=EventKind.REPLAN)
         self._plan(now)
 

@@ -180,6 +180,11 @@ class Workflow:
         return self._in_order(self._open)
 
     @property
+    def rest(self) -> list[StepRun]:
+        """The steps that are not done, in an order in which they can be."""
+        return [run for run in self if run.progress is not Progress.DONE]
+
+    @property
     def failed(self) -> StepRun | None:
         """A step that was begun, and has to be recovered."""
         return next(iter(self._in_order(self._failed)), None)
