@@ -13,6 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from somrs.app.numbers import there, tyr
 from somrs.errors import RemoteError, UsageError
 from somrs.planner.plan import NoPlan, Plan
 from somrs.planner.planning import plan
@@ -31,7 +32,7 @@ def plan_in_process(problem: object) -> Plan | NoPlan:
     """Carry out a Task Manager's Ask for a plan. To be called in a process that can be waited for."""
     if not isinstance(problem, Problem):
         raise TypeError(f"a planning problem was expected, not {type(problem).__name__}")
-    return plan(problem, fast_downward if driver() is not None else None)
+    return plan(problem, fast_downward if driver() is not None else None, numeric=tyr if there() else None)
 
 
 def driver() -> Path | None:

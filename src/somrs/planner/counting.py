@@ -18,9 +18,6 @@ from somrs.planner.world import World
 Numbers = tuple[float | None, ...]
 """The counters' values, each in its attribute's unit; None where there is none."""
 
-EFFORT = 20_000
-"""States looked at before the search is given up: about ten seconds."""
-
 
 class TooMany(Exception):
     """Not found among so many states; which does not say that there is no plan."""
@@ -68,6 +65,11 @@ class Counters:
         attribute = self.attributes[counter]
         return attribute.unit if attribute is not None else None
 
+    def measured(self, term: Term) -> Number | None:
+        """What a term without counters stands for."""
+        found = measure(term, self._world.map, self._world.ontology)
+        return found.constant if found is not None and isinstance(found.constant, Number) else None
+
     def allows(self, move: Move, numbers: Numbers) -> bool:
         """Whether all that the move asks of the counters is so."""
         return all(self._so(condition, numbers) for condition in self.conditions[move])
@@ -85,8 +87,19 @@ class Counters:
             made[setting.sets] = value
         return tuple(made)
 
-    def unmet(self, move: Move, numbers: Numbers) -> int:
-        return sum(not self._so(condition, numbers) for condition in self.conditions[move])
+    def gap(self, move: Move, numbers: Numbers) -> float:
+        """How far what the move asks of the counters is from being so: 0 when it is."""
+        return sum(self._gap(condition, numbers) for condition in self.conditions[move] if not self._so(condition, numbers))
+
+    def _gap(self, condition: Condition, numbers: Numbers) -> float:
+        """Between 1 and 2, the more so the farther the two sides are apart."""
+        atom = condition.literal.atom if isinstance(condition.literal, Not) else condition.literal
+        assert isinstance(atom, Comparison), "counters are compared"
+        bound = self._bound(condition.reads, numbers)
+        apart = self._measured(Arithmetic(atom.left, "-", atom.right), bound)
+        if apart is None or not isinstance(apart.constant, Number):
+            return 2.0
+        return 2.0 - 1.0 / (1.0 + abs(apart.constant.value))
 
     def _so(self, condition: Condition, numbers: Numbers) -> bool:
         key = condition, tuple(numbers[counter] for counter in condition.reads)
@@ -165,16 +178,18 @@ class Counters:
         return self._place[key]
 
 
-def count(task: Task, counters: Counters, effort: int = EFFORT) -> list[Move] | None:
-    """The moves that reach the goal with all counters as they must be, or None if nothing does. Raises TooMany.
+def count(task: Task, counters: Counters, states: int) -> list[Move] | None:
+    """The moves that reach the goal with all counters as they must be, or None if nothing does. Raises TooMany, when more than so
+    many states were looked at.
 
-    Greedy best-first; the estimate knows of facts only, and then how many of the goal's comparisons are unmet.
+    Greedy best-first; the estimate knows of facts only, and then how far the comparisons of the goal, and of what would lead there, are
+    from being so.
     """
     goals = [move for move in task.moves if move.action.operator.service is None]
     estimate = Estimate(task)
     start = task.initial, counters.initial
     came: dict[tuple[State, Numbers], tuple[tuple[State, Numbers], Move] | None] = {start: None}
-    open_: list[tuple[float, int, bool, int, tuple[State, Numbers]]] = [(0.0, 0, True, 0, start)]
+    open_: list[tuple[float, float, bool, int, tuple[State, Numbers]]] = [(0.0, 0.0, True, 0, start)]
     distances: dict[State, tuple[float | None, set[Move]]] = {}
     while open_:
         *_, node = heappop(open_)
@@ -195,9 +210,11 @@ def count(task: Task, counters: Counters, effort: int = EFFORT) -> list[Move] | 
             after = move.apply(state), counted
             if after not in came:
                 came[after] = node, move
-                unmet = min(counters.unmet(goal, counted) for goal in goals)
-                heappush(open_, (distance, unmet, move not in helpful, len(came), after))
-        if len(came) > effort:
+                hopeful = distances[after[0]][1] if after[0] in distances else set()
+                gap = min(counters.gap(goal, counted) for goal in goals)
+                gap += min((counters.gap(other, counted) for other in hopeful), default=0.0)
+                heappush(open_, (distance, gap, move not in helpful, len(came), after))
+        if len(came) > states:
             raise TooMany(f"{len(came)} states were looked at")
     return None
 
@@ -210,18 +227,19 @@ def _path(came: dict[tuple[State, Numbers], tuple[tuple[State, Numbers], Move] |
     return moves[::-1]
 
 
-def needed(moves: Sequence[Move], task: Task, counters: Counters) -> list[Move]:
+def without_useless(moves: Sequence[Move], task: Task, counters: Counters) -> list[Move]:
     """The plan without single moves that it can do without."""
     kept = list(moves)
     for move in moves:
         rest = list(kept)
         rest.remove(move)
-        if _reaches(rest, task, counters):
+        if reaches(rest, task, counters):
             kept = rest
     return kept
 
 
-def _reaches(moves: Sequence[Move], task: Task, counters: Counters) -> bool:
+def reaches(moves: Sequence[Move], task: Task, counters: Counters) -> bool:
+    """Whether the moves can be done one after the other, and lead to the goal."""
     state, numbers = task.initial, counters.initial
     for move in moves:
         if not move.applicable(state) or not counters.allows(move, numbers):

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from somrs.entish.formula import names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import holds
-from somrs.planner.counting import Counters, TooMany, count, needed
+from somrs.planner import counting
+from somrs.planner.counting import Counters, TooMany, count
 from somrs.planner.explanation import not_usable, unmet_precondition, why_not
 from somrs.planner.grounding import Grounding, TooLarge
 from somrs.planner.matching import match
+from somrs.planner.numeric import NumericTask
 from somrs.planner.operators import Inexpressible, Operator, goal_operators
 from somrs.planner.plan import NoPlan, Plan
 from somrs.planner.problem import Problem
@@ -28,8 +31,24 @@ there are none. Raises SomrsError when it could not find out."""
 
 VALUES = 5_000
 """Where services calculate, so many actions with a value each are listed; then the values are counted with."""
+STATES = 5_000
+"""Of facts and numbers: so many are looked at before an engine is asked, in a second or two."""
+ALL_STATES = 50_000
+"""The same where there is no such engine: half a minute at the most."""
+NumericEngine = Callable[[str, str, float], list[str] | None]
+"""The same for a task in numeric PDDL, its domain and its problem: the names of the actions."""
+
 LIMIT = 30.0
 """Seconds that an engine may take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Engines:
+    """Who is asked when a search takes longer, and for how many seconds each."""
+
+    search: Engine | None
+    numeric: NumericEngine | None
+    limit: float
 
 
 def quick(problem: Problem) -> Plan | NoPlan | None:
@@ -41,14 +60,14 @@ def quick(problem: Problem) -> Plan | NoPlan | None:
         return _beyond(inexpressible)
 
 
-def plan(problem: Problem, engine: Engine | None = None, limit: float = LIMIT) -> Plan | NoPlan:
+def plan(problem: Problem, engine: Engine | None = None, limit: float = LIMIT, numeric: NumericEngine | None = None) -> Plan | NoPlan:
     """A plan that makes the goal true on the map, or why there is none; what still stands of the plan before, if that is as short."""
-    return quick(problem) or shorter(problem, _plan(problem, engine, limit))
+    return quick(problem) or shorter(problem, _plan(problem, Engines(engine, numeric, limit)))
 
 
-def _plan(problem: Problem, engine: Engine | None, limit: float) -> Plan | NoPlan:
+def _plan(problem: Problem, engines: Engines) -> Plan | NoPlan:
     try:
-        return _searched(problem, *_stated(problem), engine, limit)
+        return _searched(problem, *_stated(problem), engines)
     except Inexpressible as inexpressible:
         return _beyond(inexpressible)
     except (TooLarge, TooMany) as large:
@@ -80,7 +99,7 @@ def _beyond(inexpressible: Inexpressible) -> NoPlan:
     return NoPlan(explanation=f"this cannot be planned for: {inexpressible}", undecided=True)
 
 
-def _searched(problem: Problem, world: World, goals: list[Operator], engine: Engine | None, limit: float) -> Plan | NoPlan:
+def _searched(problem: Problem, world: World, goals: list[Operator], engines: Engines) -> Plan | NoPlan:
     """By what is likely to help first, then by all that can help: only that may show that there is no plan."""
     most = VALUES if world.known.calculates else None
     try:
@@ -88,17 +107,17 @@ def _searched(problem: Problem, world: World, goals: list[Operator], engine: Eng
             grounding = Grounding(world, demands(goals, world, narrow=narrow), narrow=narrow, most=most)
             if grounding.reached:
                 task = Task(grounding)
-                moves = _solve(task, engine, limit)
+                moves = _solve(task, engines)
                 if moves is not None:
                     return stated(problem, without_useless(moves, task))
     except TooLarge:
         if not world.known.calculates:
             raise
-        return _counted(problem)
+        return _counted(problem, engines)
     return why_not(problem, world, grounding.guessed)
 
 
-def _counted(problem: Problem) -> Plan | NoPlan:
+def _counted(problem: Problem, engines: Engines) -> Plan | NoPlan:
     """The same with numbers beside the facts, where they may come to more values than can be listed."""
     world = World(problem, counting=True)
     goals = list(goal_operators(problem.goal, world.known))
@@ -107,20 +126,36 @@ def _counted(problem: Problem) -> Plan | NoPlan:
         if grounding.reached:
             task = Task(grounding)
             counters = Counters(task, world)
-            moves = count(task, counters)
+            moves = _count(task, counters, engines)
             if moves is not None:
-                return stated(problem, needed(moves, task, counters))
+                return stated(problem, counting.without_useless(moves, task, counters))
     return why_not(problem, world, grounding.guessed)
 
 
-def _solve(task: Task, engine: Engine | None, limit: float) -> list[Move] | None:
+def _count(task: Task, counters: Counters, engines: Engines) -> list[Move] | None:
+    try:
+        return count(task, counters, STATES if engines.numeric is not None else ALL_STATES)
+    except TooMany as many:
+        if engines.numeric is None:
+            raise TooMany(f"{many}; install the engine for numbers: pip install 'somrs[numbers]'") from None
+    asked = NumericTask(task, counters)
+    names = engines.numeric(asked.domain, asked.problem, engines.limit)
+    if names is None:
+        return None
+    moves = asked.read(names)
+    if not counting.reaches(moves, task, counters):
+        raise TooMany("the plan that the engine for numbers found is none when it is calculated exactly")
+    return moves
+
+
+def _solve(task: Task, engines: Engines) -> list[Move] | None:
     try:
         return search(task)
     except TooHard as hard:
-        if engine is None:
+        if engines.search is None:
             raise
         try:
-            names = engine(written(task), limit)
+            names = engines.search(written(task), engines.limit)
         except SomrsError as error:
             raise RemoteError(f"{error}; of the short search before it, {hard}") from error
     return read(names, task) if names is not None else None
