@@ -13,6 +13,7 @@ from somrs.entish.formula import Attribute, Comparison, Formula, Literal, Name, 
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
+from somrs.ontology.indexes import MANY
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
 from somrs.ontology.truth import holds
 
@@ -197,3 +198,17 @@ def _answers(map: Map) -> list[set[object]]:
     asked += [set(map.with_value(path, value)) for path in ("Open", "Weight") for value in (True, False)]
     asked += [set(map.facts_with("near", place, name)) for place in (0, 1) for name in NAMES]
     return asked
+
+
+def test_an_index_that_changed_much_is_right() -> None:
+    """More changes than an index keeps beside what it shares."""
+    count = 3 * MANY
+    map = Map((Object(name=f"O{n}", type="Jar") for n in range(count)), [Fact("near", (f"O{n}", "O0")) for n in range(0, count, 2)])
+    assert len(map.facts_with("near", 1, "O0")) == count / 2
+    for n in range(count):
+        added = FactAdded(Fact("near", (f"O{n}", "O1")))
+        map = map.changed([added] if n % 2 else [added, FactRemoved(Fact("near", (f"O{n}", "O0")))])
+    assert len(map.facts_with("near", 1, "O0")) == 0
+    assert len(map.facts_with("near", 1, "O1")) == count
+    assert set(map.standing("near", 1)) == {"O1"}
+    assert all(map.facts_with("near", 0, f"O{n}") == {(f"O{n}", "O1"): None} for n in range(count))

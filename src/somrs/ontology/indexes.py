@@ -2,50 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Iterable
+from collections.abc import Collection, Hashable, Iterable, Iterator
 from typing import Generic, TypeVar
 
 K = TypeVar("K", bound=Hashable)
 T = TypeVar("T", bound=Hashable)
 
 
+MANY = 256
+"""With more keys than this of their own, copies put them together with what they share."""
+
+
 class Index(Generic[K, T]):
     """The things under each key, in the order in which they came.
 
-    A copy costs as much as there are keys; what stands under a key is copied when it is first changed.
+    A copy shares what it was made of, and has of its own what is under the keys that were changed since.
     """
 
-    __slots__ = ("_by_key", "_own")
+    __slots__ = ("_changed", "_own", "_shared")
 
     def __init__(self, pairs: Iterable[tuple[K, T]] = ()) -> None:
-        self._by_key: dict[K, dict[T, None]] = {}
+        self._shared: dict[K, dict[T, None]] = {}
+        self._changed: dict[K, dict[T, None]] = {}
         self._own: set[K] = set()
         for key, thing in pairs:
-            self._by_key.setdefault(key, {})[thing] = None
+            self._shared.setdefault(key, {})[thing] = None
 
     def under(self, key: K) -> Collection[T]:
-        return self._by_key.get(key, ())
+        changed = self._changed.get(key)
+        return changed if changed is not None else self._shared.get(key, ())
 
-    def keys(self) -> Iterable[K]:
-        return self._by_key.keys()
+    def keys(self) -> Iterator[K]:
+        yield from (key for key in self._shared if key not in self._changed)
+        yield from (key for key, things in self._changed.items() if things)
 
     def copy(self) -> Index[K, T]:
         """Another one, which may be changed while this one stays."""
         made: Index[K, T] = Index()
-        made._by_key = dict(self._by_key)
+        if len(self._changed) > MANY:
+            together = {**self._shared, **self._changed}
+            made._shared = {key: things for key, things in together.items() if things}
+        else:
+            made._shared, made._changed = self._shared, dict(self._changed)
         return made
 
     def add(self, key: K, thing: T) -> None:
-        self._owned(key)[thing] = None
+        self._to_change(key)[thing] = None
 
     def remove(self, key: K, thing: T) -> None:
-        things = self._owned(key)
-        things.pop(thing, None)
-        if not things:
-            del self._by_key[key]
+        self._to_change(key).pop(thing, None)
 
-    def _owned(self, key: K) -> dict[T, None]:
+    def _to_change(self, key: K) -> dict[T, None]:
         if key not in self._own:
-            self._by_key[key] = dict(self._by_key.get(key, ()))
+            self._changed[key] = dict.fromkeys(self.under(key))
             self._own.add(key)
-        return self._by_key.setdefault(key, {})
+        return self._changed[key]
