@@ -43,14 +43,12 @@ def stated(asked: Problem, washed: tuple[str, ...], places: dict[str, str]) -> A
     return task
 
 
-def steps(task: Any, seconds: float) -> int:
-    """How many steps its plan has. Raises RuntimeError when there is none in time."""
+def steps(task: Any, seconds: float) -> int | None:
+    """How many steps its plan has; None when there is none in time."""
     from unified_planning.shortcuts import OneshotPlanner, get_environment
 
     get_environment().credits_stream = None
     with OneshotPlanner(name="fast-downward") as planner:
         planner.skip_checks = True
         found = planner.solve(task, timeout=seconds).plan
-    if found is None:
-        raise RuntimeError("there was no plan in time")
-    return len(found.actions)
+    return len(found.actions) if found is not None else None
