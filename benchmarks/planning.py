@@ -19,7 +19,7 @@ from functools import partial
 from beside import shown
 from contestants import unified
 
-from somrs.app.engines import driver, solved
+from somrs.app.engines import driver, plan_in_process
 from somrs.entish.parse import parse
 from somrs.ontology.files import upper
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object
@@ -172,7 +172,6 @@ def main() -> None:
 
 
 def by_length() -> None:
-    engine = solved if driver() is not None else None
     first = 0.0
     print(f"{'':55} {'found':>10} {'median':>12} {'ratio':>8}")
     for name, asked in problems():
