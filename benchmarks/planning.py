@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import json
 import resource
@@ -20,6 +21,7 @@ from beside import shown
 from contestants import unified
 
 from somrs.app.engines import driver, plan_in_process
+from somrs.app.programs import YOUNG_OBJECTS
 from somrs.entish.parse import parse
 from somrs.ontology.files import upper
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object
@@ -104,6 +106,7 @@ def measured(contestant: str, size: int, task: str) -> dict[str, float] | None:
     """Seconds to the first plan and to the same task a moment later, on a map on which a jar was moved meanwhile; megabytes.
     None when there was no plan in time."""
     asked = problem(store(size), ONE if task == "one" else FIVE, TRANSFER, WASH)
+    gc.set_threshold(YOUNG_OBJECTS)  # as the programs do that plan
     before = _memory()
     found: list[int | None] = []
     if contestant == "unified-planning":
