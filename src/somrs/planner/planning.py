@@ -13,6 +13,7 @@ from somrs.planner.counting import Counters, TooMany, count
 from somrs.planner.explanation import not_usable, unmet_precondition, why_not
 from somrs.planner.grounding import Grounding, TooLarge
 from somrs.planner.matching import match
+from somrs.planner.merging import merged
 from somrs.planner.numeric import NumericTask
 from somrs.planner.operators import Inexpressible, Operator, goal_operators
 from somrs.planner.plan import NoPlan, Plan
@@ -155,7 +156,7 @@ def _solve(task: Task, engines: Engines) -> list[Move] | None:
         if engines.search is None:
             raise
         try:
-            names = engines.search(written(task), engines.limit)
+            names = engines.search(written(merged(task)), engines.limit)
         except SomrsError as error:
             raise RemoteError(f"{error}; of the short search before it, {hard}") from error
     return read(names, task) if names is not None else None
