@@ -1,85 +1,92 @@
-"""Fast Downward (https://www.fast-downward.org) as a process of its own, for tasks that need more than a moment's search.
+"""Whom the planner asks when a task needs more than a moment's search: engines in processes of their own, side by side.
 
-It is under the GPL: it is called, never imported, and everything but hard planning works without it.
+Fast Downward (https://www.fast-downward.org) is under the GPL: it is called, never imported. It searches; beside it a SAT solver
+looks for plans in which agents act at the same time (`engine_sat.py`), which is another way to be good. Each works without the
+other, and everything but hard planning without both.
 """
 
 from __future__ import annotations
 
 import importlib.util
-import os
-import signal
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+from somrs.app.engine_race import Entrant, Won, race
 from somrs.app.numbers import there, tyr
-from somrs.errors import RemoteError, UsageError
+from somrs.errors import UsageError
 from somrs.planner.plan import NoPlan, Plan
-from somrs.planner.planning import plan
+from somrs.planner.planning import LIMIT, plan
 from somrs.planner.problem import Problem
 
-UNSOLVABLE = {11, 12}
+UNSOLVABLE = frozenset({11, 12})
 """Fast Downward's exit codes for: proved unsolvable; searched through without finding a solution. 12 comes from incomplete
-searches too, but the one used here is complete."""
-OUT_OF_TIME = {23, 256 - signal.SIGXCPU}
-"""Its own exit code, and what its driver makes of the signal that ends a process at its limit."""
-GRACE = 5.0
-"""Seconds on top of the limit for the process to start and to write its answer."""
+searches too, but those used here are complete."""
+FIRST = 0.25
+"""The part of the time after which the first search makes room: most that it finds it finds within seconds."""
+
+_ESTIMATES = """let(landmarks, eval_modify_costs(landmark_sum(lm_factory=lm_reasonable_orders_hps(lm_rhw()), pref=true), cost_type=one),
+let(ff, eval_modify_costs(ff(), cost_type=one), {}))"""
+LANDMARKS = _ESTIMATES.format("lazy_greedy([ff, landmarks], preferred=[ff, landmarks], cost_type=one, reopen_closed=false)")
+"""The first search of LAMA (Richter and Westphal 2010), with what helps landmarks preferred, too: where agents and places are
+variables with many values, that is most of what helps."""
+EXPLORING = _ESTIMATES.format(
+    """lazy(alt([single(ff), single(ff, pref_only=true), single(landmarks), single(landmarks, pref_only=true),
+type_based([ff, g()])], boost=1000), preferred=[ff, landmarks], cost_type=one, reopen_closed=false)"""
+)
+"""The same with type-based exploration (Xie, Müller, Holte and Imai 2014), where the estimates mislead."""
 
 
-def plan_in_process(problem: object) -> Plan | NoPlan:
+def plan_in_process(problem: object, limit: float = LIMIT) -> Plan | NoPlan:
     """Carry out a Task Manager's Ask for a plan. To be called in a process that can be waited for."""
     if not isinstance(problem, Problem):
         raise TypeError(f"a planning problem was expected, not {type(problem).__name__}")
-    return plan(problem, fast_downward if driver() is not None else None, numeric=tyr if there() else None)
+    return plan(problem, solved if entrants() else None, limit, numeric=tyr if there() else None)
+
+
+def solved(task: str, seconds: float) -> list[str] | None:
+    """The names of the operators of a plan, by whoever finds one first; None when there is no plan. Raises RemoteError when
+    there is no answer in time."""
+    won = raced(task, seconds, entrants())
+    return list(won.operators) if won.operators is not None else None
+
+
+def raced(task: str, seconds: float, engines: list[Entrant]) -> Won:
+    """The same, with who it was, among these engines."""
+    if not engines:
+        raise UsageError("planning tasks of many steps needs an engine: pip install 'somrs[planner]'")
+    with tempfile.TemporaryDirectory(prefix="somrs-plan-") as place:
+        file = Path(place) / "task.sas"
+        file.write_text(task, encoding="ascii")
+        return race(engines, file, seconds)
+
+
+def entrants() -> list[Entrant]:
+    """The engines that are installed, in the order in which they take part."""
+    found = driver()
+    searches = [_searching(found, "landmarks", LANDMARKS, FIRST), _searching(found, "exploring", EXPLORING, 1.0)] if found else []
+    solvers = [_solving("glucose4", 0), _solving("glucose4", 1)] if importlib.util.find_spec("pysat") is not None else []
+    return [*searches[:1], *solvers, *searches[1:]]
 
 
 def driver() -> Path | None:
-    """Fast Downward's driver, if the `planner` extra is installed."""
+    """Fast Downward's search program, if the `planner` extra is installed."""
     found = importlib.util.find_spec("up_fast_downward")  # looks for the package without running it
     if found is None or found.origin is None:
         return None
-    path = Path(found.origin).parent / "downward" / "fast-downward.py"
+    path = Path(found.origin).parent / "downward" / "builds" / "release" / "bin" / "downward"
     return path if path.exists() else None
 
 
-def fast_downward(task: str, seconds: float) -> list[str] | None:
-    """The names of the operators of a plan; None when there is no plan. Raises RemoteError when there is no answer in time."""
-    path = driver()
-    if path is None:
-        raise UsageError("planning tasks of many steps needs Fast Downward: pip install 'somrs[planner]'")
-    with tempfile.TemporaryDirectory(prefix="somrs-plan-") as place:
-        folder = Path(place)
-        (folder / "output.sas").write_text(task, encoding="ascii")
-        code, said = _run([sys.executable, str(path), *_arguments(seconds)], folder, seconds + GRACE)
-        answer = folder / "sas_plan"
-        if answer.exists():
-            lines = answer.read_text(encoding="ascii").splitlines()
-            return [line.strip("()") for line in lines if not line.startswith(";")]
-    if code in UNSOLVABLE:
-        return None
-    if code in OUT_OF_TIME:
-        raise RemoteError(f"no plan was found in {seconds:g} s, nor that there is none")
-    raise RemoteError(f"Fast Downward ended with code {code}: {said[-500:]}")
+def _searching(program: Path, name: str, search: str, share: float) -> Entrant:
+    def command(task: Path, plan: Path) -> list[str]:
+        return [str(program), "--internal-plan-file", str(plan), "--search", search.replace("\n", " ")]
+
+    return Entrant(name=name, command=command, share=share, proves=UNSOLVABLE)
 
 
-def _arguments(seconds: float) -> list[str]:
-    return ["--alias", "lama-first", "--plan-file", "sas_plan", "--overall-time-limit", f"{max(1, round(seconds))}s", "output.sas"]
+def _solving(solver: str, more: int) -> Entrant:
+    def command(task: Path, plan: Path) -> list[str]:
+        return [sys.executable, "-m", "somrs.app.engine_sat", str(task), str(plan), solver, str(more)]
 
-
-def _run(command: list[str], folder: Path, seconds: float) -> tuple[int, str]:
-    """Run it in a process group of its own, so that the search ends with the driver that started it."""
-    with subprocess.Popen(
-        command, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
-    ) as process:
-        over = False
-        try:
-            said, _ = process.communicate(timeout=seconds)
-            over = True
-        except subprocess.TimeoutExpired:
-            return 256 - signal.SIGXCPU, ""
-        finally:
-            if not over:
-                os.killpg(process.pid, signal.SIGKILL)
-    return process.returncode, said
+    return Entrant(name=f"steps+{more}", command=command)

@@ -7,59 +7,23 @@ something else that it needs excludes the opposite, it does not; and what then n
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from heapq import heapify, heappop, heappush
 
+from somrs.planner.finite import Assignment, FiniteTask, Operation
 from somrs.planner.invariants import groups
 from somrs.planner.operators import Fact
-from somrs.planner.task import Assignment, State, Task
-
-Effect = tuple[tuple[Assignment, ...], int, int]
-"""Under these conditions (mostly none) this variable gets this value."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Operation:
-    """A move, by its place among the task's."""
-
-    move: int
-    cost: int
-    needs: tuple[Assignment, ...]
-    effects: tuple[Effect, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FiniteTask:
-    """`names[v][x]` says what it means that variable v has the value x; `exclusive` are sets of which one holds at most."""
-
-    names: tuple[tuple[str, ...], ...]
-    initial: State
-    goal: tuple[Assignment, ...]
-    operations: tuple[Operation, ...]
-    exclusive: tuple[tuple[Assignment, ...], ...]
+from somrs.planner.task import Task
 
 
 def merged(task: Task) -> FiniteTask:
     """The task with facts that exclude each other in one variable."""
     found = groups(task)
-    operations, goal = _stated(task)
+    operations = [Operation(move=n, cost=move.cost, needs=move.needs, effects=move.effects) for n, move in enumerate(task.moves)]
     excludes = _excludes(task, found)
     operations = _settled(task, _possible(task, operations, excludes))
     operations = _without_implied(task, operations, found, excludes)
-    return _relevant(_Merging(task, found, operations, goal).task())
-
-
-def _stated(task: Task) -> tuple[list[Operation], tuple[Assignment, ...]]:
-    """The moves; and as the goal what the one move needs that only says that the goal is reached, if there is one only."""
-    assert task.goal is not None, "a goal that nothing reaches is not searched for"
-    goals = [move for move in task.moves if move.action.operator.service is None]
-    one = goals[0] if len(goals) == 1 else None
-    operations = [
-        Operation(move=number, cost=move.cost, needs=move.needs, effects=move.effects)
-        for number, move in enumerate(task.moves)
-        if move is not one
-    ]
-    return operations, one.needs if one is not None else (task.goal,)
+    return _relevant(_Merging(task, found, operations).task())
 
 
 def _excludes(task: Task, found: list[tuple[Fact, ...]]) -> dict[Assignment, set[Assignment]]:
@@ -169,8 +133,8 @@ def _always_one(
 class _Merging:
     """Makes one task."""
 
-    def __init__(self, task: Task, found: list[tuple[Fact, ...]], operations: list[Operation], goal: tuple[Assignment, ...]) -> None:
-        self.old, self.operations, self.goal = task, operations, goal
+    def __init__(self, task: Task, found: list[tuple[Fact, ...]], operations: list[Operation]) -> None:
+        self.old, self.operations = task, operations
         self.facts: list[list[Assignment]] = []
         """For each new variable the old assignments that are its values; the last value is none of them."""
         self.place: dict[Assignment, Assignment] = {}
@@ -184,14 +148,26 @@ class _Merging:
                 variable, value = self.place[old]
                 initial[variable] = value
         operations = [operation for old in self.operations if (operation := self._operation(old)) is not None]
+        goal, operations = self._goal(operations)
         exclusive = [tuple(self.place[self.old.place[fact]] for fact in group) for group in self.groups]
         return FiniteTask(
             names=tuple((*(self._name(old) for old in values), "<none of those>") for values in self.facts),
             initial=tuple(initial),
-            goal=tuple(self._assignment(old) for old in self.goal),
+            goal=goal,
             operations=tuple(operations),
             exclusive=tuple(group for group in exclusive if len({variable for variable, _ in group}) > 1),
         )
+
+    def _goal(self, operations: list[Operation]) -> tuple[tuple[Assignment, ...], list[Operation]]:
+        """What the one operation needs that only says that the goal is reached, if there is one only; and the others.
+
+        Engines see more in a goal of many parts than in one fact that comes about when all of them hold.
+        """
+        assert self.old.goal is not None, "a goal that nothing reaches is not searched for"
+        reaching = [operation for operation in operations if self.old.moves[operation.move].action.operator.service is None]
+        if len(reaching) == 1 and reaching[0].needs:
+            return reaching[0].needs, [operation for operation in operations if operation is not reaching[0]]
+        return (self.place[self.old.goal],), operations
 
     def _name(self, old: Assignment) -> str:
         fact = self.old.values[old[0]][old[1]]
@@ -204,7 +180,7 @@ class _Merging:
         alone |= {
             variable for operation in self.operations for conditions, *_ in operation.effects for variable, value in conditions if not value
         }
-        alone |= {variable for variable, value in self.goal if value == 0} | set(self.old.negated.values())
+        alone |= set(self.old.negated.values())
         free = {variable for variable in range(len(self.old.values)) if variable not in alone}
         candidates = [(-len(group), number, [self.old.place[fact] for fact in group]) for number, group in enumerate(self.groups)]
         heapify(candidates)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from somrs.planner.task import State, Task
+from somrs.planner.finite import State
+from somrs.planner.task import Task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

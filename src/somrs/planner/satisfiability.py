@@ -11,8 +11,7 @@ from collections.abc import Callable, Collection, Iterable
 from itertools import combinations
 from math import ceil, sqrt
 
-from somrs.planner.merging import FiniteTask, Operation
-from somrs.planner.task import Assignment
+from somrs.planner.finite import Assignment, FiniteTask, Operation
 
 FEW = 5
 """Of so many literals each pair is excluded; of more, by rows and columns."""
@@ -72,18 +71,21 @@ class Clauses:
 
     def _levels(self) -> dict[Assignment, int]:
         level = dict.fromkeys(enumerate(self.task.initial), 0)
-        waiting = list(self.task.operations)
+        waiting = every = _ordered(self.task)
+        first: dict[int, int] = {}
         step = 0
         while True:
             ready = [operation for operation in waiting if all(need in level for need in operation.needs)]
             if not ready:
-                return level
+                break
             waiting = [operation for operation in waiting if not all(need in level for need in operation.needs)]
-            self._operations += [(step, operation) for operation in ready]
             for operation in ready:
+                first[operation.move] = step
                 for _, variable, value in operation.effects:
                     level.setdefault((variable, value), step + 1)
             step += 1
+        self._operations = [(first[operation.move], operation) for operation in every if operation.move in first]
+        return level
 
     def _begin(self) -> None:
         first = self._layer(0)
@@ -164,3 +166,34 @@ class Clauses:
     def _new(self) -> int:
         self.literals += 1
         return self.literals
+
+
+def _ordered(task: FiniteTask) -> list[Operation]:
+    """The operations so that, as far as can be, what leaves a fact as it is comes before what takes it away: so most can be done
+    in one step. (Depth first, from operations to those that take away what they need; the last one finished comes first.)"""
+    takers: dict[Assignment, list[int]] = {}
+    keeps: list[list[Assignment]] = []
+    for number, operation in enumerate(task.operations):
+        made = {variable: value for _, variable, value in operation.effects}
+        taken = [(variable, value) for variable, value in operation.needs if made.get(variable, value) != value]
+        keeps.append([need for need in operation.needs if need not in taken])
+        for need in taken:
+            takers.setdefault(need, []).append(number)
+    finished: list[int] = []
+    seen_operations, seen_facts = set[int](), set[Assignment]()
+    for start in range(len(task.operations)):
+        stack = [(start, False)]
+        while stack:
+            number, over = stack.pop()
+            if over:
+                finished.append(number)
+                continue
+            if number in seen_operations:
+                continue
+            seen_operations.add(number)
+            stack.append((number, True))
+            for need in keeps[number]:
+                if need not in seen_facts:
+                    seen_facts.add(need)
+                    stack.extend((other, False) for other in takers.get(need, ()) if other not in seen_operations)
+    return [task.operations[number] for number in reversed(finished)]

@@ -6,8 +6,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
 
+from somrs.planner.finite import Assignment, State
 from somrs.planner.progress import Progress, how_far
-from somrs.planner.task import Assignment, Move, State, Task
+from somrs.planner.task import Move, Task
 
 EFFORT = 1_500_000
 """Moves and effects looked at before an engine is asked instead: about half a second."""

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from somrs.planner.finite import Assignment as Assignment
+from somrs.planner.finite import State as State
 from somrs.planner.grounding import Action, Grounding
 from somrs.planner.operators import GOAL, SOME, Argument, Fact
 
-State = tuple[int, ...]
-Assignment = tuple[int, int]
-"""A variable and its value."""
 Key = tuple[str, object]
 
 
