@@ -259,3 +259,18 @@ def test_what_cannot_be_expressed_is_named() -> None:
     found = plan(problem("Jar001 isOn Platform001", find))
     assert isinstance(found, NoPlan)
     assert "?Place is known only when the service is done" in found.explanation
+
+
+def test_where_the_likely_places_will_not_do_all_places_are_tried() -> None:
+    put = ServiceType(
+        name="PutAway", inputs=TRANSFER.inputs, precondition='?Object isOn ?Source AND ?Destination.Label != "full"', effect=TRANSFER.effect
+    )
+    shelves = [Object(name=f"Shelf{n:02}", type="Shelf", values={"Label": "full" if n < 35 else "free"}) for n in range(40)]
+    jars = [Object(name=f"Jar{n:02}", type="Jar") for n in range(35)]
+    map = Map([*shelves, *jars], [Fact("isOn", (f"Jar{n:02}", f"Shelf{n:02}")) for n in range(35)])
+    (step,) = planned(problem("NOT Jar00 isOn Shelf00", put, map=map)).steps
+    assert str(step.inputs["Destination"]) in {f"Shelf{n}" for n in range(35, 40)}
+    full = map.changed(ValueSet(shelf.name, "Label", "full") for shelf in shelves)
+    found = plan(problem("NOT Jar00 isOn Shelf00", put, map=full))
+    assert isinstance(found, NoPlan)
+    assert not found.undecided
