@@ -25,7 +25,8 @@ class Step(Struct, frozen=True):
     """One use of a service type.
 
     `inputs` are by the service type's input names. `provider` is the device that has to do it, when the service type's
-    formulas speak of `?Provider`; otherwise None: any provider will do. `precondition` and `effect` have no variables left.
+    formulas speak of `?Provider`; otherwise None: any provider will do. Those `alike` could do it as well, if one of them does all steps
+    that say the `same`. `precondition` and `effect` have no variables left.
     """
 
     id: str
@@ -34,6 +35,8 @@ class Step(Struct, frozen=True):
     effect: Formula
     precondition: Formula | None = None
     provider: str | None = None
+    same: str | None = None
+    alike: tuple[str, ...] = ()
 
     @property
     def bindings(self) -> Substitution:
@@ -42,7 +45,8 @@ class Step(Struct, frozen=True):
 
     def __str__(self) -> str:
         said = ", ".join(f"{name}: {term}" for name, term in self.inputs.items())
-        return f"{self.service_type}({said})" + (f" by {self.provider}" if self.provider is not None else "")
+        devices = " or ".join((self.provider, *self.alike)) if self.provider is not None else ""
+        return f"{self.service_type}({said})" + (f" by {devices}" if devices else "")
 
 
 class Link(Struct, frozen=True):

@@ -9,6 +9,7 @@ from somrs.entish.formula import names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import holds
 from somrs.planner import counting
+from somrs.planner.choice import opened
 from somrs.planner.counting import Counters, TooMany, count
 from somrs.planner.explanation import not_usable, unmet_precondition, why_not
 from somrs.planner.grounding import Grounding, TooLarge
@@ -56,14 +57,16 @@ def quick(problem: Problem) -> Plan | NoPlan | None:
     """What can be said of the problem within a few milliseconds; None when it has to be searched."""
     try:
         said = _said(problem)
-        return said if said is not None else sure(problem, match(problem, *_stated(problem)))
+        return said if said is not None else opened(problem, sure(problem, match(problem, *_stated(problem))))
     except Inexpressible as inexpressible:
         return _beyond(inexpressible)
 
 
 def plan(problem: Problem, engine: Engine | None = None, limit: float = LIMIT, numeric: NumericEngine | None = None) -> Plan | NoPlan:
     """A plan that makes the goal true on the map, or why there is none; what still stands of the plan before, if that is as short."""
-    return quick(problem) or shorter(problem, _plan(problem, Engines(engine, numeric, limit)))
+    if (found := quick(problem)) is not None:
+        return found
+    return opened(problem, shorter(problem, _plan(problem, Engines(engine, numeric, limit))))
 
 
 def _plan(problem: Problem, engines: Engines) -> Plan | NoPlan:

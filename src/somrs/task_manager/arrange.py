@@ -66,7 +66,7 @@ def service_types(ontology: Ontology, offers: Iterable[Offer]) -> dict[str, Serv
 
 
 def able(step: Step, offers: Sequence[Offer], known: dict[str, ServiceType], excluded: Collection[str]) -> list[Offer]:
-    """The services that can be asked for the step: of its type or a sub-type, of its provider if the plan names one, and
+    """The services that can be asked for the step: of its type or a sub-type, of its provider or one alike if the plan names one, and
     not among those that failed or refused it."""
 
     def is_a(name: str | None) -> bool:
@@ -81,7 +81,9 @@ def able(step: Step, offers: Sequence[Offer], known: dict[str, ServiceType], exc
     return [
         offer
         for offer in offers
-        if is_a(offer.service_type.name) and step.provider in (None, offer.provider) and offer.service not in excluded
+        if is_a(offer.service_type.name)
+        and (step.provider in (None, offer.provider) or offer.provider in step.alike)
+        and offer.service not in excluded
     ]
 
 

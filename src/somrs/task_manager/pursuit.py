@@ -241,7 +241,7 @@ class Pursuit:
         """Ask every able service for terms. One that had the step and came back has to stop first: its report is awaited. Whether the
         plan stands: there may be nobody to ask."""
         assert self.workflow is not None
-        if self._owner.participants.held(run.key):
+        if self._owner.participants.held(run.key) or self._waits_for_choice(run):
             return True
         invited = self._owner.offered.able(run)
         if not invited:
@@ -253,6 +253,10 @@ class Pursuit:
         self._wake_for_bids()
         self._tell(now, f"asking {', '.join(offer.service for offer in invited)}", run)
         return True
+
+    def _waits_for_choice(self, run: StepRun) -> bool:
+        """Whether it is being found out at another step which device does this one, too."""
+        return bool(run.step.alike) and any(tender.run.step.same == run.step.same for tender in self.tenders.values())
 
     def bids_due(self, now: float) -> None:
         """The time to answer Arrange is over."""
@@ -293,7 +297,8 @@ class Pursuit:
         self._wake_for_bids()
         owner = self._owner
         chosen = tender.award(owner.participants, owner.task, owner.setting.busy, owner.offered.broken, now)
-        if chosen is not None and chosen.bid is not None:
+        if chosen is not None and chosen.bid is not None and self.workflow is not None:
+            self.workflow.bind(tender.run, chosen.offer.provider)
             terms = chosen.bid.terms
             self._tell(now, f"{chosen.offer.service} does it for {terms.price:g} {terms.currency}, in {terms.duration:.0f} s", tender.run)
         owner.proceed(now)

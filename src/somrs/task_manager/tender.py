@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
+from somrs.planner.choice import by
 from somrs.protocol import frp
 from somrs.protocol.clients import Submit
 from somrs.protocol.directory import Offer
@@ -86,22 +87,26 @@ class Tender:
 
 def call(run: StepRun, offers: Sequence[Offer], participants: Participants, earliest: float, latest: float | None, now: float) -> Tender:
     """Send Arrange to all of them."""
-    precondition = run.precondition or run.step.precondition
     run.progress = Progress.ARRANGING
-
     inputs = {name: str(term) for name, term in run.step.inputs.items()}
-    effect = str(run.step.effect)
-    arranges = {
-        service_type: frp.Arrange(
-            service_type=service_type,
-            inputs=inputs,
-            effect=effect,
-            precondition=str(precondition) if precondition is not None else None,
-            earliest_start=earliest,
-            latest_finish=latest,
-            reply_by=now + REPLY_TIME,
-        )
-        for service_type in dict.fromkeys(offer.service_type.name for offer in offers)
-    }
-    invited = [participants.invite(offer, run.label, run.key, arranges[offer.service_type.name], now, REPLY_TIME) for offer in offers]
+    arranges: dict[tuple[str, str | None], frp.Arrange] = {}
+
+    def arrange(offer: Offer) -> frp.Arrange:
+        """The same for all, but for who is spoken of."""
+        key = offer.service_type.name, offer.provider if run.step.alike else None
+        if key not in arranges:
+            step = by(run.step, offer.provider) if run.step.alike else run.step
+            precondition = step.precondition if run.step.alike else run.precondition or step.precondition
+            arranges[key] = frp.Arrange(
+                service_type=offer.service_type.name,
+                inputs=inputs,
+                effect=str(step.effect),
+                precondition=str(precondition) if precondition is not None else None,
+                earliest_start=earliest,
+                latest_finish=latest,
+                reply_by=now + REPLY_TIME,
+            )
+        return arranges[key]
+
+    invited = [participants.invite(offer, run.label, run.key, arrange(offer), now, REPLY_TIME) for offer in offers]
     return Tender(run=run, invited=invited, earliest=earliest, latest=latest, until=now + REPLY_TIME)

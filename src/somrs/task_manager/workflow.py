@@ -7,6 +7,7 @@ from collections.abc import Hashable, Iterable, Iterator, Sequence
 from enum import StrEnum
 
 from somrs.entish import Formula
+from somrs.planner.choice import by
 from somrs.planner.plan import Plan, Step
 from somrs.task_manager.participants import Member
 
@@ -83,7 +84,7 @@ class StepRun:
     @property
     def work(self) -> Hashable:
         """What is asked of a service, whatever the step is called."""
-        return self.step.service_type, tuple(self.step.inputs.items()), self.step.provider
+        return self.step.service_type, tuple(self.step.inputs.items())
 
 
 class Workflow:
@@ -152,14 +153,23 @@ class Workflow:
         for run in old:
             if run.progress is not Progress.ARRANGED or run.member is None:
                 continue
-            same = waiting.get(run.work)
-            if same:
-                new = same.popleft()
+            who = run.member.offer.provider
+            same = next((new for new in waiting.get(run.work, ()) if new.step.provider in (None, who) or who in new.step.alike), None)
+            if same is not None:
+                new = same
+                waiting[run.work].remove(new)
+                self.bind(new, who)
                 new.take(run.member, run.start, run.finish)
                 new.precondition = run.precondition
                 run.member.step = new.key
             else:
                 yield run.member
+
+    def bind(self, run: StepRun, provider: str) -> None:
+        """The device does the step, and with it all that have to be done by the same one."""
+        if run.step.alike:
+            for other in [other for other in self if other.step.same == run.step.same]:
+                other.step = by(other.step, provider)
 
     def run_of(self, member: Member) -> StepRun | None:
         """The step that the participant was asked for."""
