@@ -22,6 +22,9 @@ from verification.codmap.play import play
 from verification.codmap.result import Result
 from verification.codmap.table import table
 
+WIDTH = 140
+"""Of the table in a file, in characters."""
+
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m verification.codmap", description=(__doc__ or "").splitlines()[0])
@@ -32,7 +35,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="problems whose name (domain/problem) has this in it")
     parser.add_argument("--tell", action="store_true", help="tell the story of each task")
     chosen = parser.parse_args()
-    console = Console(soft_wrap=True, highlight=False)
+    console = Console(soft_wrap=True, highlight=False, width=None if sys.stdout.isatty() else WIDTH)
     found = [place for place in problems(chosen.folder) if chosen.only in f"{place.parent.name}/{place.name}"]
     if not found:
         named = f" with {chosen.only} in its name" if chosen.only else ""

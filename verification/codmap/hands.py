@@ -41,13 +41,13 @@ class Observer:
     name: str = "Observer"
 
     @property
-    def object(self) -> Object:
+    def person(self) -> Object:
         return Object(name=self.name, type="Person")
 
     @property
     def profile(self) -> Profile:
         looks = Capability(type="RecognizeSituation", method="look", undoable=True)
-        return Profile(name=self.name, type=self.object.type, capabilities=(looks,), lease=1e9, capacity=100)
+        return Profile(name=self.name, type=self.person.type, capabilities=(looks,), lease=1e9, capacity=100)
 
     def carry_out(self, task: object) -> Work:
         match task:

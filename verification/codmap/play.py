@@ -67,7 +67,7 @@ class Play:
         world, ontology = self.world, imported.ontology
         map, observer = imported.map, Observer(world=self.truth)
         if faults.share:
-            map = map.changed([ObjectAdded(observer.object), FactAdded(Fact(PART_OF, (observer.name, next(iter(map.roots())))))])
+            map = map.changed([ObjectAdded(observer.person), FactAdded(Fact(PART_OF, (observer.name, next(iter(map.roots())))))])
         world.add("repository", Repository("repository", Contents(ontology=ontology, map=map)))
         world.add("registry", Registry("registry", ontology, "repository"))
         world.add("client", self.client)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import tempfile
+import warnings
 from pathlib import Path
 
 VAL = ("Validate", "validate", "VAL")
@@ -25,10 +26,13 @@ def objections(domain: str, problem: str, plan: str) -> list[str]:
 
 def _unified_planning(domain: Path, problem: Path, plan: Path) -> list[str]:
     from unified_planning.engines import SequentialPlanValidator, ValidationResultStatus
+    from unified_planning.environment import get_environment
     from unified_planning.io import PDDLReader
 
+    get_environment().error_used_name = False  # an object may be called as its type is; its grounder knows this environment only
     reader = PDDLReader()
-    read = reader.parse_problem(str(domain), str(problem))
+    with warnings.catch_warnings(action="ignore"):
+        read = reader.parse_problem(str(domain), str(problem))
     validator = SequentialPlanValidator()
     validator.skip_checks = True  # it minds static functions in costs, and can do them
     found = validator.validate(read, reader.parse_plan(read, str(plan)))
