@@ -40,10 +40,13 @@ class Naive:
         self.domain = syntax.domain(roots[0], text.Mistakes("domain"))
         self.task = syntax.task(roots[1], text.Mistakes("problem"), self.domain)
         self.objects = {**self.domain.constants, **self.task.objects}
-        self.initial: State = frozenset(_fact(node, {}) for node in self.task.init if isinstance(node, Group) and node.head != "=")
-        self.numbers = {
-            str(node.items[1]).lower(): float(str(node.items[2])) for node in self.task.init if isinstance(node, Group) and node.head == "="
-        }
+        self.initial: State = frozenset(self._stated(node) for node in self.task.init)
+
+    @staticmethod
+    def _stated(node: Node) -> Fact:
+        """A number is a fact, too: `=`, the function, and its value."""
+        assert isinstance(node, Group)
+        return _number_fact(_shown(node.items[1], {}), float(str(node.items[2]))) if node.head == "=" else _fact(node, {})
 
     def _of(self, types: tuple[str, ...]) -> list[str]:
         def is_a(name: str, wanted: str) -> bool:
@@ -62,25 +65,37 @@ class Naive:
 
     def after(self, ground: Ground, state: State) -> State:
         adds, deletes = set[Fact](), set[Fact]()
+        numbers: dict[str, float] = {}
         for part in _parts(ground.action.effect):
             if part.head == "not":
                 deletes.add(_fact(part.items[1], ground.bound))
-            elif part.head != "increase":
+            elif part.head in ("increase", "decrease", "assign"):
+                name, amount = _shown(part.items[1], ground.bound), self._number(part.items[2], ground.bound, state)
+                before = _value(name, state)
+                deletes.add(_number_fact(name, before))
+                sign = {"increase": 1, "decrease": -1}.get(part.head)
+                numbers[name] = amount if sign is None else numbers.get(name, before) + sign * amount
+            else:
                 adds.add(_fact(part, ground.bound))
-        return (state - deletes) | adds
+        return (state - deletes) | adds | {_number_fact(name, value) for name, value in numbers.items()}
 
-    def cost(self, ground: Ground) -> float:
-        costs = [part.items[2] for part in _parts(ground.action.effect) if part.head == "increase"]
-        return sum(self._number(cost, ground.bound) for cost in costs)
+    def cost(self, ground: Ground, state: State) -> float:
+        """By how much it adds to the total cost."""
+        return _value("(total-cost)", self.after(ground, state)) - _value("(total-cost)", state)
 
     def reached(self, state: State) -> bool:
         assert self.task.goal is not None
         return self._holds(self.task.goal, {}, state)
 
-    def _number(self, node: Node, bound: Mapping[str, str]) -> float:
+    def _number(self, node: Node, bound: Mapping[str, str], state: State) -> float:
         if isinstance(node, Word):
             return float(node.text)
-        return self.numbers[f"({' '.join(_fact(node, bound))})"]
+        if node.head in ("+", "-", "*", "/"):
+            first, *others = (self._number(item, bound, state) for item in node.items[1:])
+            for other in others:
+                first = {"+": first + other, "-": first - other, "*": first * other, "/": first / (other or 1)}[node.head]
+            return first if others or node.head != "-" else -first
+        return _value(_shown(node, bound), state)
 
     def _holds(self, node: Node, bound: Mapping[str, str], state: State) -> bool:
         assert isinstance(node, Group)
@@ -97,7 +112,7 @@ class Naive:
             case "=":
                 return bound.get(str(rest[0]), str(rest[0])) == bound.get(str(rest[1]), str(rest[1]))
             case ">=":
-                return self._number(rest[0], bound) >= self._number(rest[1], bound)
+                return self._number(rest[0], bound, state) >= self._number(rest[1], bound, state)
             case _:
                 return _fact(node, bound) in state
 
@@ -114,3 +129,15 @@ def _parts(node: Node | None) -> Iterator[Group]:
 def _fact(node: Node, bound: Mapping[str, str]) -> Fact:
     assert isinstance(node, Group)
     return tuple(bound.get(item.text, item.text) for item in node.items if isinstance(item, Word))
+
+
+def _shown(node: Node, bound: Mapping[str, str]) -> str:
+    return f"({' '.join(_fact(node, bound))})"
+
+
+def _number_fact(name: str, value: float) -> Fact:
+    return "=", name, f"{value:.9g}"
+
+
+def _value(name: str, state: State) -> float:
+    return next(float(fact[2]) for fact in state if fact[:2] == ("=", name))

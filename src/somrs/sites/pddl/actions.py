@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 
-from somrs.entish import Comparison, Formula, Name, Not, Or, Relation, Term, Variable
+from somrs.entish import Attribute, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
 from somrs.entish.formula import conjunction, conjuncts, disjunction, substitute, substitute_term, variables
 from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
-from somrs.sites.pddl.formulas import Effects, Speech, Words
+from somrs.sites.pddl.formulas import Effects, Setting, Speech, Words
 from somrs.sites.pddl.kinds import Sorts
 from somrs.sites.pddl.names import Names
 from somrs.sites.pddl.syntax import Action, Typed
@@ -21,6 +22,9 @@ from somrs.sites.pddl.text import Mistakes
 
 Equalities = Mapping[str, Term]
 """What variables are the same as."""
+
+
+Arguments = tuple[Name | Variable, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +45,7 @@ class _Case:
     precondition: tuple[Formula, ...]
     adds: tuple[Relation, ...]
     deletes: tuple[Relation, ...]
-    values: tuple[Comparison, ...]
+    values: tuple[Setting, ...]
     sorts: Mapping[str, Sorts]
     same: Equalities
     apart: tuple[Equalities, ...] = ()
@@ -68,8 +72,6 @@ class Actions:
             speech = Speech(self.words, mistakes, action.word.written, scope)
             precondition = speech.condition(action.precondition) if action.precondition is not None else None
             effects = speech.effects(action.effect) if action.effect is not None else Effects()
-            if len(effects.costs) > 1:
-                mistakes.unsupported(action.word, action.word.written, "an action that adds to the cost several times is not read")
             read[name] = precondition, effects, scope
         self._changing = self.changing({name: effects for name, (_, effects, _) in read.items()})
         for name, (precondition, effects, scope) in read.items():
@@ -100,13 +102,13 @@ class Actions:
             precondition=conjuncts(precondition) if precondition is not None else (),
             adds=tuple(dict.fromkeys(effects.adds)),
             deletes=tuple(dict.fromkeys(effects.deletes)),
-            values=tuple(effects.values),
+            values=tuple(effects.values.values()),
             sorts={variable.name: sorts for variable, sorts in scope.values()},
             same={},
         )
         for case in self._cases(whole):
             if case.adds or case.deletes or case.values:
-                yield self._offer(action, case, effects.costs[0] if effects.costs else None, scope, declared)
+                yield self._offer(action, case, effects.cost.term if effects.cost is not None else None, scope, declared)
 
     def _offer(
         self, action: Action, case: _Case, cost: Term | None, scope: Mapping[str, tuple[Variable, Sorts]], declared: Mapping[str, Typed]
@@ -131,8 +133,7 @@ class Actions:
             picked += self._of_provider(case, picked, action.agent)
         typed = {PROVIDER: provider}
         needed = [substitute(formula, typed) for formula in (*case.precondition, *picked)]
-        effect: list[Formula] = [*case.adds, *case.values, *map(Not, case.deletes)]
-        brought = [substitute(formula, typed) for formula in effect]
+        brought = [substitute(formula, typed) for formula in _effect(case)]
         term = substitute_term(substitute_term(cost, case.same), {PROVIDER: Variable(PROVIDER)}) if cost is not None else None
         same = " and ".join(f"?{name} is {substitute_term(other, {PROVIDER: Variable(PROVIDER)})}" for name, other in case.same.items())
         service = ServiceType(
@@ -152,39 +153,36 @@ class Actions:
         provider = Variable(PROVIDER)
         if (one := case.same.get(PROVIDER)) is not None:
             yield Comparison(provider, "=", one)
-        elif not any(PROVIDER in variables(part) for part in (*case.precondition, *case.adds, *case.values, *case.deletes, *picked)):
+        elif not any(PROVIDER in variables(part) for part in (*case.precondition, *_effect(case), *picked)):
             yield Relation(self.words.kinds.relation(case.sorts[PROVIDER], agent), (provider,))
 
     # What is deleted and added again
 
     def _cases(self, case: _Case) -> Iterator[_Case]:
         case = replace(case, deletes=tuple(atom for atom in case.deletes if atom not in case.adds))
-        for deleted in case.deletes:
-            for added in case.adds:
-                same = self._same(deleted, added, case.sorts)
-                if same is None or any(ruled.items() <= same.items() for ruled in case.apart):
-                    continue
-                alike = self._alike(case, same)
-                if self._impossible(alike):
-                    continue
-                differs = disjunction(*(Comparison(self._variable(name, case), "!=", term) for name, term in same.items()))
-                yield from self._cases(replace(case, precondition=(*case.precondition, differs), apart=(*case.apart, same)))
-                if not _idle(alike):
-                    yield from self._cases(alike)
-                return
+        for one, other in _rivals(case):
+            same = self._same(one, other, case.sorts)
+            if same is None or any(ruled.items() <= same.items() for ruled in case.apart):
+                continue
+            alike = self._alike(case, same)
+            if self._impossible(alike):
+                continue
+            differs = disjunction(*(Comparison(self._variable(name, case), "!=", term) for name, term in same.items()))
+            yield from self._cases(replace(case, precondition=(*case.precondition, differs), apart=(*case.apart, same)))
+            if _sensible(alike) and not _idle(alike):
+                yield from self._cases(alike)
+            return
         yield case
 
     def _variable(self, name: str, case: _Case) -> Term:
         """The variable as it stands in the case; the provider has its type with it."""
-        for formula in (*case.adds, *case.deletes):
+        for formula in _effect(case):
             if name in variables(formula):
                 return variables(formula)[name]
         raise AssertionError(name)
 
-    def _same(self, one: Relation, other: Relation, sorts: Mapping[str, Sorts]) -> Equalities | None:
-        """What must be the same for two atoms to be the same; None if they cannot be."""
-        if one.relation != other.relation or len(one.arguments) != len(other.arguments):
-            return None
+    def _same(self, one: Arguments, other: Arguments, sorts: Mapping[str, Sorts]) -> Equalities | None:
+        """What must be the same for these to be the same; None if they cannot be."""
         found: dict[str, Name | Variable] = {}
 
         def stands_for(term: Name | Variable) -> Name | Variable:
@@ -194,7 +192,7 @@ class Actions:
 
         order = [PROVIDER, *sorts]
         possible = dict(sorts)
-        for a, b in zip(one.arguments, other.arguments, strict=True):
+        for a, b in zip(one, other, strict=True):
             a, b = stands_for(a), stands_for(b)
             if a == b:
                 continue
@@ -224,7 +222,7 @@ class Actions:
             precondition=tuple(dict.fromkeys(substitute(formula, same) for formula in case.precondition)),
             adds=adds,
             deletes=tuple(atom for atom in _relations(case.deletes, same) if atom not in adds),
-            values=tuple(formula for value in case.values if isinstance(formula := substitute(value, same), Comparison)),
+            values=_settings(case.values, same),
             sorts=sorts,
             same={**{name: substitute_term(term, same) for name, term in case.same.items()}, **same},
         )
@@ -246,6 +244,39 @@ class Actions:
             case Or(parts):
                 return all(self._never(part, beside) for part in parts)
         return False
+
+
+def _rivals(case: _Case) -> Iterator[tuple[Arguments, Arguments]]:
+    """What must not be the same: a fact that is deleted and one that is added, and two attributes that get values."""
+    for deleted in case.deletes:
+        yield from ((deleted.arguments, added.arguments) for added in case.adds if added.relation == deleted.relation)
+    for one, other in combinations(case.values, 2):
+        if one.target.path == other.target.path and one.target != other.target:
+            yield (one.target.of,), (other.target.of,)
+
+
+def _effect(case: _Case) -> list[Formula]:
+    return [*case.adds, *(value.formula for value in case.values), *map(Not, case.deletes)]
+
+
+def _settings(values: tuple[Setting, ...], same: Equalities) -> tuple[Setting, ...]:
+    """What becomes of the attributes; two changes of one are added up."""
+    found: dict[Term, list[Setting]] = {}
+    for value in values:
+        target = substitute_term(value.target, same)
+        assert isinstance(target, Attribute)
+        setting = Setting(target, value.amount.substituted(same), value.adds)
+        there = found.setdefault(target, [])
+        if there and (both := there[-1].and_also(setting)) is not None:
+            there[-1] = both
+        else:
+            there.append(setting)
+    return tuple(setting for settings in found.values() for setting in settings if setting.amount.parts or not setting.adds)
+
+
+def _sensible(case: _Case) -> bool:
+    """Whether every attribute gets one value at most."""
+    return len({value.target for value in case.values}) == len(case.values)
 
 
 def _relations(atoms: tuple[Relation, ...], same: Equalities) -> tuple[Relation, ...]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 
-from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Number, Relation, Term, Variable
+from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relation, Term, Variable
 from somrs.entish.formula import conjunction, disjunction
 from somrs.sites.pddl.kinds import Kinds, Sorts
 from somrs.sites.pddl.names import Names
+from somrs.sites.pddl.sums import Sum, constant, one
 from somrs.sites.pddl.syntax import Domain, Signature, Typed
 from somrs.sites.pddl.text import Group, Mistakes, Node, Word, number
 
@@ -20,7 +22,7 @@ _REFUSED = {
     "when": "effects under a condition are not read; make one action for each case",
     "preference": "preferences are not read; state a goal",
 }
-_COUNTING = ("increase", "decrease", "scale-up", "scale-down")
+_COUNTING = ("increase", "decrease", "scale-up", "scale-down", "assign")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,14 +43,31 @@ class Words:
     """The function that the plan is to keep small."""
 
 
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What becomes of an attribute: the amount, or what it was and the amount, if it `adds`."""
+
+    target: Attribute
+    amount: Sum
+    adds: bool
+
+    @property
+    def formula(self) -> Comparison:
+        return Comparison(self.target, "=", (one(self.target) + self.amount if self.adds else self.amount).term)
+
+    def and_also(self, other: Setting) -> Setting | None:
+        """Both, for the same attribute; None if that makes no sense."""
+        return Setting(self.target, self.amount + other.amount, adds=True) if self.adds and other.adds else None
+
+
 @dataclass(slots=True)
 class Effects:
     """What an action does."""
 
     adds: list[Relation] = field(default_factory=list)
     deletes: list[Relation] = field(default_factory=list)
-    values: list[Comparison] = field(default_factory=list)
-    costs: list[Term] = field(default_factory=list)
+    values: dict[Attribute, Setting] = field(default_factory=dict)
+    cost: Sum | None = None
 
 
 class Speech:
@@ -155,15 +174,39 @@ class Speech:
     # Numbers
 
     def number(self, node: Node) -> Term | None:
-        """A number, or what a function says: an attribute of its one object, of the world when it has none; else a table's entry."""
+        """A number, or what is reckoned from numbers."""
+        found = self._sum(node)
+        return found.term if found is not None else None
+
+    def _sum(self, node: Node) -> Sum | None:
         if (value := number(node)) is not None:
-            return Number(value)
+            return constant(value)
         if not isinstance(node, Group) or not node.head:
             self._wrong(node, f"{str(node)[:60]} is no number; write one, or a function such as (distance ?a ?b)")
             return None
-        if node.head in ("+", "-", "*", "/"):
-            self.mistakes.unsupported(node, self.subject, "reckoning with numbers is not read; make a function that has the result")
+        return self._reckoned(node) if node.head in ("+", "-", "*", "/") else self._function(node)
+
+    def _reckoned(self, node: Group) -> Sum | None:
+        parts = [part for item in node.items[1:] if (part := self._sum(item)) is not None]
+        if len(parts) < len(node.items) - 1:
             return None
+        match node.head, parts:
+            case "-", [one_]:
+                return one_.times(-1)
+            case "-", [first, second]:
+                return first + second.times(-1)
+            case "/", [first, second] if second.number:
+                return first.times(1 / second.number)
+            case "/", [_, _]:
+                self.mistakes.unsupported(node, self.subject, "dividing by anything but a number other than 0 is not read")
+                return None
+            case (("+" | "*"), [first, _, *_]):
+                return reduce(lambda a, b: a + b if node.head == "+" else a * b, parts[1:], first)
+        self._wrong(node, f"{node.head} is of two numbers: ({node.head} 1 2)")
+        return None
+
+    def _function(self, node: Group) -> Sum | None:
+        """An attribute of the one object; of the world, when there is none; else a table's entry."""
         signature = self.words.domain.functions.get(node.head)
         if signature is None:
             self._wrong(node, f"there is no function {node.items[0]}; declare it in :functions, or mend the name")
@@ -175,8 +218,8 @@ class Speech:
         if arguments is None:
             return None
         if len(arguments) > 1:
-            return Call(self.words.functions.entish(node.head), arguments)
-        return Attribute(arguments[0] if arguments else Name(self.words.world), self.words.attributes.entish(node.head))
+            return one(Call(self.words.functions.entish(node.head), arguments))
+        return one(Attribute(arguments[0] if arguments else Name(self.words.world), self.words.attributes.entish(node.head)))
 
     # Effects
 
@@ -193,8 +236,6 @@ class Speech:
         inner = node.items[1] if node.head == "not" and len(node.items) == 2 else node
         if node.head in _COUNTING and node.head not in self.words.domain.predicates:
             self._counted(node, found)
-        elif node.head == "assign":
-            self._assigned(node, found)
         elif node.head in ("when", "forall", "or", "oneof", "probabilistic"):
             what = _REFUSED.get(node.head, f"{node.head} in an effect is not read; an effect says what becomes true and what false")
             self.mistakes.unsupported(node, self.subject, what)
@@ -202,27 +243,44 @@ class Speech:
             (found.deletes if node.head == "not" else found.adds).append(atom)
 
     def _counted(self, node: Group, found: Effects) -> None:
+        """A number that the action changes; or what it adds to the cost."""
         if len(node.items) != 3 or not isinstance(node.items[1], Group):
             self._wrong(node, f"{node.head} is of a function and a number: ({node.head} (total-cost) 1)")
-        elif node.items[1].head == self.words.cost and node.head == "increase":
-            if (term := self.number(node.items[2])) is not None:
-                found.costs.append(term)
-        elif not (node.items[1].head == "total-cost" and len(node.items[1].items) == 1):
-            # A total cost that no metric speaks of changes nothing that a plan could depend on.
-            what = f"{node.head} of {node.items[1]} is not read; of numbers that actions change, only (assign ...) is"
-            self.mistakes.unsupported(node, self.subject, what)
-
-    def _assigned(self, node: Group, found: Effects) -> None:
-        if len(node.items) != 3:
-            self._wrong(node, "assign is of a function and a number: (assign (fuel ?truck) 5)")
             return
-        target, value = self.number(node.items[1]), self.number(node.items[2])
-        if isinstance(target, Attribute) and value is not None:
-            found.values.append(Comparison(target, "=", value))
-        elif isinstance(target, Call):
+        function = node.items[1]
+        if function.head == self.words.cost and node.head == "increase":
+            if (amount := self._sum(node.items[2])) is not None:
+                found.cost = amount if found.cost is None else found.cost + amount
+            return
+        if function.head == "total-cost" and self.words.cost is None:
+            return  # no metric speaks of it, so that it changes nothing that a plan could depend on
+        target, amount = self._sum(function), self._sum(node.items[2])
+        attribute = target.term if target is not None else None
+        if isinstance(attribute, Call):
             self.mistakes.unsupported(node, self.subject, "a function of several objects that actions change is not read")
-        elif target is not None:
-            self._wrong(node, "assign is of a function and a number: (assign (fuel ?truck) 5)")
+        elif target is not None and amount is not None and isinstance(attribute, Attribute):
+            self._set(node, _setting(node.head, attribute, target, amount), found)
+
+    def _set(self, node: Group, setting: Setting | None, found: Effects) -> None:
+        if setting is None:
+            self.mistakes.unsupported(node, self.subject, "dividing by anything but a number other than 0 is not read")
+        elif (there := found.values.get(setting.target)) is None:
+            found.values[setting.target] = setting
+        elif (both := there.and_also(setting)) is not None:
+            found.values[setting.target] = both
+        else:
+            self._wrong(node, f"{node.items[1]} is changed in another way by the same action; say once what becomes of it")
+
+
+def _setting(how: str, attribute: Attribute, target: Sum, amount: Sum) -> Setting | None:
+    match how:
+        case "assign":
+            return Setting(attribute, amount, adds=False)
+        case "increase" | "decrease":
+            return Setting(attribute, amount if how == "increase" else amount.times(-1), adds=True)
+        case "scale-up":
+            return Setting(attribute, target * amount, adds=False)
+    return Setting(attribute, target.times(1 / amount.number), adds=False) if amount.number else None
 
 
 def _flat(node: Node) -> Iterator[Node]:

@@ -1,0 +1,77 @@
+"""Reckoning: a PDDL expression as a sum of products, which Entish can say without parentheses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+from somrs.entish import Arithmetic, Attribute, Call, Number, Term
+from somrs.entish.formula import Substitution, substitute_term
+
+Factor = Attribute | Call
+
+
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """For each product of factors, how many of it."""
+
+    parts: tuple[tuple[tuple[Factor, ...], float], ...]
+
+    def __add__(self, other: Sum) -> Sum:
+        return _sum([*self.parts, *other.parts])
+
+    def __mul__(self, other: Sum) -> Sum:
+        return _sum([((*a, *b), m * n) for (a, m), (b, n) in product(self.parts, other.parts)])
+
+    def times(self, number: float) -> Sum:
+        return _sum([(factors, count * number) for factors, count in self.parts])
+
+    @property
+    def number(self) -> float | None:
+        """Its value, if nothing is in it that has to be looked up."""
+        if any(factors for factors, _ in self.parts):
+            return None
+        return sum(count for _, count in self.parts)
+
+    @property
+    def term(self) -> Term:
+        """As Entish says it."""
+        found: Term | None = None
+        for factors, count in self.parts:
+            if found is None:
+                found = _product(factors, count)
+            else:
+                found = Arithmetic(found, "+" if count > 0 else "-", _product(factors, abs(count)))
+        return found if found is not None else Number(0)
+
+    def substituted(self, bindings: Substitution) -> Sum:
+        parts: list[tuple[tuple[Factor, ...], float]] = []
+        for factors, count in self.parts:
+            replaced = tuple(substitute_term(factor, bindings) for factor in factors)
+            parts.append((tuple(factor for factor in replaced if isinstance(factor, Attribute | Call)), count))
+        return _sum(parts)
+
+
+def constant(value: float) -> Sum:
+    return _sum([((), value)])
+
+
+def one(factor: Factor) -> Sum:
+    return _sum([((factor,), 1.0)])
+
+
+def _sum(parts: list[tuple[tuple[Factor, ...], float]]) -> Sum:
+    """With what is alike added up, and what is nothing left out."""
+    found: dict[tuple[Factor, ...], float] = {}
+    for factors, count in parts:
+        key = tuple(sorted(factors, key=str))
+        found[key] = found.get(key, 0.0) + count
+    return Sum(tuple((factors, count) for factors, count in found.items() if count))
+
+
+def _product(factors: tuple[Factor, ...], count: float) -> Term:
+    found: Term | None = Number(count) if count != 1 or not factors else None
+    for factor in factors:
+        found = Arithmetic(found, "*", factor) if found is not None else factor
+    assert found is not None
+    return found
