@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relation, Term
-from somrs.entish.formula import alternatives, literals
+from somrs.entish.formula import alternatives, literals, terms
 from somrs.ontology.types import Ontology
 from somrs.planner.plan import Step
 
@@ -161,8 +161,9 @@ def _subjects(atom: Relation, ontology: Ontology) -> Iterator[str]:
 
 def _named(term: Term) -> Iterator[str]:
     """The objects whose values a term is made of."""
-    match term:
-        case Attribute(Name(name)):
-            yield name
-        case Call(_, arguments):
-            yield from (argument.name for argument in arguments if isinstance(argument, Name))
+    for inner in terms(term):
+        match inner:
+            case Attribute(Name(name)):
+                yield name
+            case Call(_, arguments):
+                yield from (argument.name for argument in arguments if isinstance(argument, Name))
