@@ -42,6 +42,10 @@ class Held:
     claim: Claim
     by: dict[str, frozenset[str]]
 
+    @property
+    def objects(self) -> str:
+        return ", ".join(sorted(frozenset[str]().union(*self.by.values())))
+
 
 @dataclass(slots=True)
 class _Waiting:

@@ -18,7 +18,6 @@ from somrs.ontology.services import ServiceKind
 from somrs.planner.plan import NoPlan, Plan
 from somrs.protocol import frp
 from somrs.protocol.clients import EventKind, Phase, Submit
-from somrs.protocol.component import Wake
 from somrs.protocol.directory import Offer
 from somrs.protocol.frp import State
 from somrs.task_manager.claims import Held
@@ -28,12 +27,9 @@ from somrs.task_manager.offered import Offered
 from somrs.task_manager.participants import Member, Participants
 from somrs.task_manager.recovery import Replans, Rung, next_rung
 from somrs.task_manager.setting import Setting, known_to_hold
-from somrs.task_manager.tender import Tender, call
+from somrs.task_manager.tender import AT_ONCE, Tender, Tenders, call
 from somrs.task_manager.work import Ledger, Work
 from somrs.task_manager.workflow import Progress, StepRun, Workflow
-
-AT_ONCE = 32
-"""For so many steps services are asked at a time: what they offer should not run out while others think about theirs."""
 
 
 class Purpose(StrEnum):
@@ -85,8 +81,8 @@ class Pursuit:
         self.goal, self.purpose, self.work, self.look = goal, purpose, work, look
         self.workflow: Workflow | None = None
         self.phase = Phase.PLANNING
-        self.tenders: dict[str, Tender] = {}
-        """The steps that services are being asked for, by key."""
+        self.tenders = Tenders(f"{owner.id}/bids/{number}", owner.setting.effects)
+        """The steps that services are being asked for."""
         self._owner = owner
         self._number = number
         self._label = "" if purpose is Purpose.WISH else f"{purpose}{number}."
@@ -98,8 +94,6 @@ class Pursuit:
         self._plans = 0
         self._replans = Replans()
         """Plans since anything was completed."""
-        self._woken: float | None = None
-        """When the timer for terms rings."""
         self._fixed = False
         self._replan_because: str | None = None
         """Why the plan is given up as soon as nothing of it runs any more."""
@@ -146,7 +140,7 @@ class Pursuit:
             case Held() if self.purpose is Purpose.WISH:
                 self._wait(found, now)
             case Held():
-                self._fail(f"other tasks have {_listed(found)}", now)
+                self._fail(f"other tasks have {found.objects}", now)
             case NoPlan():
                 lost = "".join(f"; {service}: {why}" for service, why in self._owner.offered.broken.items())
                 why = f"no plan: {found.explanation}{lost}"
@@ -171,7 +165,7 @@ class Pursuit:
                 run.lose()
         self.phase = Phase.WAITING
         who = " and ".join(f"task {task} ({claims.wish(task)})" for task in held.by)
-        self.waits = f"waiting for {who} to end, which {'has' if len(held.by) == 1 else 'have'} {_listed(held)}"
+        self.waits = f"waiting for {who} to end, which {'has' if len(held.by) == 1 else 'have'} {held.objects}"
         self._tell(now, self.waits, kind=EventKind.WAIT)
         claims.wait(self._owner.id, held.claim, self._freed)
 
@@ -206,7 +200,7 @@ class Pursuit:
         self.waits, self._goes_on = "", False
         if self.purpose is Purpose.WISH:
             self._owner.setting.claims.forget(self._owner.id)
-        self._drop_tenders()
+        self.tenders.drop()
 
     # Arranging
 
@@ -241,7 +235,7 @@ class Pursuit:
         """Ask every able service for terms. One that had the step and came back has to stop first: its report is awaited. Whether the
         plan stands: there may be nobody to ask."""
         assert self.workflow is not None
-        if self._owner.participants.held(run.key) or self._waits_for_choice(run):
+        if self._owner.participants.held(run.key) or self.tenders.settles(run.step):
             return True
         invited = self._owner.offered.able(run)
         if not invited:
@@ -249,26 +243,18 @@ class Pursuit:
             self._recover(run, f"no service takes it ({why})" if why else "nobody offers it any more", now)
             return False
         earliest, latest = self.workflow.earliest_start(run, now), self._owner.latest
-        self.tenders[run.key] = call(run, invited, self._owner.participants, earliest, latest, now)
-        self._wake_for_bids()
+        self.tenders.open(call(run, invited, self._owner.participants, earliest, latest, now))
         self._tell(now, f"asking {', '.join(offer.service for offer in invited)}", run)
         return True
 
-    def _waits_for_choice(self, run: StepRun) -> bool:
-        """Whether it is being found out at another step which device does this one, too."""
-        return bool(run.step.alike) and any(tender.run.step.same == run.step.same for tender in self.tenders.values())
-
     def bids_due(self, now: float) -> None:
         """The time to answer Arrange is over."""
-        self._woken = None
-        for tender in [tender for tender in self.tenders.values() if now >= tender.until - 0.001]:
-            if self.tenders.get(tender.run.key) is tender:  # what came of the one before may have ended the others
-                self._choose(tender, now)
-        self._wake_for_bids()
+        for tender in self.tenders.due(now):
+            self._choose(tender, now)
 
     def offers(self, member: Member, terms: frp.Terms, id: str, now: float) -> None:
         """Terms came."""
-        tender = self._tender_with(member)
+        tender = self.tenders.of(member)
         if tender is not None:
             self._tell(now, f"{member.offer.service} offers {terms.price:g} {terms.currency}, {terms.duration:.0f} s", tender.run)
             tender.offered(member, terms, id)
@@ -277,7 +263,7 @@ class Pursuit:
 
     def left(self, member: Member, reason: str, now: float) -> None:
         """A participant is out before it did anything."""
-        tender = self._tender_with(member)
+        tender = self.tenders.of(member)
         if tender is not None:
             tender.left(member, reason)
             if tender.answered:
@@ -287,14 +273,9 @@ class Pursuit:
             run.lose()
             self._owner.proceed(now)
 
-    def _tender_with(self, member: Member) -> Tender | None:
-        tender = self.tenders.get(member.step)
-        return tender if tender is not None and member in tender.invited else None
-
     def _choose(self, tender: Tender, now: float) -> None:
         """Take the best of what came; without any, whoever is left is asked."""
-        del self.tenders[tender.run.key]
-        self._wake_for_bids()
+        self.tenders.close(tender)
         owner = self._owner
         chosen = tender.award(owner.participants, owner.task, owner.setting.busy, owner.offered.broken, now)
         if chosen is not None and chosen.bid is not None and self.workflow is not None:
@@ -302,17 +283,6 @@ class Pursuit:
             terms = chosen.bid.terms
             self._tell(now, f"{chosen.offer.service} does it for {terms.price:g} {terms.currency}, in {terms.duration:.0f} s", tender.run)
         owner.proceed(now)
-
-    def _drop_tenders(self) -> None:
-        if self.tenders:
-            self.tenders.clear()
-            self._wake_for_bids()
-
-    def _wake_for_bids(self) -> None:
-        at = min((tender.until for tender in self.tenders.values()), default=None)
-        if at != self._woken:
-            self._woken = at
-            self._owner.setting.effects.append(Wake(f"{self._owner.id}/bids/{self._number}", at))
 
     def is_asked_by(self, number: str) -> bool:
         """Whether the timer of that number is this pursuit's."""
@@ -322,7 +292,7 @@ class Pursuit:
 
     def run_of(self, member: Member) -> StepRun | None:
         """The step that the participant is asked for, is committed to, or does."""
-        tender = self._tender_with(member)
+        tender = self.tenders.of(member)
         if tender is not None:
             return tender.run
         return self.workflow.held_by(member) if self.workflow is not None else None
@@ -410,9 +380,7 @@ class Pursuit:
         if self._replans.spent:
             self._fail(f"{reason}; {self._replans}", now)
             return
-        for tender in self.tenders.values():
-            tender.withdraw(self._owner.participants, "the plan changed", now)
-        self._drop_tenders()
+        self.tenders.withdraw(self._owner.participants, "the plan changed", now)
         if self.workflow is not None and self.workflow.busy:
             self._replan_because, self.phase = reason, Phase.RECOVERING
             return
@@ -444,7 +412,3 @@ class Pursuit:
 
 def _named(offers: Iterable[Offer]) -> str:
     return ", ".join(offer.service for offer in offers)
-
-
-def _listed(held: Held) -> str:
-    return ", ".join(sorted(frozenset[str]().union(*held.by.values())))

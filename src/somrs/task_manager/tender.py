@@ -1,18 +1,23 @@
-"""A call for terms for one step: who was invited, and which terms are taken."""
+"""Calls for terms, each for one step: who was invited, and which terms are taken."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from somrs.planner.choice import by
+from somrs.planner.plan import Step
 from somrs.protocol import frp
 from somrs.protocol.clients import Submit
+from somrs.protocol.component import Effect, Wake
 from somrs.protocol.directory import Offer
 from somrs.protocol.frp import State
 from somrs.task_manager.arrange import bid, choose, fitted
 from somrs.task_manager.participants import Member, Participants
 from somrs.task_manager.workflow import Progress, StepRun
+
+AT_ONCE = 32
+"""For so many steps services are asked at a time: what they offer should not run out while others think about theirs."""
 
 REPLY_TIME = 10.0
 """Seconds that services have to answer Arrange."""
@@ -83,6 +88,60 @@ class Tender:
         self.run.progress = Progress.OPEN
         for member in self.invited:
             participants.dismiss(member, reason, now)
+
+
+class Tenders:
+    """All calls for terms of one pursuit. The timer rings when the time to answer the first of them is over."""
+
+    def __init__(self, timer: str, effects: list[Effect]) -> None:
+        self._timer, self._effects = timer, effects
+        self._open: dict[str, Tender] = {}
+        self._woken: float | None = None
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def open(self, tender: Tender) -> None:
+        self._open[tender.run.key] = tender
+        self._wake()
+
+    def close(self, tender: Tender) -> None:
+        """Nobody is awaited any more."""
+        del self._open[tender.run.key]
+        self._wake()
+
+    def drop(self) -> None:
+        self._open.clear()
+        self._wake()
+
+    def withdraw(self, participants: Participants, reason: str, now: float) -> None:
+        """None of the steps is wanted any more."""
+        for tender in self._open.values():
+            tender.withdraw(participants, reason, now)
+        self.drop()
+
+    def of(self, member: Member) -> Tender | None:
+        """The call that the participant answers."""
+        tender = self._open.get(member.step)
+        return tender if tender is not None and member in tender.invited else None
+
+    def settles(self, step: Step) -> bool:
+        """Whether it is being found out at another step which device does this one, too."""
+        return bool(step.alike) and any(tender.run.step.same == step.same for tender in self._open.values())
+
+    def due(self, now: float) -> Iterator[Tender]:
+        """Those for which the time to answer is over, unless what came of the ones before has closed them."""
+        self._woken = None
+        for tender in [tender for tender in self._open.values() if now >= tender.until - 0.001]:
+            if self._open.get(tender.run.key) is tender:
+                yield tender
+        self._wake()
+
+    def _wake(self) -> None:
+        at = min((tender.until for tender in self._open.values()), default=None)
+        if at != self._woken:
+            self._woken = at
+            self._effects.append(Wake(self._timer, at))
 
 
 def call(run: StepRun, offers: Sequence[Offer], participants: Participants, earliest: float, latest: float | None, now: float) -> Tender:
