@@ -14,17 +14,13 @@ from somrs.errors import RemoteError
 from somrs.ontology.files import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.planner.grounding import Grounding
 from somrs.planner.merging import merged
-from somrs.planner.operators import goal_operators
 from somrs.planner.plan import NoPlan, Plan, validate
 from somrs.planner.planning import plan
 from somrs.planner.problem import Available, Problem
-from somrs.planner.relevance import demands
 from somrs.planner.sas import read, written
 from somrs.planner.search import TooHard, search
-from somrs.planner.task import Task
-from somrs.planner.world import World
+from test_planner_merging import codmap, needs_codmap, task_of
 from test_planner_properties import problems
 
 needs_engine = pytest.mark.skipif(driver() is None, reason="the planner extra is not installed")
@@ -53,13 +49,6 @@ def tower(count: int) -> Problem:
     turned = [names[1], *names[:1], *names[:1:-1]]
     goal = " AND ".join(f"{above} isOn {below}" for above, below in pairwise(turned))
     return Problem(ontology=upper(), map=map, goal=parse(goal), services=(Available(STACK, ("Robot1",)), Available(UNSTACK, ("Robot1",))))
-
-
-def task_of(problem: Problem) -> Task | None:
-    """The ground task, if the goal is not out of reach from the beginning."""
-    world = World(problem)
-    grounding = Grounding(world, demands(list(goal_operators(problem.goal, world.known)), world))
-    return Task(grounding) if grounding.reached else None
 
 
 ENGINES = {entrant.name: entrant for entrant in entrants()}
@@ -96,6 +85,30 @@ def test_a_task_too_hard_for_the_small_search_goes_to_the_engine() -> None:
     found = plan_in_process(problem)
     assert isinstance(found, Plan)
     assert validate(found, problem) == []
+
+
+@needs_engine
+@needs_codmap
+@pytest.mark.parametrize("name", ["depot/pfile14", "driverlog/pfile13", "wireless/p05"])
+def test_hard_problems_of_the_field_are_planned_for(name: str) -> None:
+    problem = codmap(name)
+    found = plan_in_process(problem, 60)
+    assert isinstance(found, Plan)
+    assert validate(found, problem) == []
+
+
+@needs_codmap
+@pytest.mark.skipif("steps+0" not in ENGINES, reason="there is no SAT solver")
+def test_a_task_of_scarce_things_is_solved_step_by_step() -> None:
+    task = task_of(codmap("wireless/p06"))
+    assert task is not None
+    names = raced(written(merged(task)), 60, [ENGINES["steps+0"]]).operators
+    assert names is not None
+    state = task.initial
+    for move in read(list(names), task):
+        assert move.applicable(state)
+        state = move.apply(state)
+    assert any(move.action.operator.service is None and move.applicable(state) for move in task.moves)
 
 
 def test_without_an_engine_the_explanation_says_what_to_install() -> None:

@@ -1,0 +1,116 @@
+"""What engines get of a task: which facts exclude each other, what goes without saying, and that plans stay plans."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from somrs.planner.finite import State
+from somrs.planner.grounding import Grounding
+from somrs.planner.invariants import groups
+from somrs.planner.merging import merged
+from somrs.planner.operators import goal_operators
+from somrs.planner.plan import Plan, validate
+from somrs.planner.planning import plan
+from somrs.planner.problem import Problem
+from somrs.planner.relevance import demands
+from somrs.planner.sas import parsed, written
+from somrs.planner.task import Task
+from somrs.planner.world import World
+from somrs.sites.pddl import read
+from test_planner_properties import problems
+
+CODMAP = Path(__file__).parents[2] / "shared" / "benchmarks" / "codmap"
+needs_codmap = pytest.mark.skipif(not CODMAP.exists(), reason="the benchmarks are not beside the project")
+STATES = 300
+"""So many states are looked at."""
+
+
+def task_of(problem: Problem) -> Task | None:
+    world = World(problem)
+    grounding = Grounding(world, demands(list(goal_operators(problem.goal, world.known)), world))
+    return Task(grounding) if grounding.reached else None
+
+
+def codmap(name: str) -> Problem:
+    return read(CODMAP / name / "domain.pddl", CODMAP / name / "problem.pddl").problem()
+
+
+def reachable(task: Task) -> list[State]:
+    states = {task.initial: None}
+    for state in (waiting := [task.initial]):
+        for move in task.moves if len(states) < STATES else ():
+            if move.applicable(state) and (after := move.apply(state)) not in states:
+                states[after] = None
+                waiting.append(after)
+    return waiting
+
+
+def check_groups(task: Task) -> int:
+    """How many groups there are; in no state that can be reached do two facts of one hold."""
+    found = groups(task)
+    for state in reachable(task):
+        for group in found:
+            assert sum(state[variable] == value for variable, value in (task.place[fact] for fact in group)) <= 1, group
+    return len(found)
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(problems())
+def test_of_facts_that_exclude_each_other_never_two_hold(problem: Problem) -> None:
+    task = task_of(problem)
+    if task is not None:
+        check_groups(task)
+
+
+@needs_codmap
+@pytest.mark.parametrize("name", ["depot/pfile1", "driverlog/pfile7", "elevators08/p01", "logistics00/probLOGISTICS-4-0", "wireless/p01"])
+def test_the_same_where_the_ontology_says_nothing_of_it(name: str) -> None:
+    task = task_of(codmap(name))
+    assert task is not None
+    assert check_groups(task) > 0
+
+
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(problems())
+def test_what_is_written_can_be_read(problem: Problem) -> None:
+    task = task_of(problem)
+    if task is not None:
+        asked = merged(task)
+        again = parsed(written(asked))
+        assert (again.initial, again.goal, again.exclusive) == (asked.initial, asked.goal, asked.exclusive)
+        assert [len(names) for names in again.names] == [len(names) for names in asked.names]
+        for one, other in zip(again.operations, asked.operations, strict=True):
+            assert (one.move, one.cost, {*one.needs}, {*one.effects}) == (other.move, other.cost, {*other.needs}, {*other.effects})
+
+
+@needs_codmap
+def test_where_a_crate_is_is_one_variable_whoever_lifts_it() -> None:
+    task = task_of(codmap("depot/pfile1"))
+    assert task is not None
+    asked = merged(task)
+    lifted = [variable[:-1] for variable in asked.names if any(name.startswith("lifting") for name in variable)]
+    assert sorted({name[name.index("crate") :][:6] for name in variable}.pop() for variable in lifted) == ["crate0", "crate1"]
+    for variable in lifted:
+        assert {name.partition("(")[0] for name in variable} >= {"lifting", "in"}
+
+
+@needs_codmap
+def test_what_must_not_be_so_is_not_asked_for_where_it_goes_without_saying() -> None:
+    """A message that is at a node is not at another one, nor on its way, though the domain says it in facts of their own."""
+    task = task_of(codmap("wireless/p01"))
+    assert task is not None
+    asked = merged(task)
+    assert not [name for variable in asked.names for name in variable if name.startswith(("not-sending", "not-message-at"))]
+    assert len(asked.names) < len(task.values) / 2
+
+
+@needs_codmap
+@pytest.mark.parametrize("name", ["depot/pfile1", "driverlog/pfile7", "wireless/p01"])
+def test_problems_of_the_field_are_planned_for_without_an_engine(name: str) -> None:
+    problem = codmap(name)
+    found = plan(problem)
+    assert isinstance(found, Plan)
+    assert validate(found, problem) == []
