@@ -77,9 +77,18 @@ def _covers(general: Demand, special: Demand, world: World, narrow: bool) -> boo
     values, kinds = dict(special.values), dict(special.kinds)
     if narrow and not {*values} - {name for name, _ in general.values} <= {PROVIDER, *_found_by_facts(special.operator)}:
         return False
-    return all(
-        world.is_a(values[name], wanted) if name in values else wanted <= kinds.get(name, ANYTHING) for name, wanted in general.kinds
-    )
+    for name, wanted in general.kinds:
+        if name in values:
+            if not world.is_a(values[name], wanted):
+                return False
+        elif not _all_of(special.operator.types.get(name, ANYTHING) | kinds.get(name, ANYTHING), wanted, world):
+            return False
+    return True
+
+
+def _all_of(kinds: Kinds, wanted: Kinds, world: World) -> bool:
+    """Whether what is of the kinds is of the wanted ones."""
+    return all(one in kinds or any(world.all_of(kind, one) for kind in kinds) for one in wanted)
 
 
 def _helping(wanted: Wanted, world: World) -> Iterator[Demand]:

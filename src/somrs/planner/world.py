@@ -58,6 +58,12 @@ class World:
             return True
         return all(isinstance(argument, VALUES.get(type_name, ())) for type_name in types)
 
+    def all_of(self, type_name: str, other: str) -> bool:
+        """Whether everything that is of the one is of the other; either may be the devices that offer a service."""
+        if other in self._of:
+            return type_name in self._of and self._of[type_name] <= self._of[other]
+        return type_name not in self._of and self._type_is_a(type_name, other)
+
     def _type_is_a(self, type_name: str, ancestor: str) -> bool:
         key = type_name, ancestor
         if key not in self._is_a:
