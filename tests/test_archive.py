@@ -24,6 +24,7 @@ from somrs.app.past import Past, past
 from somrs.errors import UsageError
 from somrs.protocol import soap
 from somrs.protocol.clients import ReadRecords, Records, TaskRecord
+from somrs.protocol.document import MOST_BYTES
 from somrs.protocol.envelope import Header, Message, message_id
 from somrs.protocol.frp import Outcome, State
 from test_recovery import WISH, holding, puts_back
@@ -101,13 +102,13 @@ def test_a_page_fits_a_message_and_a_record_that_does_not_comes_in_parts(db: sql
     kept = [longer(numbered(recovered, number, float(number)), times) for number, times in enumerate((1, 40, 1, 1, 15))]
     for record in kept:
         archive.keep(record, db)
-    assert len(msgspec.json.encode(kept[1])) > soap.MOST_BYTES
+    assert len(msgspec.json.encode(kept[1])) > MOST_BYTES
     found, pages = read(db, ReadRecords())
     assert found == kept[::-1]
     header = Header(sender="http://tm", recipient="http://client", message_id=message_id("answer"))
     sizes = [len(soap.encode(Message(header=header, body=page))) for page in pages]
-    assert max(sizes) < soap.MOST_BYTES
-    assert max(sizes) > soap.MOST_BYTES / 10, "messages are used well"
+    assert max(sizes) < MOST_BYTES
+    assert max(sizes) > MOST_BYTES / 10, "messages are used well"
     brief, _ = read(db, ReadRecords(brief=True))
     assert [record.work for record in brief] == [record.work for record in found]
     assert not any(record.messages or record.events or record.contracts for record in brief)

@@ -19,6 +19,7 @@ from somrs.errors import RemoteError
 from somrs.protocol import soap
 from somrs.protocol.clients import CancelTask
 from somrs.protocol.component import Effect, Input, Rang, Received, Record, Send, Undelivered
+from somrs.protocol.document import MOST_BYTES
 from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id
 from test_node_durability import NOTES, Brake, in_time, until
 
@@ -262,7 +263,7 @@ def test_who_waits_for_an_answer_on_the_connection_does_not_wait_for_others() ->
         (b"\xc1", 400),
         (msgspec.msgpack.encode("text"), 400),
         (msgspec.msgpack.encode([b""] * (MOST_TOGETHER + 1)), 400),
-        (b"\x00" * (soap.MOST_BYTES + 1), 413),
+        (b"\x00" * (MOST_BYTES + 1), 413),
     ],
     ids=["no msgpack", "no array", "too many", "too large"],
 )

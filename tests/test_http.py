@@ -15,6 +15,7 @@ from somrs.app.wire import NONE, Wire
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol import directory, frp, knowledge, soap
 from somrs.protocol.bodies import Body
+from somrs.protocol.document import MOST_BYTES
 from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id, reply
 
 TYPE = {"Content-Type": "application/soap+xml; charset=utf-8"}
@@ -169,7 +170,7 @@ def test_a_body_that_is_too_large_or_never_ends() -> None:
 
     async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
         url = f"{server.url}/repository"
-        async with session.post(url, data=b" " * (soap.MOST_BYTES + 1), headers=TYPE) as response:
+        async with session.post(url, data=b" " * (MOST_BYTES + 1), headers=TYPE) as response:
             assert response.status == 413
         for body, status in ((endless, 413), (stalled, 408)):
             try:

@@ -17,6 +17,7 @@ from bodies import KINDS, messages
 from somrs.errors import WireError
 from somrs.ontology.types import Value
 from somrs.protocol import clients, frp, knowledge, soap
+from somrs.protocol.document import MOST_BYTES, SENDER
 from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.protocol.soap import decode, encode
 
@@ -140,7 +141,7 @@ def test_no_document_type_is_looked_at(declared: str, encoding: str, tmp_path: P
     os.mkfifo(pipe)
     document = declared.replace("SECRET", pipe.as_uri()) + DOCUMENT.partition("?>")[2].replace("TransferObject<", "&l11;<")
     for text in (document, f'<?xml version="1.0" encoding="{encoding}"?>{document}'):
-        assert refused(text.encode(encoding)).code == soap.SENDER
+        assert refused(text.encode(encoding)).code == SENDER
     if encoding in ("utf-8", "utf-8-sig", "utf-16"):
         assert "document type declaration" in refused(document.encode(encoding)).text
 
@@ -152,8 +153,8 @@ def test_unicode_encodings_are_read(encoding: str) -> None:
 
 
 def test_size() -> None:
-    room = soap.MOST_BYTES - len(encode(query("")))
-    assert len(encode(query("a" * room))) == soap.MOST_BYTES
+    room = MOST_BYTES - len(encode(query("")))
+    assert len(encode(query("a" * room))) == MOST_BYTES
     assert decode(encode(query("a" * room))) == query("a" * room)
     with pytest.raises(WireError, match="262145 bytes"):
         encode(query("a" * (room + 1)))
@@ -162,11 +163,8 @@ def test_size() -> None:
 
 @pytest.mark.parametrize("depth", [33, 200, 60_000])
 def test_depth(depth: int) -> None:
-    assert refused("<a>" * depth + "</a>" * min(depth, 1000)).code == soap.SENDER
-    assert (
-        refused(changed("<m:ServiceType>TransferObject", f"<m:ServiceType>{'<a>' * depth}{'</a>' * depth}")[: soap.MOST_BYTES]).code
-        == soap.SENDER
-    )
+    assert refused("<a>" * depth + "</a>" * min(depth, 1000)).code == SENDER
+    assert refused(changed("<m:ServiceType>TransferObject", f"<m:ServiceType>{'<a>' * depth}{'</a>' * depth}")[:MOST_BYTES]).code == SENDER
 
 
 @pytest.mark.parametrize("name", ["To", "From", "ReplyTo", "FaultTo", "Action", "MessageID", "RelatesTo"])
@@ -240,12 +238,12 @@ def test_a_code_beneath_one_that_is_known_may_be_strange() -> None:
     ("document", "code", "says"),
     [
         (DOCUMENT.replace(soap.ENV, "http://schemas.xmlsoap.org/soap/envelope/"), "env:VersionMismatch", "SOAP 1.2"),
-        ("<a/>", soap.SENDER, "a SOAP Envelope was expected"),
-        ("", soap.SENDER, "no XML"),
-        ("{}", soap.SENDER, "no XML"),
-        (changed("</env:Body>", "<a/></env:Body>"), soap.SENDER, "2 elements"),
-        (re.sub("<env:Body>.*</env:Body>", "<env:Body/>", DOCUMENT), soap.SENDER, "0 elements"),
-        (re.sub("<env:Body>.*</env:Body>", "", DOCUMENT), soap.SENDER, "one Body"),
+        ("<a/>", SENDER, "a SOAP Envelope was expected"),
+        ("", SENDER, "no XML"),
+        ("{}", SENDER, "no XML"),
+        (changed("</env:Body>", "<a/></env:Body>"), SENDER, "2 elements"),
+        (re.sub("<env:Body>.*</env:Body>", "<env:Body/>", DOCUMENT), SENDER, "0 elements"),
+        (re.sub("<env:Body>.*</env:Body>", "", DOCUMENT), SENDER, "one Body"),
         (DOCUMENT.replace("m:Arrange", "m:Arange"), soap.ACTION_NOT_SUPPORTED, "Arange is no message"),
         (DOCUMENT.replace(f'xmlns:m="{soap.FRP}"', 'xmlns:m="urn:so-mrs:frp:2.0"'), "frp:UnknownVersion", "frp:2.0"),
         (changed(f"{soap.FRP}:Arrange", f"{soap.FRP}:Cancel"), soap.ACTION_MISMATCH, "urn:so-mrs:frp:1.0:Arrange"),
@@ -257,16 +255,16 @@ def test_a_code_beneath_one_that_is_known_may_be_strange() -> None:
         (re.sub("(<wsa:ReplyTo>)(.*)(</wsa:ReplyTo>)", r"\1\2\2\3", DOCUMENT), soap.CARDINALITY, "wsa:ReplyTo has 2 addresses"),
         (re.sub("(<wsa:ReplyTo>).*(</wsa:ReplyTo>)", r"\1<a/>\2", DOCUMENT), soap.NO_ADDRESS, "wsa:ReplyTo has 0 addresses"),
         (changed("<m:Version>1.0<", "<m:Version>9.9<"), "frp:UnknownVersion", "9.9"),
-        (re.sub("<m:Transaction>.*</m:Transaction>", "", DOCUMENT), soap.SENDER, "Transaction and Participant"),
-        (re.sub("<m:Participant>.*</m:Participant>", "<m:Participant/>", DOCUMENT), soap.SENDER, "Transaction and Participant"),
-        (changed("<m:Version>", "<m:Participant>x</m:Participant><m:Version>"), soap.SENDER, "Participant is there twice"),
-        (re.sub("<m:Effect>.*</m:Effect>", "", DOCUMENT), soap.SENDER, "Arrange: Effect is missing"),
-        (changed("<m:Effect>", "<m:Effect/><m:Effect>"), soap.SENDER, "Effect is there twice"),
-        (changed("<m:Effect>", "<m:Efect/><m:Effect>"), soap.SENDER, "Efect in urn:so-mrs:frp:1.0 is unknown"),
-        (changed("<m:Effect>", "<m:ReplyBy>soon</m:ReplyBy><m:Effect>"), soap.SENDER, "ReplyBy: 'soon' is no number"),
-        (changed("<m:Effect>", "<m:ReplyBy>١</m:ReplyBy><m:Effect>"), soap.SENDER, "is no number"),
-        (changed(' name="Object"', ' name="Destination"'), soap.SENDER, "two entries are named 'Destination'"),
-        (changed(' name="Object"', ""), soap.SENDER, "Entry elements with a name"),
+        (re.sub("<m:Transaction>.*</m:Transaction>", "", DOCUMENT), SENDER, "Transaction and Participant"),
+        (re.sub("<m:Participant>.*</m:Participant>", "<m:Participant/>", DOCUMENT), SENDER, "Transaction and Participant"),
+        (changed("<m:Version>", "<m:Participant>x</m:Participant><m:Version>"), SENDER, "Participant is there twice"),
+        (re.sub("<m:Effect>.*</m:Effect>", "", DOCUMENT), SENDER, "Arrange: Effect is missing"),
+        (changed("<m:Effect>", "<m:Effect/><m:Effect>"), SENDER, "Effect is there twice"),
+        (changed("<m:Effect>", "<m:Efect/><m:Effect>"), SENDER, "Efect in urn:so-mrs:frp:1.0 is unknown"),
+        (changed("<m:Effect>", "<m:ReplyBy>soon</m:ReplyBy><m:Effect>"), SENDER, "ReplyBy: 'soon' is no number"),
+        (changed("<m:Effect>", "<m:ReplyBy>١</m:ReplyBy><m:Effect>"), SENDER, "is no number"),
+        (changed(' name="Object"', ' name="Destination"'), SENDER, "two entries are named 'Destination'"),
+        (changed(' name="Object"', ""), SENDER, "Entry elements with a name"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_a_message(document: str, code: str, says: str) -> None:

@@ -12,6 +12,7 @@ from typing import Annotated
 import msgspec
 
 from somrs.protocol import soap
+from somrs.protocol.document import MOST_BYTES
 
 MEDIA_TYPE = "application/vnd.so-mrs.batch+msgpack"
 
@@ -33,7 +34,7 @@ _OUTCOMES = msgspec.msgpack.Decoder(list[Outcome])
 
 def together(documents: Iterable[bytes]) -> Iterator[bytes]:
     """The first of the documents, as many as one batch holds: together they are as large at most as one alone may be."""
-    room = soap.MOST_BYTES - _AROUND
+    room = MOST_BYTES - _AROUND
     for number, document in enumerate(documents):
         room -= len(document) + _AROUND
         if number and (room < 0 or number == MOST_TOGETHER):

@@ -25,6 +25,7 @@ from somrs.app import batches
 from somrs.app.batches import Outcome
 from somrs.errors import InputError, RemoteError, UsageError, WireError
 from somrs.protocol import frp, soap
+from somrs.protocol.document import MOST_BYTES, SENDER
 from somrs.protocol.envelope import Message
 from somrs.protocol.wsdl import description, schema
 
@@ -142,7 +143,7 @@ class Server:
         except RemoteError as error:
             return _response(_not_taken(error))
         if document is None:
-            return PlainTextResponse(f"the message has more than {soap.MOST_BYTES} bytes, which are the most\n", 413, headers=HANG_UP)
+            return PlainTextResponse(f"the message has more than {MOST_BYTES} bytes, which are the most\n", 413, headers=HANG_UP)
         return await self._take_batch(document) if is_batch else _response(await self._outcome(document, handler))
 
     async def _take_batch(self, batch: bytes) -> Response:
@@ -169,7 +170,7 @@ class Server:
         except WireError as error:
             return _fault(error, message)
         except InputError as error:
-            return _fault(WireError(soap.SENDER, str(error)), message)
+            return _fault(WireError(SENDER, str(error)), message)
         except NotTaken as error:
             return _not_taken(error)
         except RemoteError as error:
@@ -248,7 +249,7 @@ def _is_plain(headers: dict[bytes, bytes]) -> bool:
 async def _body(headers: dict[bytes, bytes], receive: Receive) -> bytes | None:
     """The request's body; None for one that is too large, which is not even read to its end, or not at all if it says so."""
     declared = headers.get(b"content-length", b"0")
-    if not declared.isdigit() or int(declared[:20]) > soap.MOST_BYTES:
+    if not declared.isdigit() or int(declared[:20]) > MOST_BYTES:
         return None
     body, more = b"", True
     while more:
@@ -256,7 +257,7 @@ async def _body(headers: dict[bytes, bytes], receive: Receive) -> bytes | None:
         if part["type"] == "http.disconnect":
             raise ClientDisconnect
         body += part.get("body", b"")
-        if len(body) > soap.MOST_BYTES:
+        if len(body) > MOST_BYTES:
             return None
         more = part.get("more_body", False)
     return body

@@ -12,6 +12,7 @@ from somrs.app import batches
 from somrs.app.http import CONTENT_TYPE, KEPT_TIME
 from somrs.errors import RemoteError, WireError
 from somrs.protocol import soap
+from somrs.protocol.document import MOST_BYTES
 from somrs.protocol.envelope import ANONYMOUS, Message
 from somrs.protocol.pending import FIRST_PAUSE, LONGEST_PAUSE
 
@@ -117,8 +118,8 @@ class Wire:
                 timeout=aiohttp.ClientTimeout(total=timeout),
                 allow_redirects=False,
             ) as response:
-                said = await response.content.read(soap.MOST_BYTES + 1)
-                while len(said) <= soap.MOST_BYTES and (more := await response.content.read(soap.MOST_BYTES + 1 - len(said))):
+                said = await response.content.read(MOST_BYTES + 1)
+                while len(said) <= MOST_BYTES and (more := await response.content.read(MOST_BYTES + 1 - len(said))):
                     said += more
         except TimeoutError:
             raise Unanswered(f"{address} did not answer within {timeout:g} s") from None

@@ -7,7 +7,6 @@ An answer that refuses is a SOAP Fault with the answer in its Detail, as stacks 
 
 from __future__ import annotations
 
-import codecs
 import re
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from msgspec import Struct
 from somrs.errors import WireError
 from somrs.protocol import clients, frp, knowledge
 from somrs.protocol.bodies import REQUESTS, ClientBody, DirectoryBody, FrpBody, KnowledgeBody
+from somrs.protocol.document import MOST_BYTES, SENDER, parse
 from somrs.protocol.envelope import ANONYMOUS, VERSION, Header, Message, message_id, normalised_id
 from somrs.protocol.xml import PREFIX, Element, escaped, escaped_attribute, fields_writer, struct_reader, union_of
 
@@ -28,12 +28,6 @@ KNOWLEDGE = "urn:so-mrs:knowledge:1.0"
 CLIENTS = "urn:so-mrs:clients:1.0"
 XML = "http://www.w3.org/XML/1998/namespace"
 
-MOST_BYTES = 256 * 1024
-"""The largest document that is read or written."""
-
-MOST_DEPTH = 32
-"""The deepest nesting that is read; our own documents need ten."""
-
 MOST_REASON = 4000
 """The most characters of a Fault's reason."""
 
@@ -41,7 +35,7 @@ MOST_MISSED, MOST_NAME = 20, 500
 """The most header blocks that a Fault names as not understood, and the most characters of such a name."""
 
 MEDIA_TYPE = "application/soap+xml"
-SENDER, RECEIVER = "env:Sender", "env:Receiver"
+RECEIVER = "env:Receiver"
 INVALID_HEADER = "wsa:InvalidAddressingHeader"
 CARDINALITY = "wsa:InvalidCardinality"
 NO_ADDRESS = "wsa:MissingAddressInEPR"
@@ -76,8 +70,6 @@ _SESSION_TAGS = {f"{{{FRP}}}{name}": name for name in SESSION}
 _SESSION = frozenset(_SESSION_TAGS)
 _ENVELOPE = f"{{{ENV}}}Envelope"
 _ROLE, _MUST_UNDERSTAND = f"{{{ENV}}}role", f"{{{ENV}}}mustUnderstand"
-# In libxml2 all the way: to look at each element from Python takes as long as to parse it.
-_too_deep = etree.XPath(f"boolean({'/*' * (MOST_DEPTH + 1)})")
 
 
 class Place(NamedTuple):
@@ -230,40 +222,6 @@ def fault(error: WireError, relates_to: str | None = None) -> bytes:
 
 
 # Reading
-
-
-def parse(document: bytes) -> Element:
-    """The root element of a document that obeys the limits. Raises WireError.
-
-    The parser opens what a document type declaration names, whatever its options, so it never sees one. To look for it, the
-    encoding must be known: it is UTF-8, or UTF-16 with a byte order mark, and the one that is declared does not count.
-    """
-    if len(document) > MOST_BYTES:
-        raise WireError(SENDER, f"the document has {len(document)} bytes, and {MOST_BYTES} are the most")
-    try:
-        if document[:2] in (codecs.BOM_UTF16_BE, codecs.BOM_UTF16_LE):
-            document = document.decode("utf-16").encode()
-        if b"<!DOCTYPE" in document:
-            raise WireError(SENDER, "a document type declaration is not taken; send the document without one")
-        root = etree.fromstring(document, _parser())
-    except (etree.XMLSyntaxError, ValueError, LookupError) as error:
-        raise WireError(SENDER, f"this is no XML in UTF-8: {str(error)[:200]}") from None
-    if _too_deep(root):
-        raise WireError(SENDER, f"the document is nested more than {MOST_DEPTH} deep")
-    return root
-
-
-def _parser() -> etree.XMLParser:
-    return etree.XMLParser(
-        encoding="utf-8",
-        resolve_entities=False,
-        load_dtd=False,
-        no_network=True,
-        huge_tree=False,
-        remove_comments=True,
-        remove_pis=True,
-        collect_ids=False,
-    )
 
 
 def decode(document: bytes) -> Message:
