@@ -54,7 +54,8 @@ def test_a_goal_is_reached_in_the_world_and_the_referee_agrees(place: Path) -> N
 
 
 def test_who_does_not_need_the_other_does_not_wait_for_it(place: Path) -> None:
-    apart = PROBLEM.replace("(road west depot) (road depot west)", "").replace("(at red west) (at blue east)", "(at red depot) (at blue mill)")
+    apart = PROBLEM.replace("(road west depot) (road depot west)", "")
+    apart = apart.replace("(at red west) (at blue east)", "(at red depot) (at blue mill)")
     apart = apart.replace("west depot - place", "west depot mill - place").replace("(at blue west))", "(at blue west) (road west mill))")
     (place / "problem.pddl").write_text(apart, encoding="utf-8")
     result = play(place, limit=30.0)

@@ -8,7 +8,6 @@ find out, what is to be restored. Who takes a step is `tender.py`'s to say; what
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from enum import StrEnum
 from typing import Protocol
 
 from msgspec import structs
@@ -25,23 +24,12 @@ from somrs.task_manager.draft import Draft
 from somrs.task_manager.looking import Look
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.participants import Member, Participants
+from somrs.task_manager.purpose import Purpose
 from somrs.task_manager.recovery import Replans, Rung, next_rung
 from somrs.task_manager.setting import Setting, known_to_hold
 from somrs.task_manager.tender import AT_ONCE, Tender, Tenders, call
 from somrs.task_manager.work import Ledger, Work
 from somrs.task_manager.workflow import Progress, StepRun, Workflow
-
-
-class Purpose(StrEnum):
-    """What a formula is pursued for."""
-
-    WISH = "wish"
-    HANDLER = "handler"
-    """A procedure that was laid down for a failure."""
-    LOOK = "look"
-    """Nobody knows what a failure left; a cognitive service is to find out."""
-    UNDO = "undo"
-    """What was done is undone by other services than the one that did it."""
 
 
 class Owner(Protocol):

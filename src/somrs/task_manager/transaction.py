@@ -25,7 +25,8 @@ from somrs.task_manager.hearing import Hearing
 from somrs.task_manager.looking import Look, Looks
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.participants import Participants
-from somrs.task_manager.pursuit import Purpose, Pursuit
+from somrs.task_manager.purpose import Purpose
+from somrs.task_manager.pursuit import Pursuit
 from somrs.task_manager.records import record
 from somrs.task_manager.reports import Reports
 from somrs.task_manager.setting import Setting
