@@ -23,7 +23,7 @@ from somrs.protocol.session import service_of
 from somrs.repository.entries import Handled
 from somrs.service_manager.participant import ServiceManager
 from somrs.task_manager.manager import TaskManager, view
-from somrs.task_manager.pursuit import Purpose
+from somrs.task_manager.purpose import Purpose
 from somrs.task_manager.transaction import Transaction
 from verification.fault_runs.site import LOOKING
 from verification.fault_runs.truth import Deed
