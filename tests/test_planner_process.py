@@ -9,10 +9,13 @@ import signal
 import subprocess
 import sys
 import textwrap
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from somrs.app.engines import driver
 from somrs.app.planner import Planner
 from somrs.app.planner_process import PlannerProcess
 from somrs.app.shipment import Recipient, Sender
@@ -22,6 +25,7 @@ from somrs.ontology.files import upper
 from somrs.ontology.objects import Fact, FactRemoved, Map, Object, ObjectAdded, ValueSet
 from somrs.planner.plan import NoPlan, Plan
 from somrs.planner.problem import Problem
+from test_planner_engine import tower
 
 SO_ALREADY = Problem(
     ontology=upper(),
@@ -143,3 +147,29 @@ def test_what_was_searched_is_not_searched_again() -> None:
             assert process.pid == killed, "nobody was asked again"
 
     asyncio.run(asyncio.wait_for(run(), 60))
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for task in Path(f"/proc/{pid}/task").iterdir() for child in (task / "children").read_text().split()]
+
+
+@pytest.mark.skipif(driver() is None or not Path("/proc/self/task").exists(), reason="needs an engine, and Linux to look at it")
+def test_a_question_that_nobody_waits_for_ends_with_its_engines() -> None:
+    engines: list[int] = []
+
+    async def run() -> None:
+        with PlannerProcess() as planner:
+            question = asyncio.create_task(planner.plan(tower(60)))
+            while not engines:
+                await asyncio.sleep(0.05)
+                engines.extend(children(planner.pid) if planner.pid is not None else [])
+        with pytest.raises(RemoteError, match="ended before it had an answer"):
+            await question
+
+    started = time.monotonic()
+    asyncio.run(asyncio.wait_for(run(), 60))
+    assert time.monotonic() - started < 25, "it may take 30 s to find a plan"
+    deadline = time.monotonic() + 10
+    while any(Path(f"/proc/{pid}").exists() for pid in engines) and time.monotonic() < deadline:
+        time.sleep(0.05)  # until init has noticed
+    assert not [pid for pid in engines if Path(f"/proc/{pid}").exists() and "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()]

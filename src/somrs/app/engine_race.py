@@ -55,7 +55,7 @@ class Won:
 
 
 class _Running:
-    """An engine under way, in a process group of its own."""
+    """An engine under way: one process, of the group of whoever started it, and so ended with it."""
 
     def __init__(self, entrant: Entrant, number: int, task: Path, seconds: float, memory: int) -> None:
         self.entrant = entrant
@@ -63,16 +63,14 @@ class _Running:
         self.said = task.with_name(f"said-{number}")
         self.begun = time.monotonic()
         with task.open("rb") as given, self.said.open("wb") as said:
-            self.process = subprocess.Popen(entrant.command(task, self.plan), stdin=given, stdout=said, stderr=said, start_new_session=True)
+            self.process = subprocess.Popen(entrant.command(task, self.plan), stdin=given, stdout=said, stderr=said)
         if sys.platform == "linux":
             with contextlib.suppress(ProcessLookupError):
                 for kind, limit in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, round(seconds) + GRACE)):
                     resource.prlimit(self.process.pid, kind, (limit, limit))
 
     def end(self) -> None:
-        if self.process.poll() is None:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.kill()
         self.process.wait()
 
     def won(self) -> Won | None:

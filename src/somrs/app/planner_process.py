@@ -35,6 +35,7 @@ class PlannerProcess:
     def __init__(self) -> None:
         self._talking = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
         self._running: tuple[SpawnProcess, Connection, Sender] | None = None
+        self._closed = False
 
     @property
     def pid(self) -> int | None:
@@ -48,11 +49,16 @@ class PlannerProcess:
         return self
 
     def __exit__(self, *exception: object) -> None:
+        self._closed = True
+        if self._running is not None:
+            _kill_with_engines(self._running[0])  # whatever it is at; nobody waits for the answer any more
         self._talking.shutdown(cancel_futures=True)
         self._end()
 
     def _ask(self, problem: Problem) -> Plan | NoPlan:
         for _ in range(MOST_STARTS):
+            if self._closed:
+                raise RemoteError("the planner was ended before it had an answer")
             _, connection, sender = self._running or self._start()
             try:
                 connection.send(sender.packed(problem))
@@ -81,13 +87,23 @@ class PlannerProcess:
     def _end(self) -> None:
         if self._running is not None:
             process, connection, _ = self._running
-            connection.close()  # which ends the process, too
+            connection.close()
+            _kill_with_engines(process)
             process.join()
             self._running = None
 
 
+def _kill_with_engines(process: SpawnProcess) -> None:
+    """End the process with the engines that it started, which are of its group; those too that it left behind."""
+    assert process.pid is not None, "it was started"
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.kill()  # it may have no group yet
+
+
 def _serve(questions: Connection) -> None:
     """What the process does, until nobody can ask it any more."""
+    os.setpgrp()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in a terminal is for the Task Manager, which ends this process, too
     threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     recipient = Recipient()
@@ -106,4 +122,4 @@ def _end_with_parent(parent: int) -> None:
     """End amid a question, too, when the process that started this one is gone, however that came."""
     while os.getppid() == parent:
         time.sleep(PARENT_CHECK)
-    os._exit(1)
+    os.killpg(0, signal.SIGKILL)  # with the engines
