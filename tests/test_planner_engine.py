@@ -89,7 +89,7 @@ def test_a_task_too_hard_for_the_small_search_goes_to_the_engine() -> None:
 
 @needs_engine
 @needs_codmap
-@pytest.mark.parametrize("name", ["depot/pfile14", "driverlog/pfile13", "wireless/p05"])
+@pytest.mark.parametrize("name", ["depot/pfile14", "driverlog/pfile13"])
 def test_hard_problems_of_the_field_are_planned_for(name: str) -> None:
     problem = codmap(name)
     found = plan_in_process(problem, 60)
