@@ -17,7 +17,7 @@ from somrs.ontology.truth import holds
 from somrs.ontology.types import PART_OF
 from somrs.planner.plan import NoPlan, Plan, Step
 from somrs.planner.problem import Available, Problem
-from somrs.protocol.clients import Submit, Submitted
+from somrs.protocol.clients import Policy, Submit, Submitted
 from somrs.protocol.component import Effect, Input, Received
 from somrs.protocol.envelope import Header, Message
 from somrs.protocol.frp import Outcome, State
@@ -99,7 +99,7 @@ class Play:
     def run(self) -> Transaction | None:
         """The task, over; None when it never came to an end."""
         header = Header(sender="client", recipient="tm", message_id="client/task", reply_to="client")
-        self.world.send(Message(header=header, body=Submit(effect=str(self.imported.goal))))
+        self.world.send(Message(header=header, body=Submit(effect=str(self.imported.goal), policy=Policy.TIME)))
 
         def over() -> bool:
             return (transaction := self.transaction) is not None and transaction.outcome is not None

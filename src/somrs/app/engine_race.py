@@ -127,3 +127,13 @@ def race(entrants: Sequence[Entrant], task: Path, seconds: float, *, at_once: in
                 raise RemoteError(f"no plan was found in {seconds:g} s, nor that there is none")
             time.sleep(wait)
             wait = min(wait * 1.2, MOST_WAIT)
+
+
+def found_by(entrants: Sequence[Entrant], task: Path, seconds: float, *, memory: int = MEMORY) -> list[Won]:
+    """What each of them finds within the time, all at once."""
+    until = time.monotonic() + seconds
+    with _all_ended() as running:
+        running += [_Running(entrant, number, task, seconds, memory) for number, entrant in enumerate(entrants)]
+        while any(engine.process.poll() is None for engine in running) and time.monotonic() < until:
+            time.sleep(MOST_WAIT / 2)
+        return [won for engine in running if engine.plan.exists() and (won := engine.won()) is not None]

@@ -1,7 +1,8 @@
 """A process that plans by satisfiability (`planner/satisfiability.py`), with the solvers of PySAT (https://pysathq.github.io).
 
-`python -m somrs.app.engine_sat TASK PLAN SOLVER FIRST`: for plans of as many steps as there must be at least and FIRST more,
-then of 1.4 times as many, and so on. That there is no plan of any number of steps, it cannot show.
+`python -m somrs.app.engine_sat TASK PLAN SOLVER FIRST GROWTH [busy]`: for plans of as many steps as there must be at least and FIRST
+more, then of GROWTH times as many, and so on; `busy` when each device does one thing in a step. That there is no plan of any number of
+steps, it cannot show.
 """
 
 from __future__ import annotations
@@ -14,15 +15,13 @@ from pysat.solvers import Solver
 from somrs.planner.sas import parsed
 from somrs.planner.satisfiability import Clauses
 
-GROWTH = 1.4
-"""So many times as many steps are tried next: a plan with steps to spare is found faster than one with none."""
 LITERALS = 4_000_000
 """More are not worth it: such a task is large for other reasons than that it is knotty."""
 
 
-def main(task: str, plan: str, solver: str, first: str) -> int:
+def main(task: str, plan: str, solver: str, first: str, growth: str, busy: str = "") -> int:
     with Solver(name=solver) as sat:
-        clauses = Clauses(parsed(Path(task).read_text(encoding="ascii")), sat.add_clause)
+        clauses = Clauses(parsed(Path(task).read_text(encoding="ascii")), sat.add_clause, busy=bool(busy))
         if clauses.least is None:
             return 1
         steps = clauses.least + int(first)
@@ -35,7 +34,7 @@ def main(task: str, plan: str, solver: str, first: str) -> int:
                 unfinished.write_text("".join(f"({move})\n" for move in clauses.plan(true, steps)), encoding="ascii")
                 unfinished.rename(plan)
                 return 0
-            steps = max(steps + 1, int(steps * GROWTH))
+            steps = max(steps + 1, int(steps * float(growth)))
     return 1
 
 

@@ -10,9 +10,10 @@ from __future__ import annotations
 import importlib.util
 import sys
 import tempfile
+import time
 from pathlib import Path
 
-from somrs.app.engine_race import Entrant, Won, race
+from somrs.app.engine_race import Entrant, Won, found_by, race
 from somrs.app.numbers import there, tyr
 from somrs.errors import UsageError
 from somrs.planner.plan import NoPlan, Plan
@@ -39,12 +40,29 @@ type_based([ff, g()])], boost=1000), preferred=[ff, landmarks], cost_type=one, r
 )
 """Two of them with type-based exploration (Xie, Müller, Holte and Imai 2014), where the estimates mislead."""
 
+CHEAP = """let(landmarks, landmark_sum(lm_factory=lm_reasonable_orders_hps(lm_rhw()), pref=true),
+let(ff, ff(), lazy_wastar([ff, landmarks], preferred=[ff, landmarks], w=3)))"""
+"""The later searches of LAMA, which mind what steps cost."""
+
+SPARE, SOONEST = 1.4, 1.1
+"""So many times as many steps are tried next: a plan with steps to spare is found faster than one with none, which is done sooner."""
+
+LEAST_BETTER, MOST_BETTER = 1.0, 20.0
+"""Seconds in which a better plan than the first is looked for."""
+
 
 def plan_in_process(problem: object, limit: float = LIMIT) -> Plan | NoPlan:
     """Carry out a Task Manager's Ask for a plan. To be called in a process that can be waited for."""
     if not isinstance(problem, Problem):
         raise TypeError(f"a planning problem was expected, not {type(problem).__name__}")
-    return plan(problem, solved if entrants() else None, limit, numeric=tyr if there() else None)
+    began = time.monotonic()
+
+    def better(task: str, hurry: bool) -> list[list[str]]:
+        """For twice as long as the first plan took, within bounds."""
+        spent = time.monotonic() - began
+        return improved(task, hurry, min(max(2 * spent, LEAST_BETTER), MOST_BETTER, limit - spent))
+
+    return plan(problem, solved if entrants() else None, limit, tyr if there() else None, better)
 
 
 def solved(task: str, seconds: float) -> list[str] | None:
@@ -64,11 +82,25 @@ def raced(task: str, seconds: float, engines: list[Entrant]) -> Won:
         return race(engines, file, seconds)
 
 
+def improved(task: str, hurry: bool, seconds: float) -> list[list[str]]:
+    """Other plans than the first one: with as many agents at work at the same time as there can be, which are often short ones, too;
+    and, if there is no hurry, one that is cheap."""
+    if seconds <= 0:
+        return []
+    engines = [_solving("glucose4", 0, SOONEST, "busy")] if importlib.util.find_spec("pysat") is not None else []
+    if not hurry and (found := driver()) is not None:
+        engines.append(_searching(found, "cheap", CHEAP, 1.0))
+    with tempfile.TemporaryDirectory(prefix="somrs-plan-") as place:
+        file = Path(place) / "task.sas"
+        file.write_text(task, encoding="ascii")
+        return [list(won.operators) for won in found_by(engines, file, seconds) if won.operators is not None]
+
+
 def entrants() -> list[Entrant]:
     """The engines that are installed, in the order in which they take part."""
     found = driver()
     searches = [_searching(found, "estimates", THREE, FIRST), _searching(found, "exploring", EXPLORING, 1.0)] if found else []
-    solvers = [_solving("glucose4", 0), _solving("glucose4", 1)] if importlib.util.find_spec("pysat") is not None else []
+    solvers = [_solving("glucose4", 0, SPARE), _solving("glucose4", 1, SPARE)] if importlib.util.find_spec("pysat") is not None else []
     return [*searches[:1], *solvers, *searches[1:]]
 
 
@@ -88,8 +120,8 @@ def _searching(program: Path, name: str, search: str, share: float) -> Entrant:
     return Entrant(name=name, command=command, share=share, proves=UNSOLVABLE)
 
 
-def _solving(solver: str, more: int) -> Entrant:
+def _solving(solver: str, more: int, growth: float, *how: str) -> Entrant:
     def command(task: Path, plan: Path) -> list[str]:
-        return [sys.executable, "-m", "somrs.app.engine_sat", str(task), str(plan), solver, str(more)]
+        return [sys.executable, "-m", "somrs.app.engine_sat", str(task), str(plan), solver, str(more), str(growth), *how]
 
     return Entrant(name=f"steps+{more}", command=command)

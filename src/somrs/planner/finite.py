@@ -14,12 +14,13 @@ Effect = tuple[tuple[Assignment, ...], int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Operation:
-    """A move, by its place among the task's."""
+    """A move, by its place among the task's. `device` is the number of the one that has to do it; 0: any will do."""
 
     move: int
     cost: int
     needs: tuple[Assignment, ...]
     effects: tuple[Effect, ...]
+    device: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

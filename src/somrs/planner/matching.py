@@ -9,9 +9,9 @@ from somrs.planner.operators import Operator
 from somrs.planner.plan import Plan
 from somrs.planner.problem import Problem
 from somrs.planner.relevance import demands
-from somrs.planner.search import TooHard, search, without_useless
+from somrs.planner.search import TooHard, cheapest, without_useless
 from somrs.planner.steps import stated
-from somrs.planner.task import Task
+from somrs.planner.task import Move, Task
 from somrs.planner.world import World
 
 CHAINS = (1, 2)
@@ -23,15 +23,19 @@ EFFORT = 10_000
 
 
 def match(problem: Problem, world: World, goals: Sequence[Operator]) -> Plan | None:
-    """A plan of short chains, if there is one among few possibilities. None says nothing."""
+    """A plan of short chains, if there is one among few possibilities: the shortest, or the cheapest, if it is known that services cost
+    more or less. None says nothing."""
+    found: list[list[Move]] = []
     for depth in CHAINS:
         try:
             grounding = Grounding(world, demands(goals, world, narrow=True, depth=depth), narrow=True, effort=FACTS)
             if grounding.reached:
                 task = Task(grounding)
-                moves = search(task, EFFORT)
+                moves = cheapest(task, EFFORT)
                 if moves is not None:
-                    return stated(problem, without_useless(moves, task))
+                    found.append(without_useless(moves, task))
         except (TooLarge, TooHard):
-            return None
-    return None
+            break
+        if found and not (world.priced and not problem.hurry):
+            break
+    return stated(problem, min(found, key=lambda moves: sum(move.cost for move in moves))) if found else None

@@ -9,14 +9,16 @@ from somrs.entish import Attribute, Call, Comparison, Formula, Not, Relation
 from somrs.entish.formula import literals, terms
 from somrs.entish.parse import parse
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, Map, ValueSet, differences
+from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
 from somrs.planner.plan import NoPlan, Plan
-from somrs.planner.problem import Available, Problem
+from somrs.planner.problem import Problem
 
 SIZE = 32
 """So many answers are kept, the last ones."""
 
-Question = tuple[Formula, Formula | None, tuple[Available, ...], frozenset[str]]
+Question = tuple[Formula, Formula | None, tuple[tuple[ServiceType, tuple[str, ...]], ...], frozenset[str], bool]
+"""What services cost is not in it: a plan stays one when prices move."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +56,8 @@ class Memory:
 
 
 def _question(problem: Problem) -> Question:
-    return problem.goal, problem.precondition, problem.services, problem.excluded
+    services = tuple((available.service_type, available.providers) for available in problem.services)
+    return problem.goal, problem.precondition, services, problem.excluded, problem.hurry
 
 
 def _matters(change: Change, about: frozenset[str]) -> bool:

@@ -15,15 +15,36 @@ from somrs.planner.invariants import groups
 from somrs.planner.operators import Fact
 from somrs.planner.task import Task
 
+DEAREST = 10_000
+"""What the dearest move costs, as engines are told."""
+
 
 def merged(task: Task) -> FiniteTask:
     """The task with facts that exclude each other in one variable."""
     found = groups(task)
-    operations = [Operation(move=n, cost=move.cost, needs=move.needs, effects=move.effects) for n, move in enumerate(task.moves)]
+    costs = _whole([move.cost for move in task.moves])
+    devices: dict[str | None, int] = {None: 0}
+    operations = [
+        Operation(
+            move=number,
+            cost=costs[number],
+            needs=move.needs,
+            effects=move.effects,
+            device=devices.setdefault(move.action.provider, len(devices)),
+        )
+        for number, move in enumerate(task.moves)
+    ]
     excludes = _excludes(task, found)
     operations = _settled(task, _possible(task, operations, excludes))
     operations = _without_implied(task, operations, found, excludes)
     return _relevant(_Merging(task, found, operations).task())
+
+
+def _whole(costs: list[float]) -> list[int]:
+    """What moves cost, in whole numbers: engines have no others, and none that are very large."""
+    if all(cost == int(cost) and cost <= DEAREST for cost in costs):
+        return list(map(int, costs))
+    return [round(cost * DEAREST / max(costs)) for cost in costs]
 
 
 def _excludes(task: Task, found: list[tuple[Fact, ...]]) -> dict[Assignment, set[Assignment]]:

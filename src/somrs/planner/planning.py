@@ -19,10 +19,11 @@ from somrs.planner.numeric import NumericTask
 from somrs.planner.operators import Inexpressible, Operator, goal_operators
 from somrs.planner.plan import NoPlan, Plan
 from somrs.planner.problem import Problem
+from somrs.planner.quality import best
 from somrs.planner.relevance import demands
 from somrs.planner.repair import shorter, sure
 from somrs.planner.sas import read, written
-from somrs.planner.search import TooHard, search, without_useless
+from somrs.planner.search import TooHard, cheapest, without_useless
 from somrs.planner.steps import stated
 from somrs.planner.task import Move, Task
 from somrs.planner.world import World
@@ -40,6 +41,12 @@ ALL_STATES = 50_000
 NumericEngine = Callable[[str, str, float], list[str] | None]
 """The same for a task in numeric PDDL, its domain and its problem: the names of the actions."""
 
+Better = Callable[[str, bool], list[list[str]]]
+"""Given the same as an Engine, and whether it is to be done soon rather than cheaply: other plans, as far as they are found soon."""
+
+LONG = 10
+"""A plan of so many steps is worth looking for a better one."""
+
 LIMIT = 30.0
 """Seconds that an engine may take."""
 
@@ -50,6 +57,7 @@ class Engines:
 
     search: Engine | None
     numeric: NumericEngine | None
+    better: Better | None
     limit: float
 
 
@@ -57,16 +65,27 @@ def quick(problem: Problem) -> Plan | NoPlan | None:
     """What can be said of the problem within a few milliseconds; None when it has to be searched."""
     try:
         said = _said(problem)
-        return said if said is not None else opened(problem, sure(problem, match(problem, *_stated(problem))))
+        if said is not None:
+            return said
+        short = match(problem, *_stated(problem))
+        if short is not None and len(short.steps) >= LONG:
+            short = None  # a better one is worth a search
+        return opened(problem, sure(problem, short))
     except Inexpressible as inexpressible:
         return _beyond(inexpressible)
 
 
-def plan(problem: Problem, engine: Engine | None = None, limit: float = LIMIT, numeric: NumericEngine | None = None) -> Plan | NoPlan:
+def plan(
+    problem: Problem,
+    engine: Engine | None = None,
+    limit: float = LIMIT,
+    numeric: NumericEngine | None = None,
+    better: Better | None = None,
+) -> Plan | NoPlan:
     """A plan that makes the goal true on the map, or why there is none; what still stands of the plan before, if that is as short."""
     if (found := quick(problem)) is not None:
         return found
-    return opened(problem, shorter(problem, _plan(problem, Engines(engine, numeric, limit))))
+    return opened(problem, shorter(problem, _plan(problem, Engines(engine, numeric, better, limit))))
 
 
 def _plan(problem: Problem, engines: Engines) -> Plan | NoPlan:
@@ -113,12 +132,20 @@ def _searched(problem: Problem, world: World, goals: list[Operator], engines: En
                 task = Task(grounding)
                 moves = _solve(task, engines)
                 if moves is not None:
-                    return stated(problem, without_useless(moves, task))
+                    return _bettered(problem, stated(problem, without_useless(moves, task)), task, engines)
     except TooLarge:
         if not world.known.calculates:
             raise
         return _counted(problem, engines)
     return why_not(problem, world, grounding.guessed)
+
+
+def _bettered(problem: Problem, found: Plan, task: Task, engines: Engines) -> Plan:
+    """A better plan, if one is found soon: the first one is whatever came first."""
+    if engines.better is None or len(found.steps) < LONG:
+        return found
+    others = engines.better(written(merged(task)), problem.hurry)
+    return best(problem, [found, *(stated(problem, without_useless(read(names, task), task)) for names in others)])
 
 
 def _counted(problem: Problem, engines: Engines) -> Plan | NoPlan:
@@ -154,7 +181,7 @@ def _count(task: Task, counters: Counters, engines: Engines) -> list[Move] | Non
 
 def _solve(task: Task, engines: Engines) -> list[Move] | None:
     try:
-        return search(task)
+        return cheapest(task)
     except TooHard as hard:
         if engines.search is None:
             raise

@@ -17,10 +17,12 @@ if TYPE_CHECKING:
 
 
 class Available(Struct, frozen=True):
-    """A service type that can be used now, and the devices (objects of the map, if they are on it) that offer it."""
+    """A service type that can be used now, and the devices (objects of the map, if they are on it) that offer it. `prices` are what
+    some of them asked for it last."""
 
     service_type: ServiceType
     providers: tuple[str, ...]
+    prices: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +32,7 @@ class Problem:
     `goal` may have variables (any binding will do) and OR. `precondition` is what the client says is so at the start.
     `excluded` are objects that no step may involve: promised to another task, or in a state that nobody knows.
     `rest` is what was still to do of the plan before, in an order, when it has to be planned anew; to those `promised`, by id, services
-    are committed.
+    are committed. `hurry`: of two plans the one that is done sooner is better, not the cheaper one.
     """
 
     ontology: Ontology
@@ -41,3 +43,4 @@ class Problem:
     excluded: frozenset[str] = frozenset()
     rest: tuple[Step, ...] = ()
     promised: frozenset[str] = frozenset()
+    hurry: bool = False

@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # a process that only reads tasks is to start quickly
 
 
 def written(task: FiniteTask) -> str:
-    """The task. Its operators are named by the place of their moves, so that no name needs escaping."""
+    """The task. Its operators are named by the place of their moves, and the device, so that no name needs escaping."""
     return "\n".join(_lines(task)) + "\n"
 
 
@@ -40,7 +40,8 @@ def _lines(task: FiniteTask) -> Iterator[str]:
     yield from ("begin_state", *map(str, task.initial), "end_state")
     yield from ("begin_goal", *_counted(task.goal), "end_goal", str(len(task.operations)))
     for operation in task.operations:
-        yield from ("begin_operator", str(operation.move), *_needs_and_effects(operation), str(operation.cost), "end_operator")
+        name = f"{operation.move} {operation.device}"
+        yield from ("begin_operator", name, *_needs_and_effects(operation), str(operation.cost), "end_operator")
     yield "0"
 
 
@@ -98,7 +99,7 @@ def parsed(text: str) -> FiniteTask:
 
 def _operation(lines: Iterator[str]) -> Operation:
     next(lines)
-    move = int(next(lines))
+    move, device = map(int, next(lines).split())
     needs: list[Assignment] = []
     for _ in range(int(next(lines))):
         variable, value = map(int, next(lines).split())
@@ -113,4 +114,4 @@ def _operation(lines: Iterator[str]) -> Operation:
         effects.append((conditions, variable, value))
     cost = int(next(lines))
     next(lines)
-    return Operation(move=move, cost=cost, needs=tuple(needs), effects=tuple(effects))
+    return Operation(move=move, cost=cost, needs=tuple(needs), effects=tuple(effects), device=device)

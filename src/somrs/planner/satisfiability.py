@@ -18,10 +18,11 @@ FEW = 5
 
 
 class Clauses:
-    """The clauses for one step after another. Literals are numbers from 1, with a minus before what is not so."""
+    """The clauses for one step after another. Literals are numbers from 1, with a minus before what is not so. `busy`: each device does
+    one thing in a step, so that a plan takes as long as it has steps."""
 
-    def __init__(self, task: FiniteTask, add: Callable[[list[int]], None]) -> None:
-        self.task = task
+    def __init__(self, task: FiniteTask, add: Callable[[list[int]], None], *, busy: bool = False) -> None:
+        self.task, self.busy = task, busy
         self.literals = 0
         self._add = add
         self._operations: list[tuple[int, Operation]] = []
@@ -60,6 +61,8 @@ class Clauses:
             self._add([-literal, *([before[fact]] if fact in before else []), *makers.get(fact, [])])
         self._in_order(done)
         self._alone(done)
+        if self.busy:
+            self._one_at_a_time(done)
 
     def reached(self, steps: int) -> list[int]:
         """What is to be assumed for the goal to hold after so many steps."""
@@ -128,6 +131,14 @@ class Clauses:
                     self._add([-literal, gone])
                     if before is not None:
                         self._add([-before, gone])
+
+    def _one_at_a_time(self, done: list[tuple[Operation, int]]) -> None:
+        of: dict[int, list[int]] = {}
+        for operation, literal in done:
+            if operation.device:
+                of.setdefault(operation.device, []).append(literal)
+        for literals in of.values():
+            self._at_most_one(literals)
 
     def _alone(self, done: list[tuple[Operation, int]]) -> None:
         """What an operation does under conditions depends on what others do; it is the only one of its step."""

@@ -3,6 +3,7 @@ moves first (Richter and Helmert 2009), guided by the additive heuristic (Bonet 
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
 
@@ -22,14 +23,30 @@ class TooHard(Exception):
         self.progress = progress
 
 
-def search(task: Task, effort: int = EFFORT) -> list[Move] | None:
-    """The moves that reach the goal, or None if nothing does. Raises TooHard."""
+def cheapest(task: Task, effort: int = EFFORT) -> list[Move] | None:
+    """The moves that reach the goal, or None if nothing does: a short plan, or a cheaper one that is found as soon. Raises TooHard."""
+    moves = search(task, effort)
+    if moves is None or task.hurry or len({move.cost for move in task.moves if move.length}) < 2:
+        return moves
+    plans = [without_useless(moves, task)]
+    with contextlib.suppress(TooHard):
+        plans.append(without_useless(search(task, effort, cheap=True) or moves, task))
+    return min(plans, key=lambda plan: sum(move.cost for move in plan))
+
+
+def search(task: Task, effort: int = EFFORT, *, cheap: bool = False) -> list[Move] | None:
+    """The moves that reach the goal, or None if nothing does; `cheap` rather than found at once: then what the moves to a state cost is
+    added to its distance, as A* does. Raises TooHard."""
     assert task.goal is not None, "a goal that nothing reaches is not searched for"
-    estimate = Estimate(task)
+    estimate = Estimate(task, cheap=cheap)
     came: dict[State, tuple[State, Move] | None] = {task.initial: None}
+    spent = {task.initial: 0.0}
     open_: list[tuple[float, bool, int, State]] = [(0.0, True, 0, task.initial)]
+    count = 0
     while open_:
         *_, state = heappop(open_)
+        if state[task.goal[0]] == task.goal[1]:
+            return _path(came, state)
         distance, helpful = estimate.of(state)
         if distance is None:
             continue
@@ -37,12 +54,14 @@ def search(task: Task, effort: int = EFFORT) -> list[Move] | None:
             if not move.applicable(state):
                 continue
             after = move.apply(state)
-            if after in came:
+            costs = spent[state] + move.cost if cheap else 0.0
+            if after in came and costs >= spent[after]:
                 continue
-            came[after] = state, move
-            if after[task.goal[0]] == task.goal[1]:
+            came[after], spent[after] = (state, move), costs
+            if after[task.goal[0]] == task.goal[1] and not cheap:
                 return _path(came, after)
-            heappush(open_, (distance, move not in helpful, len(came), after))
+            count += 1
+            heappush(open_, (costs + distance, move not in helpful, count, after))
         effort -= len(task.moves)
         if effort - estimate.looked_at < 0:
             raise TooHard(how_far(task, came))
@@ -81,10 +100,11 @@ def _reaches(state: State, task: Task) -> bool:
 
 
 class Estimate:
-    """How far a state is from the goal: each fact costs what the cheapest move to it costs, and what that needs, added up."""
+    """How far a state is from the goal: each fact costs what the best move to it costs, and what that needs, added up. A move costs
+    one, or, if it is to be `cheap`, what it is said to."""
 
-    def __init__(self, task: Task) -> None:
-        self.task = task
+    def __init__(self, task: Task, *, cheap: bool = False) -> None:
+        self.task, self.cheap = task, cheap
         self.looked_at = 0
         # Effects with the same conditions come about together: one unit of a move, what it needs, and what it makes.
         self.moves: list[Move] = []
@@ -107,7 +127,7 @@ class Estimate:
         """The distance, and the moves of the state that a way there begins with. None: the goal cannot be reached from
         there, even if nothing were ever undone."""
         left = [len(needs) for needs in self.needs]
-        total = [float(move.cost) for move in self.moves]
+        total = [move.cost if self.cheap else float(move.length) for move in self.moves]
         supporter: dict[Assignment, int] = {}
         queue: list[tuple[float, Assignment, int]] = [(0.0, assignment, -1) for assignment in enumerate(state)]
         queue += [(total[n], made, n) for n, needs in enumerate(self.needs) if not needs for made in self.makes[n]]

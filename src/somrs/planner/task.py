@@ -22,9 +22,12 @@ class Move:
     action: Action
     needs: tuple[Assignment, ...]
     effects: tuple[tuple[tuple[Assignment, ...], int, int], ...]
+    cost: float = 1.0
+    """What the service costs, as far as can be told before anybody is asked."""
 
     @property
-    def cost(self) -> int:
+    def length(self) -> int:
+        """How many steps it is: that the goal is reached is none."""
         return 0 if self.action.operator.service is None else 1
 
     def applicable(self, state: State) -> bool:
@@ -43,6 +46,8 @@ class Task:
 
     def __init__(self, grounding: Grounding) -> None:
         self.known = grounding.world.known
+        self.hurry = grounding.world.hurry
+        self._cost = grounding.world.cost
         self.values: list[list[Fact | None]] = []
         self.place: dict[Fact, Assignment] = {}
         self.negated: dict[Fact, int] = {}
@@ -155,7 +160,8 @@ class Task:
             self._displace(fact, action, effects)
         for fact in action.adds:
             self._add(fact, effects)
-        return Move(action, tuple(needs), tuple((conditions, variable, value) for variable, (conditions, value) in effects.items()))
+        made = tuple((conditions, variable, value) for variable, (conditions, value) in effects.items())
+        return Move(action, tuple(needs), made, self._cost(action.operator.service, action.bound))
 
     def _remove(self, fact: Fact, effects: dict[int, tuple[tuple[Assignment, ...], int]], conditions: tuple[Assignment, ...]) -> None:
         if fact not in self.place:

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from somrs.entish import Formula, Name, Number, Term, Text, Truth, Variable
 from somrs.entish.formula import Constant, Literal, substitute, variables
+from somrs.entish.parse import parse_term
 from somrs.ontology.objects import Map
-from somrs.ontology.services import PROVIDER
+from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import ROOT, Ontology
 from somrs.ontology.values import Measured, attribute_at, compare, constant, measure, value_of
@@ -29,17 +30,41 @@ class World:
         self.ontology: Ontology = problem.ontology
         self.repertoire = repertoire(problem.ontology, tuple(available.service_type for available in problem.services), counting)
         self.known = self.repertoire.known
-        self.excluded = problem.excluded
+        self.excluded, self.hurry = problem.excluded, problem.hurry
         self.providers: Mapping[str, tuple[str, ...]] = {
             available.service_type.name: tuple(name for name in available.providers if name not in problem.excluded)
             for available in problem.services
         }
         """The devices that offer a service type, those that may take part."""
         self._of: dict[str, frozenset[str]] = {providers_of(name): frozenset(found) for name, found in self.providers.items()}
+        self._prices = {available.service_type.name: dict(available.prices) for available in problem.services}
+        self._by_type = any(available.service_type.cost is not None for available in problem.services)
+        every = [price for asked in self._prices.values() for price in asked.values()]
+        self._usual = sum(every) / len(every) if every else 1.0
         self._is_a: dict[tuple[str, str], bool] = {}
         self._settled: dict[tuple[Literal, tuple[tuple[str, Argument], ...]], bool] = {}
         self._paths: dict[str, frozenset[str]] = {}
         self._like: dict[tuple[str, int, Argument] | str, list[tuple[Argument, ...]]] = {}
+
+    @property
+    def priced(self) -> bool:
+        """Whether it is known that uses of services may cost more or less."""
+        return self._by_type or len({price for asked in self._prices.values() for price in asked.values()}) > 1
+
+    def cost(self, service: ServiceType | None, bound: Bound) -> float:
+        """What a use of the service costs, as far as can be told before anybody is asked: by the service type; by what its provider, or
+        the cheapest, asked last; or what services cost as a rule."""
+        if service is None:
+            return 0.0
+        if service.cost is not None:
+            terms = {name: as_term(value) for name, value in bound.items()}
+            measured = measure(parse_term(service.cost), self.map, self.ontology, terms)
+            if measured is not None and isinstance(measured.constant, Number):
+                return max(0.0, measured.constant.value)
+        asked, provider = self._prices[service.name], bound.get(PROVIDER)
+        if isinstance(provider, str) and provider in asked:
+            return asked[provider]
+        return min(asked.values(), default=self._usual)
 
     def is_a(self, argument: Argument, types: Iterable[str]) -> bool:
         """Whether an object or value is of all the types."""

@@ -54,7 +54,7 @@ class Draft:
         assert self._made is not None, "a draft that was withdrawn asks nothing"
         avoided = self._avoided if not self._regardless else frozenset()
         try:
-            task = problem(self._task, self._setting.replica, self._offered.usable, avoided)
+            task = problem(self._task, self._setting.replica, self._offered.usable, avoided, self._setting.quotes)
         except FormulaError as error:
             self._made(f"the task does not fit the map any more: {error}", now)
             return

@@ -180,7 +180,7 @@ class TaskManager:
             return
         question = f"preview {message.header.message_id}"
         try:
-            self._effects.append(Ask(question, problem(submit, self.replica, offers)))
+            self._effects.append(Ask(question, problem(submit, self.replica, offers, quotes=self._setting.quotes)))
         except FormulaError as error:
             self._reply(message, previewed(error))
         else:

@@ -242,6 +242,7 @@ class Pursuit:
 
     def offers(self, member: Member, terms: frp.Terms, id: str, now: float) -> None:
         """Terms came."""
+        self._owner.setting.quotes[member.offer.service] = terms.price
         tender = self.tenders.of(member)
         if tender is not None:
             self._tell(now, f"{member.offer.service} offers {terms.price:g} {terms.currency}, {terms.duration:.0f} s", tender.run)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from somrs.entish import Formula
 from somrs.entish.formula import names
@@ -15,12 +16,15 @@ from somrs.ontology.services import PROVIDER, Handler
 from somrs.ontology.truth import holds
 from somrs.ontology.types import UNKNOWN
 from somrs.planner.problem import Available, Problem
-from somrs.protocol.clients import Submit
+from somrs.protocol.clients import Policy, Submit
 from somrs.protocol.component import Effect
 from somrs.protocol.directory import Offer
 from somrs.protocol.replica import Replica
 from somrs.task_manager.claims import Claims
 from somrs.task_manager.questions import Questions
+
+PRICE = "Price"
+"""The attribute of a service whose price is always the same."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -38,16 +42,29 @@ class Setting:
     """What each transaction has to itself."""
     busy: Callable[[str], list[tuple[float, float]]]
     """From when until when a provider is committed to this Task Manager, in any transaction."""
+    quotes: dict[str, float] = field(default_factory=dict)
+    """What services asked last."""
 
 
-def problem(task: Submit, replica: Replica, offers: Iterable[Offer], avoided: frozenset[str] = frozenset()) -> Problem:
+def problem(
+    task: Submit,
+    replica: Replica,
+    offers: Iterable[Offer],
+    avoided: frozenset[str] = frozenset(),
+    quotes: Mapping[str, float] = MappingProxyType({}),
+) -> Problem:
     """The planning problem of a task on the map as it is now, with these services on offer, without the objects that are to be `avoided`.
+    `quotes` are what services asked last.
 
     Raises FormulaError when the task does not fit the map, which may have lost what the task speaks of.
     """
     providers: dict[str, list[str]] = {}
+    prices: dict[str, dict[str, float]] = {}
     for offer in offers:
         providers.setdefault(offer.service_type.name, []).append(offer.provider)
+        price = quotes.get(offer.service, offer.attributes.get(PRICE))
+        if isinstance(price, float | int):
+            prices.setdefault(offer.service_type.name, {})[offer.provider] = price
     types = {offer.service_type.name: offer.service_type for offer in offers}
     return Problem(
         ontology=replica.ontology,
@@ -55,7 +72,11 @@ def problem(task: Submit, replica: Replica, offers: Iterable[Offer], avoided: fr
         goal=check(task.effect, replica.ontology, replica.map),
         precondition=check(task.precondition, replica.ontology, replica.map) if task.precondition else None,
         excluded=avoided.union(replica.map.with_value(UNKNOWN, True)),
-        services=tuple(Available(service_type=types[name], providers=tuple(sorted(found))) for name, found in sorted(providers.items())),
+        services=tuple(
+            Available(service_type=types[name], providers=tuple(sorted(found)), prices=tuple(sorted(prices.get(name, {}).items())))
+            for name, found in sorted(providers.items())
+        ),
+        hurry=task.policy is Policy.TIME,
     )
 
 
