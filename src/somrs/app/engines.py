@@ -47,7 +47,7 @@ let(ff, ff(), lazy_wastar([ff, landmarks], preferred=[ff, landmarks], w=3)))"""
 SPARE, SOONEST = 1.4, 1.1
 """So many times as many steps are tried next: a plan with steps to spare is found faster than one with none, which is done sooner."""
 
-LEAST_BETTER, MOST_BETTER = 1.0, 20.0
+LEAST_BETTER, MOST_BETTER = 2.0, 20.0
 """Seconds in which a better plan than the first is looked for."""
 
 
@@ -87,8 +87,10 @@ def improved(task: str, hurry: bool, seconds: float) -> list[list[str]]:
     and, if there is no hurry, one that is cheap."""
     if seconds <= 0:
         return []
-    engines = [_solving("glucose4", 0, SOONEST, "busy")] if importlib.util.find_spec("pysat") is not None else []
-    if not hurry and (found := driver()) is not None:
+    engines = [_solving("glucose4", 0, SOONEST)] if importlib.util.find_spec("pysat") is not None else []
+    if hurry and engines:
+        engines.append(_solving("glucose4", 0, SOONEST, "busy"))
+    elif not hurry and (found := driver()) is not None:
         engines.append(_searching(found, "cheap", CHEAP, 1.0))
     with tempfile.TemporaryDirectory(prefix="somrs-plan-") as place:
         file = Path(place) / "task.sas"
