@@ -481,3 +481,49 @@ def test_what_contradicts_an_assumption_is_known_before_anything_is_planned_on_i
     second = [m.body for m in system.world.messages if isinstance(m.body, frp.Execute)][-1]
     assert second.precondition is not None
     assert "Jar002 isOn Floor001" in second.precondition
+
+
+# Trying again
+
+
+def slips(times: int, *, says: str = "") -> Script:
+    """The first so many works fail, with the thing where it was, and what else is said."""
+    works = 0
+
+    def carries(order: Order) -> Work:
+        nonlocal works
+        works += 1
+        left = f"{order.inputs['Object']} isOn Cupboard001{says}"
+        yield 10.0, ServiceFailed("it slipped", left) if works <= times else Done(situation=done(order))
+
+    return carries
+
+
+def test_who_alone_can_do_it_may_try_again() -> None:
+    system = VirtualSystem(robot := Robot("Robot1", 10, 60, works=slips(3)))
+    (view,) = system.finish(system.submit(WISH))
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert len(robot.orders) == 4
+
+
+def test_who_fails_again_and_again_is_not_asked_for_ever() -> None:
+    system = VirtualSystem(robot := Robot("Robot1", 10, 60, works=slips(1000)))
+    (view,) = system.finish(system.submit(WISH))
+    assert view.outcome is Outcome.FAILED
+    assert len(robot.orders) == 5
+    assert "it slipped" in view.explanation
+
+
+def test_another_goes_before_who_failed() -> None:
+    robots = Robot("Robot1", 10, 60, works=slips(1)), Robot("Robot2", 25, 60)
+    system = VirtualSystem(*robots)
+    (view,) = system.finish(system.submit(WISH))
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert [len(robot.orders) for robot in robots] == [1, 1]
+
+
+def test_who_says_that_it_does_not_work_is_not_asked_again() -> None:
+    system = VirtualSystem(robot := Robot("Robot1", 10, 60, works=slips(1, says=" AND Robot1.Working = FALSE")))
+    (view,) = system.finish(system.submit(WISH))
+    assert view.outcome is Outcome.FAILED
+    assert len(robot.orders) == 1
