@@ -26,6 +26,7 @@ from somrs.protocol.frp import (
     Status,
     Stop,
     Stopped,
+    Stranded,
     Terms,
 )
 from somrs.protocol.session import (
@@ -248,6 +249,19 @@ def test_terms_that_expired_before_the_accept_came() -> None:
         assert pair.participant.receive(late).kind is Kind.LATE
     assert pair.coordinator.receive(refuse).moved
     assert (pair.coordinator.state, pair.coordinator.reason) == (State.ENDED, "the terms expired")
+
+
+def test_who_was_stopped_before_it_began_has_nothing_to_undo() -> None:
+    pair = _offered()
+    pair.coordinator.accept()
+    pair.coordinator.send(EXECUTE)  # neither arrives
+    (stopped,) = pair.participant.receive(pair.coordinator.send(Stop(reason="no more"))).answers
+    pair.coordinator.receive(stopped)
+    (stranded,) = pair.participant.receive(pair.coordinator.send(Compensate(situation="Jar002 isOn Shelf001"))).answers
+    assert isinstance(stranded.body, Stranded)
+    assert not stranded.body.tried
+    pair.coordinator.receive(stranded)
+    assert pair.both() == (State.STRANDED, State.STRANDED)
 
 
 def test_an_unreachable_participant_that_comes_back_working_is_stopped() -> None:

@@ -221,6 +221,8 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
             return self._fault(message, f"{kind.__name__} is not for a participant")
         if entry.next in states.WORKING | {State.COMMITTED} and (wrong := self._not_accepted(message)):
             return self._fault(message, wrong)
+        if entry.next is State.COMPENSATING and "Execute" not in self.heard:
+            entry = states.PARTICIPANT[State.COMMITTED][Compensate]  # a Stop came before the Execute: there is nothing to undo
         entry = self._listen(message, entry)
         if entry.kind is Kind.MOVES and entry.next is State.ENDED:
             self.reason = message.body.reason if isinstance(message.body, Cancel) else "ended"
