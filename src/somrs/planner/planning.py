@@ -141,8 +141,9 @@ def _searched(problem: Problem, world: World, goals: list[Operator], engines: En
 
 
 def _bettered(problem: Problem, found: Plan, task: Task, engines: Engines) -> Plan:
-    """A better plan, if one is found soon: the first one is whatever came first."""
-    if engines.better is None or len(found.steps) < LONG:
+    """A better plan, if one is found soon: the first one is whatever came first. Nobody looks for one when something went wrong on the
+    way: devices stand and wait then."""
+    if engines.better is None or len(found.steps) < LONG or problem.rest:
         return found
     others = engines.better(written(merged(task)), problem.hurry)
     return best(problem, [found, *(stated(problem, without_useless(read(names, task), task)) for names in others)])
