@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from somrs.entish import Name, Relation, Variable
-from somrs.entish.formula import Literal, alternatives, conjunction, conjuncts, names, substitute, variables
+from somrs.entish.formula import Literal, Substitution, alternatives, conjunction, conjuncts, names, substitute, variables
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.matching import bring_about_all, can_bring_about
 from somrs.ontology.services import PROVIDER
@@ -157,7 +157,7 @@ class _Reasons:
         lacking: list[Literal] = []
         for part in next(alternatives(substitute(parse(service.precondition), given))) if service.precondition is not None else ():
             (lacking if impossible([*had, part], self.world) else had).append(part)
-        row = next(bindings(conjunction(*had), self.problem.map, self.problem.ontology), {}) if had else {}
+        row = self._row(had)
         for part in lacking:
             if had and self.reachable([*had, part]):
                 self._together(service.name, literal, smallest([*had, part], self.world))
@@ -172,6 +172,12 @@ class _Reasons:
                 self.explain(missing, depth - 1)
         if not lacking:
             self.said[f"{service.name} brings about such things, but not {_wish(literal)}"] = None
+
+    def _row(self, had: Sequence[Literal]) -> Substitution:
+        """What the variables of the parts stand for on the map, of those that a relation gives a value."""
+        given = {name for part in had if isinstance(part, Relation) for name in variables(part)}
+        parts = [part for part in had if given.issuperset(variables(part))]
+        return next(bindings(conjunction(*parts), self.problem.map, self.problem.ontology), {}) if parts else {}
 
     def _together(self, service: str, literal: Literal, parts: Sequence[Literal]) -> None:
         """The service needs what can come about, but not all of it at a time."""
