@@ -97,12 +97,12 @@ class Play:
         return manager.transactions.get(self.client.task)
 
     def run(self) -> Transaction | None:
-        """The task, over; None when it never came to an end."""
+        """The task, over or given up; None when it never came to an end. What is undone then, fault runs see to."""
         header = Header(sender="client", recipient="tm", message_id="client/task", reply_to="client")
         self.world.send(Message(header=header, body=Submit(effect=str(self.imported.goal), policy=Policy.TIME)))
 
         def over() -> bool:
-            return (transaction := self.transaction) is not None and transaction.outcome is not None
+            return (transaction := self.transaction) is not None and (transaction.outcome is not None or transaction.ending)
 
         return self.transaction if self.world.run(LONGEST, over) else None
 
