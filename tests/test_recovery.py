@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from somrs.app.virtual import LATENCY, Work
+from somrs.entish import Name
+from somrs.entish.parse import parse
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ValueSet
 from somrs.ontology.services import Handler, Occasion
+from somrs.planner.plan import Step
 from somrs.protocol import frp
 from somrs.protocol.clients import CancelTask, Policy, TaskRecord, TaskView
 from somrs.protocol.envelope import Header, Message, message_id
 from somrs.protocol.frp import Outcome, State
 from somrs.protocol.knowledge import MapChanged, UpdateMap
 from somrs.service_manager.orders import Advance, Done, Halt, Order, ServiceFailed
+from somrs.task_manager.work import undone
 from virtual_system import Robot, Script, VirtualSystem, done
 
 WISH = "Jar002 isOn Platform001"
@@ -527,3 +531,14 @@ def test_who_says_that_it_does_not_work_is_not_asked_again() -> None:
     (view,) = system.finish(system.submit(WISH))
     assert view.outcome is Outcome.FAILED
     assert len(robot.orders) == 1
+
+
+def test_what_is_so_already_is_what_undoing_a_step_for_it_restores() -> None:
+    system = VirtualSystem()
+    step = Step(
+        id="step1",
+        service_type="TransferObject",
+        inputs={"Object": Name("Jar002"), "Destination": Name("Cupboard001")},
+        effect=parse("Jar002 isOn Cupboard001"),
+    )
+    assert str(undone(step, system.map, system.repository.contents.ontology)) == "Jar002 isOn Cupboard001"

@@ -160,12 +160,13 @@ def concerned(step: Step, map: Map, ontology: Ontology) -> tuple[str, ...]:
 
 
 def undone(step: Step, map: Map, ontology: Ontology) -> Formula | None:
-    """What holds now and would not after the step: the situation that its compensation restores (paper, "Failure handling")."""
+    """What holds now and would not after the step, or is what the step is for already, and may be left otherwise by it: the situation
+    that its compensation restores (paper, "Failure handling")."""
     try:
         made = changes(step.effect, map, ontology)
+        parts = [part for part in conjuncts(step.effect) if not changes(part, map, ontology)]
     except FormulaError:
         return None
-    parts: list[Formula] = []
     for change in made:
         match change:
             case FactRemoved(fact):
