@@ -172,7 +172,7 @@ class Disk:
         try:
             with self.explained():
                 self._prepare(db)
-        except BaseException:
+        except BaseException:  # whatever it was, nobody else has the connection to close it
             db.close()
             raise
         return db
@@ -202,7 +202,7 @@ class Disk:
             try:
                 yield
                 db.execute("COMMIT")
-            except BaseException:
+            except BaseException:  # whatever a job raises: half of a transaction is never kept
                 if db.in_transaction:
                     db.execute("ROLLBACK")
                 raise

@@ -246,7 +246,7 @@ class Node:
     def _record(self, entry: object) -> None:
         try:
             self._keep(entry)
-        except Exception as error:
+        except Exception as error:  # whatever it was, the component is ahead of its disk now, and must not go on
             raise self._break(error) from error
         if self._disk is not None:
             self.output.position = self._disk.position
