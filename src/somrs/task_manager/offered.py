@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from somrs.entish import Formula
@@ -87,3 +88,7 @@ class Offered:
     @property
     def _known(self) -> dict[str, ServiceType]:
         return {**self._types, **service_types(self.replica.ontology, self.offers)}
+
+
+def named(offers: Iterable[Offer]) -> str:
+    return ", ".join(offer.service for offer in offers)

@@ -7,7 +7,7 @@ find out, what is to be restored. Who takes a step is `tender.py`'s to say; what
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Protocol
 
 from msgspec import structs
@@ -17,12 +17,11 @@ from somrs.ontology.services import ServiceKind
 from somrs.planner.plan import NoPlan, Plan
 from somrs.protocol import frp
 from somrs.protocol.clients import EventKind, Phase, Submit
-from somrs.protocol.directory import Offer
 from somrs.protocol.frp import State
 from somrs.task_manager.claims import Held
 from somrs.task_manager.draft import Draft
 from somrs.task_manager.looking import Look
-from somrs.task_manager.offered import Offered
+from somrs.task_manager.offered import Offered, named
 from somrs.task_manager.participants import Member, Participants
 from somrs.task_manager.purpose import Purpose
 from somrs.task_manager.recovery import Replans, Rung, next_rung
@@ -135,7 +134,7 @@ class Pursuit:
                 if self._owner.unblocked(self, why, now):
                     return
                 if again := self._owner.offered.once_more():
-                    self._tell(now, f"there is no plan without {_named(again)}, which may try again", kind=EventKind.REPLAN)
+                    self._tell(now, f"there is no plan without {named(again)}, which may try again", kind=EventKind.REPLAN)
                     self._plan(now)
                 else:
                     self._fail(why, now)
@@ -346,7 +345,7 @@ class Pursuit:
             possible = False
         bound = run.step.provider is not None  # a plan without it would be a detour, if there is one
         if begun and not others and (possible or bound) and (others := owner.offered.once_more(run)):
-            self._tell(now, f"nobody else can do it: {_named(others)} may try again", run)
+            self._tell(now, f"nobody else can do it: {named(others)} may try again", run)
         harmless = owner.offered.type_of(run.step).kind is not ServiceKind.PHYSICAL
         match next_rung(others, possible, known=run.reported is not None or harmless):
             case Rung.REPLACE:
@@ -397,7 +396,3 @@ class Pursuit:
 
     def _tell(self, now: float, text: str, run: StepRun | None = None, kind: EventKind = EventKind.NEWS) -> None:
         self._owner.tell(now, text, run, kind)
-
-
-def _named(offers: Iterable[Offer]) -> str:
-    return ", ".join(offer.service for offer in offers)
