@@ -6,14 +6,14 @@ import pickle
 
 import pytest
 
+from planned import sound
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.ontology.files import upper
 from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.ontology.truth import holds
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
-from somrs.planner.plan import NoPlan, Plan, after, linearisations, validate
+from somrs.planner.plan import NoPlan, Plan, validate
 from somrs.planner.planning import plan
 from somrs.planner.problem import Available, Problem
 
@@ -80,29 +80,16 @@ def problem(goal: str, *services: ServiceType, map: Map = MAP, excluded: frozens
     return Problem(ontology=laboratory(), map=map, goal=parse(goal), services=offered, excluded=excluded)
 
 
-def planned(asked: Problem) -> Plan:
-    found = plan(asked)
-    assert isinstance(found, Plan), found
-    assert validate(found, asked) == []
-    for order in linearisations(found):
-        map = asked.map
-        for step in order:
-            assert step.precondition is None or holds(step.precondition, map, asked.ontology), (step, order)
-            map = after(step, map, asked)
-        assert holds(asked.goal, map, asked.ontology)
-    return found
-
-
 def names(found: Plan) -> list[str]:
     return [str(step) for step in found.steps]
 
 
 def test_what_holds_already_needs_no_step() -> None:
-    assert planned(problem("Jar001 isOn Shelf1", TRANSFER)) == Plan()
+    assert sound(problem("Jar001 isOn Shelf1", TRANSFER)) == Plan()
 
 
 def test_one_service_brings_the_jar() -> None:
-    found = planned(problem("Jar001 isOn Platform001", TRANSFER))
+    found = sound(problem("Jar001 isOn Platform001", TRANSFER))
     (step,) = found.steps
     assert step.service_type == "TransferObject"
     assert step.inputs == {"Object": Name("Jar001"), "Destination": Name("Platform001")}
@@ -112,7 +99,7 @@ def test_one_service_brings_the_jar() -> None:
 
 
 def test_a_jar_is_washed_before_it_is_put_on_the_platform() -> None:
-    found = planned(problem("Jar001.Clean = TRUE AND Jar001 isOn Platform001", TRANSFER, WASH))
+    found = sound(problem("Jar001.Clean = TRUE AND Jar001 isOn Platform001", TRANSFER, WASH))
     assert names(found) == [
         "TransferObject(Object: Jar001, Destination: Washer1)",
         "WashJar(Jar: Jar001) by Washer1",
@@ -124,32 +111,32 @@ def test_a_jar_is_washed_before_it_is_put_on_the_platform() -> None:
 
 
 def test_two_jars_are_transferred_side_by_side() -> None:
-    found = planned(problem("Jar001 isOn Platform001 AND Jar002 isOn Shelf2", TRANSFER))
+    found = sound(problem("Jar001 isOn Platform001 AND Jar002 isOn Shelf2", TRANSFER))
     assert len(found.steps) == 2
     assert found.links == ()
 
 
 def test_the_door_is_opened_before_the_robot_drives_through() -> None:
     shut = MAP.changed([ValueSet("DoorAB", "Open", False)])
-    found = planned(problem("Robot1 isInside RoomB", DRIVE, OPEN, map=shut))
+    found = sound(problem("Robot1 isInside RoomB", DRIVE, OPEN, map=shut))
     assert names(found) == ["OpenDoor(Door: DoorAB)", "DriveTo(To: RoomB) by Robot1"]
     assert [link.fact for link in found.links] == ["DoorAB.Open = TRUE"]
-    assert names(planned(problem("Robot1 isInside RoomB", DRIVE, OPEN))) == ["DriveTo(To: RoomB) by Robot1"]
+    assert names(sound(problem("Robot1 isInside RoomB", DRIVE, OPEN))) == ["DriveTo(To: RoomB) by Robot1"]
 
 
 def test_an_input_can_be_a_value() -> None:
-    found = planned(problem('Jar001.Label = "fragile"', TRANSFER, WASH, LABEL))
+    found = sound(problem('Jar001.Label = "fragile"', TRANSFER, WASH, LABEL))
     assert names(found)[-1] == 'PrintLabel(Jar: Jar001, Text: "fragile")'
     assert len(found.steps) == 3
 
 
 def test_a_goal_may_leave_the_place_open() -> None:
-    (step,) = planned(problem("Jar001 isOn ?Shelf: Platform", TRANSFER)).steps
+    (step,) = sound(problem("Jar001 isOn ?Shelf: Platform", TRANSFER)).steps
     assert str(step.effect) == "Jar001 isOn Platform001"
 
 
 def test_of_alternatives_the_nearer_one_is_taken() -> None:
-    found = planned(problem("Jar001.Clean = TRUE OR Jar001 isOn Shelf2", TRANSFER, WASH))
+    found = sound(problem("Jar001.Clean = TRUE OR Jar001 isOn Shelf2", TRANSFER, WASH))
     assert names(found) == ["TransferObject(Object: Jar001, Destination: Shelf2)"]
 
 
@@ -200,8 +187,8 @@ def test_a_precondition_that_does_not_hold_is_named() -> None:
 
 def test_problems_can_be_sent_to_another_process() -> None:
     asked = pickle.loads(pickle.dumps(problem("Jar001 isOn Platform001", TRANSFER)))
-    assert len(planned(asked).steps) == 1
-    assert pickle.loads(pickle.dumps(planned(asked))) == planned(asked)
+    assert len(sound(asked).steps) == 1
+    assert pickle.loads(pickle.dumps(sound(asked))) == sound(asked)
 
 
 @pytest.mark.parametrize(
@@ -225,7 +212,7 @@ def test_plans_on_a_map_of_five_thousand_objects(goal: str, count: int) -> None:
 
 
 def test_things_are_put_where_such_things_stand() -> None:
-    (step,) = planned(problem("NOT Jar001 isOn Shelf1", TRANSFER, map=MAP.changed([FactAdded(Fact("isOn", ("Jar002", "Shelf2")))]))).steps
+    (step,) = sound(problem("NOT Jar001 isOn Shelf1", TRANSFER, map=MAP.changed([FactAdded(Fact("isOn", ("Jar002", "Shelf2")))]))).steps
     assert step.inputs["Destination"] in (Name("Shelf2"), Name("Platform001"))
 
 
@@ -242,7 +229,7 @@ def test_a_heavy_thing_goes_to_the_device_that_can_carry_it() -> None:
     asked = Problem(
         ontology=laboratory(), map=map, goal=parse("Jar001 isOn Platform001"), services=(Available(carry, ("Robot1", "Robot2", "Robot3")),)
     )
-    assert [step.provider for step in planned(asked).steps] == ["Robot3"]
+    assert [step.provider for step in sound(asked).steps] == ["Robot3"]
     too_heavy = map.changed([ObjectAdded(Object(name="Jar001", type="Jar", values={"Weight": 4.0}))])
     found = plan(Problem(ontology=asked.ontology, map=too_heavy, goal=asked.goal, services=asked.services))
     assert isinstance(found, NoPlan)
@@ -268,7 +255,7 @@ def test_where_the_likely_places_will_not_do_all_places_are_tried() -> None:
     shelves = [Object(name=f"Shelf{n:02}", type="Shelf", values={"Label": "full" if n < 35 else "free"}) for n in range(40)]
     jars = [Object(name=f"Jar{n:02}", type="Jar") for n in range(35)]
     map = Map([*shelves, *jars], [Fact("isOn", (f"Jar{n:02}", f"Shelf{n:02}")) for n in range(35)])
-    (step,) = planned(problem("NOT Jar00 isOn Shelf00", put, map=map)).steps
+    (step,) = sound(problem("NOT Jar00 isOn Shelf00", put, map=map)).steps
     assert str(step.inputs["Destination"]) in {f"Shelf{n}" for n in range(35, 40)}
     full = map.changed(ValueSet(shelf.name, "Label", "full") for shelf in shelves)
     found = plan(problem("NOT Jar00 isOn Shelf00", put, map=full))

@@ -1,0 +1,22 @@
+"""What every plan has to be, for tests of the planner."""
+
+from __future__ import annotations
+
+from somrs.ontology.truth import holds
+from somrs.planner.plan import Plan, after, linearisations, validate
+from somrs.planner.planning import plan
+from somrs.planner.problem import Problem
+
+
+def sound(asked: Problem) -> Plan:
+    """The plan, which leads to the goal in every order that its links allow."""
+    found = plan(asked)
+    assert isinstance(found, Plan), found
+    assert validate(found, asked) == []
+    for order in linearisations(found):
+        map = asked.map
+        for step in order:
+            assert step.precondition is None or holds(step.precondition, map, asked.ontology), (step, order)
+            map = after(step, map, asked)
+        assert holds(asked.goal, map, asked.ontology)
+    return found
