@@ -76,6 +76,15 @@ def world(
 
 
 @run_app.command()
+def gui(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+    """The windows, in the browser, and the API."""
+    from somrs.app.client import Addresses
+    from somrs.app.programs import run_program, windows
+
+    guarded(lambda: run_program(windows()(data, Addresses.read(data), host, port)))
+
+
+@run_app.command()
 def device(
     driver: Annotated[str, typer.Argument(help="The device's class: `module:Class` or `file.py:Class`.")],
     name: Annotated[str, typer.Option(help="The device's object on the map.")],

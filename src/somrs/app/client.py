@@ -41,6 +41,8 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     simulator: str | None = None
     world: str | None = None
     """The symbolic world."""
+    gui: str | None = None
+    """The windows; a system may do without."""
 
     @classmethod
     def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:

@@ -62,7 +62,7 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
         if not file.exists():
             raise UsageError(f"{file}: there is no such file")
     files = brought_in(site, data)
-    system = System(files, data, speed=speed, host=host, fresh=fresh)
+    system = System(files, data, speed=speed, host=host, fresh=fresh, windows=True)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
             await system.start()
@@ -72,6 +72,8 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
         console.print(
             f"Running. In another terminal: somrs do FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it."
         )
+        if system.addresses.gui is not None:
+            console.print(f"In the browser: {system.addresses.gui}")
         keeping = asyncio.create_task(system.keep_running(lambda text: console.print(text)))
         await until_stopped()
         keeping.cancel()

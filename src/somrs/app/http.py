@@ -55,6 +55,18 @@ class NotTaken(RemoteError):
     """Nobody has taken the message: whoever sends it again is to go on doing so."""
 
 
+def bound(host: str, port: int) -> socket.socket:
+    """A socket at the port; at a free one, if it is 0. Raises UsageError when the port cannot be had."""
+    one = socket.socket()
+    one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        one.bind((host, port))
+    except OSError as error:
+        one.close()
+        raise UsageError(f"cannot listen at {host}:{port}: {error.strerror}; another --port may be free") from None
+    return one
+
+
 class Server:
     """Serves `parts`, handlers by path, at one port. Runs in the event loop that is there already."""
 
@@ -72,13 +84,7 @@ class Server:
 
     async def start(self) -> None:
         """Listen. Port 0 becomes a free one. Raises UsageError when the port cannot be had."""
-        listening = socket.socket()
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            listening.bind((self.host, self.port))
-        except OSError as error:
-            listening.close()
-            raise UsageError(f"cannot listen at {self.host}:{self.port}: {error.strerror}; another --port may be free") from None
+        listening = bound(self.host, self.port)
         self.port = listening.getsockname()[1]
         config = uvicorn.Config(
             self._serve,
@@ -93,7 +99,7 @@ class Server:
             proxy_headers=False,
             headers=[("Accept-Post", batches.ACCEPTED)],
         )
-        self._server = _Quiet(config)
+        self._server = QuietServer(config)
         self._serving = asyncio.create_task(self._server.serve(sockets=[listening]))
         async with asyncio.timeout(START_TIME):
             while not self._server.started:
@@ -210,7 +216,7 @@ class Server:
         return PlainTextResponse(f"a SOAP 1.2 endpoint of SO-MRS; its description is at {path}?wsdl\n")
 
 
-class _Quiet(uvicorn.Server):
+class QuietServer(uvicorn.Server):
     """Signals are the program's business, not the server's."""
 
     @contextlib.contextmanager

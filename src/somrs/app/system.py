@@ -17,7 +17,7 @@ import msgspec
 from msgspec.structs import replace
 
 from somrs.app.client import SYSTEM_FILE, Addresses, Client
-from somrs.app.programs import Ready
+from somrs.app.programs import Ready, has_windows
 from somrs.errors import RemoteError, SomrsError, UsageError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
@@ -54,9 +54,12 @@ class Program:
 class System:
     """The processes of one system, its data folder, and its addresses. An asynchronous context manager."""
 
-    def __init__(self, site: Sequence[Path], data: Path, *, speed: str = "1", host: str = "127.0.0.1", fresh: bool = False) -> None:
+    def __init__(
+        self, site: Sequence[Path], data: Path, *, speed: str = "1", host: str = "127.0.0.1", fresh: bool = False, windows: bool = False
+    ) -> None:
         self.site, self.data, self.speed, self.host, self.fresh = [path.resolve() for path in site], data, speed, host, fresh
         self.programs: dict[str, Program] = {}
+        self.windows = windows
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._listed = False
 
@@ -86,11 +89,12 @@ class System:
         if self.fresh and self.data.exists():
             shutil.rmtree(self.data)
         self.data.mkdir(parents=True, exist_ok=True)
-        ports = free_ports(self.host, 4, self._ports_before())
+        ports = free_ports(self.host, 5, self._ports_before())
         self.addresses = Addresses(
             repository=f"http://{self.host}:{ports[0]}/repository",
             registry=f"http://{self.host}:{ports[1]}/registry",
             task_manager=f"http://{self.host}:{ports[2]}/task-manager",
+            gui=f"http://{self.host}:{ports[4]}" if self.windows and has_windows() else None,
         )
         self._check_site()
         site = [argument for path in self.site for argument in ("--site", str(path))]
@@ -111,7 +115,10 @@ class System:
             self._start("task-manager", "--port", str(ports[2])),
             self._start("world" if bodiless else "simulator", "--port", str(ports[3]), "--speed", self.speed),
         )
-        await asyncio.gather(*(self._start("device", driver, "--name", name, label=name) for name, driver in driven))
+        last = [self._start("device", driver, "--name", name, label=name) for name, driver in driven]
+        if self.addresses.gui is not None:
+            last.append(self._start("gui", "--port", str(ports[4])))
+        await asyncio.gather(*last)
 
     def _ports_before(self) -> list[int]:
         """Where the parts listened in the last run; nothing when there was none."""
@@ -119,7 +126,7 @@ class System:
             before = Addresses.read(self.data, LAST_FILE)
         except UsageError:
             return []
-        places = (before.repository, before.registry, before.task_manager, f"//{before.simulator or before.world}")
+        places = (before.repository, before.registry, before.task_manager, f"//{before.simulator or before.world}", before.gui or "")
         return [urlsplit(place).port or 0 for place in places]
 
     async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
@@ -164,7 +171,7 @@ class System:
     async def stop(self) -> None:
         """End all programs, devices first, so that they can take their leave."""
         running = [program for program in reversed(self.programs.values()) if program.process.returncode is None]
-        core = {"repository", "registry", "task-manager", "simulator", "world"}
+        core = {"repository", "registry", "task-manager", "simulator", "world", "gui"}
         for group in ([p for p in running if p.name not in core], [p for p in running if p.name in core]):
             for program in group:
                 with contextlib.suppress(ProcessLookupError):  # it has ended, and nobody noticed yet

@@ -1,0 +1,50 @@
+"""Why an operation was not carried out, as the API and the pages say it."""
+
+from __future__ import annotations
+
+import msgspec
+
+from somrs.app.wire import Unanswered
+from somrs.errors import FormulaError, InputError, SomrsError
+
+
+class NotFound(InputError):
+    """There is no such thing."""
+
+
+class Trouble(msgspec.Struct, frozen=True, kw_only=True):
+    """Why an operation was not carried out; nothing was changed. `problem` is for people, and says what to do next. `position`: where in
+    the formula, counted from 0; `problems`: each by itself, when there are several."""
+
+    problem: str
+    problems: tuple[str, ...] = ()
+    position: int | None = None
+    hint: str = ""
+
+
+REFUSALS = {
+    400: "What was asked is not right: what, and what to do",
+    404: "There is no such thing",
+    409: "It cannot be done as things are now",
+    503: "A part of the system does not answer; try again",
+}
+"""By HTTP status."""
+
+
+def status(error: SomrsError) -> int:
+    """The HTTP status that says of which sort the error is."""
+    match error:
+        case Unanswered():
+            return 503
+        case NotFound():
+            return 404
+        case InputError():
+            return 400
+        case _:
+            return 409
+
+
+def trouble(error: SomrsError) -> Trouble:
+    if isinstance(error, FormulaError):
+        return Trouble(problem=error.problem, position=error.position, hint=error.hint)
+    return Trouble(problem=str(error), problems=tuple(str(error).splitlines()))

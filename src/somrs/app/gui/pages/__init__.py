@@ -1,0 +1,1 @@
+"""The pages, one module each. `register(desk)` of a module puts it at its path."""

@@ -1,0 +1,15 @@
+"""New task."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from somrs.app.desk.desk import Desk
+from somrs.app.gui.shell import page
+
+
+def register(desk: Desk) -> None:
+    @ui.page("/define")
+    async def show() -> None:
+        with page("New task", "/define"):
+            ui.label("New task").classes("somrs-title")

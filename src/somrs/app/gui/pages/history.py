@@ -1,0 +1,15 @@
+"""History."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from somrs.app.desk.desk import Desk
+from somrs.app.gui.shell import page
+
+
+def register(desk: Desk) -> None:
+    @ui.page("/history")
+    async def show() -> None:
+        with page("History", "/history"):
+            ui.label("History").classes("somrs-title")

@@ -1,0 +1,15 @@
+"""Map."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from somrs.app.desk.desk import Desk
+from somrs.app.gui.shell import page
+
+
+def register(desk: Desk) -> None:
+    @ui.page("/map")
+    async def show() -> None:
+        with page("Map", "/map"):
+            ui.label("Map").classes("somrs-title")

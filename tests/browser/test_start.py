@@ -1,0 +1,36 @@
+"""The first page, and what all pages have in common."""
+
+from __future__ import annotations
+
+import json
+import urllib.request
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page
+
+from .conftest import Running, shoot
+
+PLACES = ["Map", "Ontology", "New task", "Tasks", "Fleet", "History"]
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("size", ["1280", "1920", "820"])
+def test_every_page_is_one_click_away(system: Running, window: Callable[..., Page], size: str, dark: bool) -> None:
+    page = window(system.url, size, dark=dark)
+    for place in PLACES:
+        page.get_by_role("navigation").get_by_role("link", name=place).click()
+        page.wait_for_url("**/" + {"New task": "define"}.get(place, place.lower()))
+        assert page.get_by_role("navigation").locator("[aria-current=page]").get_attribute("aria-label") == place
+        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), f"{place} is wider than the window"
+        page.wait_for_load_state("networkidle")
+        shoot(page, f"{place.lower().replace(' ', '-')}-{size}-{'dark' if dark else 'light'}")
+
+
+def test_the_api_describes_itself(system: Running, window: Callable[..., Page]) -> None:
+    page = window(f"{system.url}/api/")
+    page.get_by_text("/map/query").first.wait_for()
+    with urllib.request.urlopen(f"{system.url}/api/openapi.json") as answer:
+        described = json.load(answer)
+    assert described["openapi"].startswith("3.1")
+    assert all(one["summary"] for path in described["paths"].values() for one in path.values())
