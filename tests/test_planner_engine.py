@@ -51,7 +51,8 @@ def tower(count: int) -> Problem:
     return Problem(ontology=upper(), map=map, goal=parse(goal), services=(Available(STACK, ("Robot1",)), Available(UNSTACK, ("Robot1",))))
 
 
-ENGINES = {entrant.name: entrant for entrant in entrants()}
+ENGINES = {entrant.name: entrant for entrant in entrants() if entrant.name != "counting"}
+"""Those that find plans."""
 
 
 @needs_engine

@@ -1,8 +1,8 @@
 """Whom the planner asks when a task needs more than a moment's search: engines in processes of their own, side by side.
 
 Fast Downward (https://www.fast-downward.org) is under the GPL: it is called, never imported. It searches; beside it a SAT solver
-looks for plans in which agents act at the same time (`engine_sat.py`), which is another way to be good. Each works without the
-other, and everything but hard planning without both.
+looks for plans in which agents act at the same time (`engine_sat.py`), which is another way to be good; and counting shows of some tasks
+that there is no plan (`engine_equation.py`). Each works without the others, and everything but hard planning without all of them.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ UNSOLVABLE = frozenset({11, 12})
 searches too, but those used here are complete."""
 FIRST = 0.25
 """The part of the time after which the first search makes room: most that it finds it finds within seconds."""
+
+BRIEF = 0.1
+"""The part of the time that counting has; where it shows anything, it mostly takes a second."""
 
 _ESTIMATES = """let(landmarks, eval_modify_costs(landmark_sum(lm_factory=lm_reasonable_orders_hps(lm_rhw()), pref=true), cost_type=one),
 let(ff, eval_modify_costs(ff(), cost_type=one), {}))"""
@@ -103,7 +106,7 @@ def entrants() -> list[Entrant]:
     found = driver()
     searches = [_searching(found, "estimates", THREE, FIRST), _searching(found, "exploring", EXPLORING, 1.0)] if found else []
     solvers = [_solving("glucose4", 0, SPARE), _solving("glucose4", 1, SPARE)] if importlib.util.find_spec("pysat") is not None else []
-    return [*searches[:1], *solvers, *searches[1:]]
+    return [*searches[:1], *_counting(), *solvers, *searches[1:]]
 
 
 def driver() -> Path | None:
@@ -120,6 +123,16 @@ def _searching(program: Path, name: str, search: str, share: float) -> Entrant:
         return [str(program), "--internal-plan-file", str(plan), "--search", search.replace("\n", " ")]
 
     return Entrant(name=name, command=command, share=share, proves=UNSOLVABLE)
+
+
+def _counting() -> list[Entrant]:
+    if importlib.util.find_spec("scipy") is None:
+        return []
+
+    def command(task: Path, plan: Path) -> list[str]:
+        return [sys.executable, "-m", "somrs.app.engine_equation", str(task)]
+
+    return [Entrant(name="counting", command=command, share=BRIEF, proves=UNSOLVABLE)]
 
 
 def _solving(solver: str, more: int, growth: float, *how: str) -> Entrant:
