@@ -114,6 +114,34 @@ def test_a_page_fits_a_message_and_a_record_that_does_not_comes_in_parts(db: sql
     assert not any(record.messages or record.events or record.contracts for record in brief)
 
 
+def test_it_is_known_how_work_ended_before_it_was_undone(recovered: TaskRecord) -> None:
+    first, second = recovered.work
+    assert (first.result, second.result) == (State.FAILED, State.COMPLETED)
+    assert first.ended is not None
+    assert second.ended is not None
+    assert first.began < first.ended <= second.began < second.ended <= recovered.ended_at
+
+
+def test_tasks_are_found_by_what_was_wished_for_and_by_who_worked(db: sqlite3.Connection, recovered: TaskRecord) -> None:
+    other = structs.replace(numbered(recovered, 2, 2.0), effect="Cup_1 isOn Table001", work=recovered.work[:1])
+    for record in (one := numbered(recovered, 1, 1.0), other):
+        archive.keep(record, db)
+    device, _, service = recovered.work[1].service.partition(".")
+    for wanted, expected in (
+        (ReadRecords(text="CUP_1"), [other]),
+        (ReadRecords(text="Cup%"), []),
+        (ReadRecords(service=device), [one]),
+        (ReadRecords(service=f"{device}.{service}"), [one]),
+        (ReadRecords(service=recovered.work[0].service), [other, one]),
+        (ReadRecords(service=device[:-1]), []),
+        (ReadRecords(service="Robot3"), []),
+    ):
+        found, pages = read(db, wanted)
+        assert found == expected, wanted
+        assert pages[0].total == len(expected)
+    assert {contract.service for contract in recovered.contracts} > {work.service for work in recovered.work}, "Robot3 was only asked"
+
+
 def test_what_is_asked_for_is_what_comes(db: sqlite3.Connection, recovered: TaskRecord) -> None:
     outcomes = [*Outcome] * 4
     kept = [numbered(recovered, number, float(number), outcome) for number, outcome in enumerate(outcomes)]

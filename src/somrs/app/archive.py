@@ -33,6 +33,10 @@ LISTS = ("steps", "work", "contracts", "events", "messages")
 LONG = ("contracts", "events", "messages")
 """Those that are left out of a brief record."""
 
+WORKED = """instr(document, ?) > 0 AND EXISTS (SELECT 1 FROM json_each(document, '$.work') AS one
+  WHERE json_extract(one.value, '$.service') = ? OR instr(json_extract(one.value, '$.service'), ?) = 1)"""
+"""Whether a service, or one of a device, did something. Documents in which its name does not even stand are not taken apart."""
+
 _RECORD = msgspec.json.Decoder(TaskRecord)
 
 
@@ -71,6 +75,12 @@ def _condition(wanted: ReadRecords) -> tuple[str, list[object]]:
     if wanted.outcome is not None:
         parts.append("outcome = ?")
         values.append(wanted.outcome.value)
+    if wanted.text:
+        parts.append("instr(lower(effect), lower(?)) > 0")
+        values.append(wanted.text)
+    if wanted.service:
+        parts.append(WORKED)
+        values += [f'"service":"{wanted.service}', wanted.service, f"{wanted.service}."]
     return " AND ".join(parts), values
 
 

@@ -51,7 +51,7 @@ TASK_COLUMNS = (
     "task", "effect", "outcome", "explanation", "submitted_at", "ended_at", "seconds", "client", "precondition", "policy", "deadline",
     "steps", "work", "completed", "compensated", "stranded", "setbacks", "price", "currency",
 )  # fmt: skip
-TIMES = frozenset(("at", "began", "valid_until", "submitted_at", "ended_at"))
+TIMES = frozenset(("at", "began", "ended", "valid_until", "submitted_at", "ended_at"))
 """Columns that are moments, written as ISO 8601 in UTC."""
 
 _PARTS: Mapping[Table, tuple[type[msgspec.Struct], Callable[[TaskRecord], Iterable[msgspec.Struct]]]] = {

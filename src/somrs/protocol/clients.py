@@ -85,8 +85,8 @@ class StepView(Struct, frozen=True, kw_only=True):
 
 class WorkView(Struct, frozen=True, kw_only=True):
     """What a service did, or began to do, in a task. `state` is what became of it in the end: Completed, Failed, Stopped,
-    Unreachable, or, once it had to be undone, Compensated or Stranded. `situation` is what it left; `before` what its undoing
-    restores."""
+    Unreachable, or, once it had to be undone, Compensated or Stranded; `result` how it ended before that, and `ended` when.
+    `situation` is what it left; `before` what its undoing restores."""
 
     step: str
     service: str
@@ -97,6 +97,8 @@ class WorkView(Struct, frozen=True, kw_only=True):
     situation: str | None = None
     before: str | None = None
     note: str = ""
+    result: State | None = None
+    ended: float | None = None
 
 
 class TaskView(Struct, frozen=True, kw_only=True):
@@ -242,7 +244,8 @@ class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
 
 class ReadRecords(Struct, frozen=True, kw_only=True, tag=True):
     """Tasks that are over, the latest first, up to `limit`: those that ended at `since` or later, with this `outcome`, whose id is
-    `task` or begins so (without `urn:uuid:`, if one likes). `behind`: those behind this one in that order. `brief`: without
+    `task` or begins so (without `urn:uuid:`, if one likes), with this `text` in what was wished for, whatever its case, and in which
+    this `service`, or a service of this device, did something. `behind`: those behind this one in that order. `brief`: without
     contracts, events and messages. `after`: of a record's steps, work, contracts, events and messages, in this order, those behind
     the first so many."""
 
@@ -253,6 +256,8 @@ class ReadRecords(Struct, frozen=True, kw_only=True, tag=True):
     limit: int = 20
     brief: bool = False
     after: int = 0
+    text: str | None = None
+    service: str | None = None
 
 
 class Records(Struct, frozen=True, kw_only=True, tag=True):

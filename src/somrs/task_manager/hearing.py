@@ -144,6 +144,7 @@ class Hearing:
         if run is not None:
             run.progress = Progress.REPORTING
         if (work := self._owner.ledger.of(member)) is not None:
+            work.end(member.state, now)
             if member.state is not State.STRANDED and work.state not in (State.COMPENSATED, State.STRANDED):
                 work.state = member.state
             work.situation = situation or work.situation
@@ -180,7 +181,7 @@ class Hearing:
         if trouble is not None and not compensated and not called_off:
             self._owner.offered.failed(member.offer.service, trouble)
             if work is not None and work.state is State.COMPLETED:
-                work.state, work.note = State.FAILED, trouble  # its report was impossible
+                work.state, work.result, work.note = State.FAILED, State.FAILED, trouble  # its report was impossible
         elif member.state is State.COMPLETED:
             self._owner.offered.completed(member.offer.service)
         pursuit, run = self._at(member)
@@ -219,6 +220,7 @@ class Hearing:
         self._owner.tell(now, f"{member.offer.service} {reason}; nothing is known of what it left", run, EventKind.SETBACK)
         self._owner.offered.lost(member.offer.service, reason)
         if (work := self._owner.ledger.of(member)) is not None:
+            work.end(State.UNREACHABLE, now)
             work.state, work.note = State.UNREACHABLE, reason
             self._owner.looks.want(work)
         if pursuit is not None and run is not None:

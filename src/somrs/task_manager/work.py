@@ -37,6 +37,9 @@ class Work:
     concerned: tuple[str, ...] = ()
     """The objects that the step changes."""
     state: State = State.EXECUTING
+    result: State | None = None
+    """How it ended, whatever was done about that later."""
+    ended: float | None = None
     situation: str | None = None
     note: str = ""
     undoes: bool = False
@@ -54,6 +57,11 @@ class Work:
         """Whether the client of a task that was not accomplished has to know what became of it."""
         return self.service_type.kind is ServiceKind.PHYSICAL and not self.taken_over and not self.undoes
 
+    def end(self, result: State, now: float) -> None:
+        """It is over; what is heard of it later is of its undoing."""
+        if self.result is None:
+            self.result, self.ended = result, now
+
     def is_told_of_by(self, situation: Formula) -> bool:
         """Whether it says anything of the objects that the step changes."""
         return not set(self.concerned).isdisjoint(names(situation))
@@ -66,6 +74,8 @@ class Work:
             inputs={name: str(term) for name, term in self.step.inputs.items()},
             began=self.began,
             state=self.state,
+            result=self.result,
+            ended=self.ended,
             situation=self.situation,
             before=str(self.before) if self.before is not None else None,
             note=self.note,
