@@ -9,17 +9,13 @@ above, from whatever stands 0 to 1.2 m high, in any direction around the base, a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from somrs.devices.simulator.dimensions import FINGER, OPENING, Dimensions, dimensions_of
 from somrs.devices.simulator.solids import Solid
 
-FINGER = 0.11
-"""Length of the fingers, m."""
-OPENING = 0.085
-"""How far from the middle each finger goes, m."""
 GROUND = 0.02
 """How far the base's collision body hovers above the floor, m."""
 LIFT_TOP = 1.75
@@ -29,47 +25,6 @@ STATIC_BIT, ROBOT_BIT, THING_BIT = 1, 2, 4
 DARK, STEEL, RUBBER, TIP = (0.13, 0.14, 0.16, 1), (0.72, 0.74, 0.77, 1), (0.06, 0.06, 0.07, 1), (0.95, 0.55, 0.1, 1)
 JOINTS = ("x", "y", "yaw", "turret", "lift", "reach", "wrist", "left", "right")
 BASE_JOINTS = JOINTS[:3]
-
-
-@dataclass(frozen=True, slots=True)
-class Dimensions:
-    """Lengths of a robot that follow from the radius and the height of its base, m."""
-
-    base: float
-    height: float
-    gripper: bool
-
-    @property
-    def radius(self) -> float:
-        """Of the circle that holds the robot when its boom is drawn in."""
-        return self.base + (0.05 if self.gripper else 0.0)
-
-    @property
-    def hang(self) -> float:
-        """From the boom down to the finger tips: the boom clears the base when the tips are at the floor."""
-        return self.height + 0.03
-
-    @property
-    def nearest(self) -> float:
-        """The least distance of the hand from the turret's axis at which it can go down beside the base."""
-        return self.base + 0.14
-
-    @property
-    def farthest(self) -> float:
-        return self.base + 0.42
-
-    @property
-    def drawn_in(self) -> float:
-        return 0.45 * self.base
-
-    @property
-    def clear(self) -> float:
-        """How high the finger tips are when they pass above the base."""
-        return self.height + 0.04
-
-
-def dimensions_of(solid: Solid) -> Dimensions:
-    return Dimensions(solid.extent, solid.height, solid.gripper)
 
 
 def add_robot(spec: mujoco.MjSpec, solid: Solid, colour: tuple[float, float, float, float]) -> None:

@@ -7,8 +7,8 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
-from somrs.devices.simulator.chassis import FINGER, OPENING
 from somrs.devices.simulator.commands import Fault
+from somrs.devices.simulator.dimensions import FINGER, OPENING
 from somrs.devices.simulator.driving import PATIENCE, ask_aside, drive_to
 from somrs.devices.simulator.robot import PERIOD, GivenUp, Robot, Routine, wait
 from somrs.devices.simulator.solids import Array, Point, Role, Solid

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping
 
-from somrs.devices.simulator.chassis import Dimensions, Joints, dimensions_of
+from somrs.devices.simulator.chassis import Joints
 from somrs.devices.simulator.commands import Fault, RobotState
+from somrs.devices.simulator.dimensions import Dimensions, dimensions_of
 from somrs.devices.simulator.navigation import Navigator
 from somrs.devices.simulator.scene import Scene
 from somrs.devices.simulator.solids import Point, Solid

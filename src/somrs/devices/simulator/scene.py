@@ -11,8 +11,9 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
-from somrs.devices.simulator.chassis import Joints, dimensions_of
+from somrs.devices.simulator.chassis import Joints
 from somrs.devices.simulator.commands import Seen
+from somrs.devices.simulator.dimensions import dimensions_of
 from somrs.devices.simulator.solids import Array, Role, Solid
 from somrs.devices.simulator.world import World, build
 from somrs.errors import SimulationError

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 import mujoco
 
 from somrs.devices.simulator.chassis import ROBOT_BIT, STATIC_BIT, THING_BIT, add_robot
-from somrs.devices.simulator.looks import add_surroundings, colour_of, draw
+from somrs.devices.simulator.colours import colour_of
+from somrs.devices.simulator.looks import add_surroundings, draw
 from somrs.devices.simulator.solids import Point, Role, Solid, solid_of
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
