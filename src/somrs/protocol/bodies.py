@@ -18,12 +18,13 @@ KnowledgeBody = (
     knowledge.ReadOntology | knowledge.OntologyPage | knowledge.Define | knowledge.Defined | knowledge.ReadMap
     | knowledge.MapPage | knowledge.QueryMap | knowledge.Rows | knowledge.UpdateMap | knowledge.Updated
     | knowledge.Rejected | knowledge.ReadHistory | knowledge.History | knowledge.SubscribeMap | knowledge.MapSubscribed
-    | knowledge.MapChanged | knowledge.OntologyChanged
+    | knowledge.MapChanged | knowledge.OntologyChanged | knowledge.RenameObject | knowledge.Undo | knowledge.Consider
+    | knowledge.Considered | knowledge.ReadEvents | knowledge.Events
 )  # fmt: skip
 ClientBody = (
     clients.Submit | clients.Submitted | clients.TaskRejected | clients.CancelTask | clients.Cancelling
     | clients.ReadTasks | clients.Tasks | clients.WatchTask | clients.TaskNews | clients.Preview | clients.Previewed
-    | clients.ReadRecords | clients.Records
+    | clients.ReadRecords | clients.Records | clients.WatchTasks | clients.TasksNews | clients.ReadMessages | clients.Messages
 )  # fmt: skip
 Body = FrpBody | DirectoryBody | KnowledgeBody | ClientBody
 
@@ -38,7 +39,11 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     knowledge.ReadMap: (knowledge.MapPage,),
     knowledge.QueryMap: (knowledge.Rows,),
     knowledge.UpdateMap: (knowledge.Updated, knowledge.Rejected),
+    knowledge.RenameObject: (knowledge.Updated, knowledge.Rejected),
+    knowledge.Undo: (knowledge.Updated, knowledge.Rejected),
+    knowledge.Consider: (knowledge.Considered,),
     knowledge.ReadHistory: (knowledge.History,),
+    knowledge.ReadEvents: (knowledge.Events,),
     knowledge.SubscribeMap: (knowledge.MapSubscribed,),
     clients.Submit: (clients.Submitted, clients.TaskRejected),
     clients.CancelTask: (clients.Cancelling,),
@@ -46,6 +51,8 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     clients.WatchTask: (clients.TaskNews,),
     clients.Preview: (clients.Previewed,),
     clients.ReadRecords: (clients.Records,),
+    clients.WatchTasks: (clients.TasksNews,),
+    clients.ReadMessages: (clients.Messages,),
     frp.Query: (frp.Status,),
 }
 """What is always answered, and by what; a Fault besides. All else is one-way."""

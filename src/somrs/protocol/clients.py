@@ -39,7 +39,8 @@ class Phase(StrEnum):
 class Submit(Struct, frozen=True, kw_only=True, tag=True):
     """A task: make `effect` true. `precondition` is the initial situation, if the client wants to state it. `deadline` in
     seconds from now. `time_value`: what a second is worth, in the currency of the terms, for the weighted policy. `handlers`
-    go before those that come with service types."""
+    go before those that come with service types. `priority`: of tasks that wait for the same things, or for the same devices,
+    the one with the higher number goes first; what is under way is not interrupted."""
 
     effect: str
     precondition: str | None = None
@@ -47,6 +48,7 @@ class Submit(Struct, frozen=True, kw_only=True, tag=True):
     time_value: float = 0.01
     deadline: float | None = None
     handlers: tuple[Handler, ...] = ()
+    priority: int = 0
 
 
 class Submitted(Struct, frozen=True, kw_only=True, tag=True):
@@ -102,6 +104,8 @@ class WorkView(Struct, frozen=True, kw_only=True):
 
 
 class TaskView(Struct, frozen=True, kw_only=True):
+    """A task as it is: what was wanted by whom, how far it is, and what was done. `deadline` in seconds from `submitted_at`."""
+
     task: str
     effect: str
     phase: Phase
@@ -112,6 +116,33 @@ class TaskView(Struct, frozen=True, kw_only=True):
     steps: tuple[StepView, ...] = ()
     work: tuple[WorkView, ...] = ()
     """All that services did, in the order in which they began, in this plan and those before."""
+    client: str = ""
+    precondition: str | None = None
+    policy: Policy = Policy.PRICE
+    time_value: float = 0.01
+    deadline: float | None = None
+    handlers: tuple[Handler, ...] = ()
+    priority: int = 0
+
+
+class TaskRow(Struct, frozen=True, kw_only=True):
+    """A task in a list. `fraction`: how much of its plan is done, by the number of steps; `setbacks`: how often something went wrong."""
+
+    task: str
+    effect: str
+    phase: Phase
+    submitted_at: float
+    outcome: Outcome | None = None
+    ended_at: float | None = None
+    explanation: str = ""
+    client: str = ""
+    priority: int = 0
+    steps: int = 0
+    done: int = 0
+    fraction: float = 0.0
+    setbacks: int = 0
+    services: tuple[str, ...] = ()
+    """Those that are at work now."""
 
 
 class ReadTasks(Struct, frozen=True, kw_only=True, tag=True):
@@ -127,6 +158,24 @@ class Tasks(Struct, frozen=True, kw_only=True, tag=True):
     """`more`: there are older ones. A page ends early when it becomes too long for a message."""
 
     tasks: tuple[TaskView, ...]
+    more: bool = False
+
+
+class WatchTasks(Struct, frozen=True, kw_only=True, tag=True):
+    """Answer as soon as a task changed after the change of number `after`, or there is a new one; at the latest after `wait` seconds."""
+
+    after: int = 0
+    wait: float = 20.0
+
+
+class TasksNews(Struct, frozen=True, kw_only=True, tag=True):
+    """Those that changed, as they are now, in the order in which they did. `version`: the number of the last of these changes; ask for
+    those after it. `more`: there are some already. `begun`: since when tasks are known here; when that is another than before, what was
+    heard before is out of date."""
+
+    rows: tuple[TaskRow, ...]
+    version: int
+    begun: float
     more: bool = False
 
 
@@ -163,39 +212,10 @@ class TaskEvent(Struct, frozen=True, kw_only=True):
     kind: EventKind = EventKind.NEWS
 
 
-class WatchTask(Struct, frozen=True, kw_only=True, tag=True):
-    """Answer as soon as there is an event behind number `after`, at the latest after `wait` seconds."""
-
-    task: str
-    after: int = 0
-    wait: float = 20.0
-
-
-class TaskNews(Struct, frozen=True, kw_only=True, tag=True):
-    """`more`: there are events behind these already."""
-
-    view: TaskView
-    events: tuple[TaskEvent, ...]
-    more: bool = False
-
-
-class Preview(Struct, frozen=True, kw_only=True, tag=True):
-    """Plan, but do not arrange."""
-
-    effect: str
-    precondition: str | None = None
-
-
-class Previewed(Struct, frozen=True, kw_only=True, tag=True):
-    """The steps of the plan; or none, and why there is none."""
-
-    steps: tuple[StepView, ...]
-    explanation: str = ""
-
-
 class ContractView(Struct, frozen=True, kw_only=True):
-    """A participant of a task that is over: the service, the step, the terms that it gave, whether they were accepted, and the state
-    it was in at the end; if it had left before (Ended), the reason."""
+    """A participant of a task: the service, the step, the terms that it gave, whether they were accepted, and the state that it is in, or
+    was in when the task ended; if it left before (Ended), the reason, such as that another was chosen. `start`, `finish`: from when
+    until when it would do the step, or is to do it, as was known when terms were chosen."""
 
     participant: str
     service: str
@@ -207,6 +227,81 @@ class ContractView(Struct, frozen=True, kw_only=True):
     duration: float | None = None
     valid_until: float | None = None
     reason: str = ""
+    start: float | None = None
+    finish: float | None = None
+
+
+class WatchTask(Struct, frozen=True, kw_only=True, tag=True):
+    """Answer as soon as there is an event behind number `after`, at the latest after `wait` seconds. With `messages`, also as soon as
+    there are more messages of the protocol than so many; with `contracts`, also as soon as one changed after the change of that number.
+    `parts`: of the view's steps and work, in this order, those behind the first so many."""
+
+    task: str
+    after: int = 0
+    wait: float = 20.0
+    messages: int | None = None
+    contracts: int | None = None
+    parts: int = 0
+
+
+class TaskNews(Struct, frozen=True, kw_only=True, tag=True):
+    """`more`: there are events, or contracts, behind these already. `rest`: the view is too long for one message; ask again for its
+    `parts` behind so many. `messages`: how many there are. `contracts`: those that changed, if they were asked for, and `contracts_at` the
+    number of the last of these changes. Of a task that is over, its record has contracts and messages."""
+
+    view: TaskView
+    events: tuple[TaskEvent, ...]
+    more: bool = False
+    messages: int = 0
+    contracts: tuple[ContractView, ...] = ()
+    contracts_at: int = 0
+    rest: int | None = None
+
+
+class Preview(Struct, frozen=True, kw_only=True, tag=True):
+    """Plan, but do not carry it out. With `quotes`, services are asked for their terms, too, which nobody accepts; the best are chosen as
+    they would be in a task with this `policy`, `time_value` and `deadline`."""
+
+    effect: str
+    precondition: str | None = None
+    quotes: bool = False
+    policy: Policy = Policy.PRICE
+    time_value: float = 0.01
+    deadline: float | None = None
+    priority: int = 0
+
+
+class Quotation(Struct, frozen=True, kw_only=True):
+    """What a service answered when it was asked for a step: its terms, or (`reason`) why it gave none. `start` and `finish` in seconds from
+    the preview. `chosen`: it would get the step. `estimate`: it was not asked now; this is what it asked last."""
+
+    step: str
+    service: str
+    price: float | None = None
+    currency: str = "EUR"
+    duration: float | None = None
+    start: float | None = None
+    finish: float | None = None
+    chosen: bool = False
+    estimate: bool = False
+    reason: str = ""
+
+
+class Previewed(Struct, frozen=True, kw_only=True, tag=True):
+    """The steps of the plan; or none, and why there is none. `waits`: a task would wait for others first, and for whom. With quotes: what
+    services answered, in the order of the steps; the `price` of all steps together, and in how many `seconds` the last of them would be
+    done; None where nobody offers a step (`unserved`: which, and why), or in several currencies."""
+
+    steps: tuple[StepView, ...]
+    explanation: str = ""
+    waits: str = ""
+    quotations: tuple[Quotation, ...] = ()
+    price: float | None = None
+    currency: str = "EUR"
+    seconds: float | None = None
+    estimate: bool = False
+    """Some of the figures are estimates."""
+    unserved: dict[str, str] = {}
 
 
 class MessageView(Struct, frozen=True, kw_only=True):
@@ -220,6 +315,20 @@ class MessageView(Struct, frozen=True, kw_only=True):
     id: str
     relates_to: str | None
     body: str
+
+
+class ReadMessages(Struct, frozen=True, kw_only=True, tag=True):
+    """The messages of a task, whether it runs or is over, behind the first `after`, in the order in which they passed."""
+
+    task: str
+    after: int = 0
+
+
+class Messages(Struct, frozen=True, kw_only=True, tag=True):
+    """`more`: there are some behind these already."""
+
+    messages: tuple[MessageView, ...]
+    more: bool = False
 
 
 class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
@@ -240,6 +349,9 @@ class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
     contracts: tuple[ContractView, ...] = ()
     events: tuple[TaskEvent, ...] = ()
     messages: tuple[MessageView, ...] = ()
+    priority: int = 0
+    time_value: float = 0.01
+    handlers: tuple[Handler, ...] = ()
 
 
 class ReadRecords(Struct, frozen=True, kw_only=True, tag=True):

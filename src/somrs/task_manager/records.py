@@ -37,6 +37,9 @@ def record(transaction: Transaction) -> TaskRecord:
         contracts=tuple(_contract(member) for member in transaction.participants),
         events=tuple(transaction.events),
         messages=tuple(_message(at, message) for at, message in transaction.messages),
+        priority=task.priority,
+        time_value=task.time_value,
+        handlers=task.handlers,
     )
 
 

@@ -37,6 +37,13 @@ def view(transaction: Transaction) -> TaskView:
         explanation=transaction.explanation or transaction.wish.waits,
         steps=tuple(_run_view(workflow.plan, run) for run in workflow) if workflow is not None else (),
         work=tuple(work.view() for work in transaction.ledger),
+        client=transaction.client,
+        precondition=transaction.task.precondition,
+        policy=transaction.task.policy,
+        time_value=transaction.task.time_value,
+        deadline=transaction.task.deadline,
+        handlers=transaction.task.handlers,
+        priority=transaction.task.priority,
     )
 
 
