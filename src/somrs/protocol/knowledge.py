@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
+from somrs.ontology.naming import Named, Renaming
 from somrs.ontology.objects import Change, Fact, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, RelationType
@@ -45,33 +46,49 @@ def by_kind(definitions: Iterable[Definition]) -> Definitions:
 
 
 class ReadOntology(Struct, frozen=True, kw_only=True, tag=True):
-    """A page of definitions, starting behind the first `after`."""
+    """A page of definitions, starting behind the first `after`; as they are now, or as they were `at_version`."""
 
     after: int = 0
+    at_version: int | None = None
 
 
 class OntologyPage(Struct, frozen=True, kw_only=True, tag=True):
+    """`changed_at` is the version in which the ontology changed last: pages with others in it do not belong together."""
+
     definitions: Definitions
     version: int
     next: int
     more: bool
+    changed_at: int = 0
 
 
 class Define(Struct, frozen=True, kw_only=True, tag=True):
-    """Add definitions, or replace those of the same names. All or nothing: the map must still conform."""
+    """Change the ontology. First, definitions are `renamed`, everywhere where they are spoken of, on the map too; then some are
+    `removed`; then `definitions` are added, or replace those of the same names: they use the new names.
 
-    definitions: Definitions
+    All or nothing: the ontology must make sense, and the map must conform. `expected_version`: only if none of the definitions of which
+    it says something changed after that version.
+    """
+
+    definitions: Definitions = Definitions()
     author: str = ""
+    removed: tuple[Named, ...] = ()
+    renamed: tuple[Renaming, ...] = ()
+    expected_version: int | None = None
 
 
 class Defined(Struct, frozen=True, kw_only=True, tag=True):
+    """On disk. `version` is the version with the change in it."""
+
     version: int
 
 
 class ReadMap(Struct, frozen=True, kw_only=True, tag=True):
-    """A page of objects in the order of their names, with the facts whose first argument is on the page."""
+    """A page of objects in the order of their names, with the facts whose first argument is on the page; as it is now, or as it
+    was `at_version`."""
 
     after: str = ""
+    at_version: int | None = None
 
 
 class MapPage(Struct, frozen=True, kw_only=True, tag=True):
@@ -118,11 +135,66 @@ class Updated(Struct, frozen=True, kw_only=True, tag=True):
     version: int
 
 
+class RenameObject(Struct, frozen=True, kw_only=True, tag=True):
+    """Give an object of the map another name, everywhere where it is spoken of: in facts, and in the ontology. All or nothing.
+    `expected_version`: only if it did not change after that version."""
+
+    name: str
+    to: str
+    author: str = ""
+    expected_version: int | None = None
+
+
+class Undo(Struct, frozen=True, kw_only=True, tag=True):
+    """Bring back what a version changed, if nothing changed it since. That is a change like any other, and can be undone itself."""
+
+    version: int
+    author: str = ""
+
+
+class BrokenRule(Struct, frozen=True, kw_only=True):
+    """What is wrong, and where. `subject` is what `section` names: a definition, an object, or a fact; `path` is the attribute or key in
+    it that is at fault."""
+
+    subject: str
+    rule: str
+    message: str
+    path: str = ""
+    section: str = "objects"
+
+
 class Rejected(Struct, frozen=True, kw_only=True, tag=True):
-    """Nothing was changed, and why. `version`: that of the map on which that was found out."""
+    """Nothing was changed, and why: for people, and each by what it concerns. `version`: that of the map on which that was found out."""
 
     problems: tuple[str, ...]
     version: int | None = None
+    broken: tuple[BrokenRule, ...] = ()
+
+
+class Consider(Struct, frozen=True, kw_only=True, tag=True):
+    """What would come of a change, if it were made now? Nothing is changed."""
+
+    change: Define | UpdateMap | RenameObject | Undo
+
+
+class Revision(Struct, frozen=True, kw_only=True):
+    """What a change does to an ontology: the definitions that it changes, as they are before it and after it. What is in one of the
+    two only is removed or added, or has another name in the other."""
+
+    before: Definitions = Definitions()
+    after: Definitions = Definitions()
+
+
+class Considered(Struct, frozen=True, kw_only=True, tag=True):
+    """What would come of the change: the rules that would be `broken`, so that it would be rejected; what it would change in the
+    ontology; and how it would change the map. Of what is too long for a message, the first is told, and how many there are."""
+
+    version: int
+    broken: tuple[BrokenRule, ...] = ()
+    revision: Revision | None = None
+    changes: tuple[Change, ...] = ()
+    all_broken: int = 0
+    all_changes: int = 0
 
 
 class ReadHistory(Struct, frozen=True, kw_only=True, tag=True):
@@ -133,17 +205,46 @@ class ReadHistory(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Event(Struct, frozen=True, kw_only=True):
-    """One update of the map: who, when (seconds since 1970), which changes."""
+    """One change of the map or the ontology: who, when (seconds since 1970), which changes of the map, and which `revision` of the
+    ontology. `renamed`: what has another name since; `undoes`: the version that it undid.
+
+    Whoever asks what happened hears more: `before` are the changes that lead back, in order; and of what is too long for a message, the
+    first `changes` are told (and `before`, and the `revision`, left out), and how many there are in `all_changes`.
+    """
 
     version: int
     at: float
     author: str
     changes: tuple[Change, ...]
+    revision: Revision | None = None
+    renamed: tuple[Renaming, ...] = ()
+    undoes: int | None = None
+    before: tuple[Change, ...] = ()
+    all_changes: int | None = None
 
 
 class History(Struct, frozen=True, kw_only=True, tag=True):
     object: str
     events: tuple[Event, ...]
+
+
+class ReadEvents(Struct, frozen=True, kw_only=True, tag=True):
+    """What happened to the map and the ontology, newest first, from the version before `before`; or, with `after`, oldest first, from
+    the version behind it. `ontology`: only what changed that; `brief`: without the changes, but how many they were."""
+
+    before: int | None = None
+    after: int | None = None
+    limit: int = 100
+    ontology: bool = False
+    brief: bool = False
+
+
+class Events(Struct, frozen=True, kw_only=True, tag=True):
+    """A page of events, and whether there are more behind it. `since`: the first version at which the map is still known."""
+
+    events: tuple[Event, ...]
+    more: bool
+    since: int = 0
 
 
 class SubscribeMap(Struct, frozen=True, kw_only=True, tag=True):
@@ -164,7 +265,10 @@ class MapChanged(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class OntologyChanged(Struct, frozen=True, kw_only=True, tag=True):
-    """To subscribers: the definitions that were added or replaced."""
+    """To subscribers: the definitions that were removed (or have another name now), then those that were added or replaced; and how the
+    map changed with them. A gap between versions means that a message was lost."""
 
     definitions: Definitions
     version: int
+    removed: tuple[Named, ...] = ()
+    changes: tuple[Change, ...] = ()
