@@ -247,6 +247,18 @@ def parse(text: str) -> Formula:
     return read(text).formula
 
 
+def beginning(text: str) -> tuple[list[tuple[str, str]], frozenset[str]] | None:
+    """What the beginning of a formula is made of, each token with its kind, and the kinds of tokens that can come next (keys of
+    `EXPECTED`); None when no formula begins so."""
+    _limit_depth(text)
+    try:
+        parser = _grammar().parse_interactive(text)
+        tokens = [(token.type, str(token)) for token in parser.exhaust_lexer()]
+        return tokens, frozenset(parser.accepts())  # type: ignore[no-untyped-call]  # Lark's
+    except UnexpectedInput:
+        return None
+
+
 def parse_term(text: str) -> Term:
     """The term that `text` says. Raises FormulaError, which shows the place."""
     try:

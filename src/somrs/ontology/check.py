@@ -69,14 +69,24 @@ def check(formula: Formula | str, ontology: Ontology, map: Map | None = None, va
     its objects or a value of the attribute that it is compared with.
     """
     reading = read(formula if isinstance(formula, str) else str(formula))
+    for mistake in mistakes(reading, ontology, map, variables):
+        raise mistake
+    return reading.formula
+
+
+def mistakes(
+    reading: Reading, ontology: Ontology, map: Map | None = None, variables: Mapping[str, str] | None = None
+) -> list[FormulaError]:
+    """What does not fit in a formula that can be read, at most one of each atom; the one that `check` raises is the first."""
     checking = _Checking(reading, ontology, map, variables or {})
     checking.formula(reading.formula, checking.declared())
-    return reading.formula
+    return checking.found
 
 
 class _Checking:
     def __init__(self, reading: Reading, ontology: Ontology, map: Map | None, variables: Mapping[str, str]) -> None:
         self.reading, self.ontology, self.map, self.variables = reading, ontology, map, variables
+        self.found: list[FormulaError] = []
 
     def declared(self) -> _Scope:
         """What the formula itself and its author say of the variables."""
@@ -87,17 +97,22 @@ class _Checking:
                 seen.setdefault(term.name, (atom, term))
         for name, (atom, variable) in seen.items():
             for type_name in (self.variables.get(name), variable.type):
-                if type_name is None:
-                    continue
-                if type_name not in _VALUES and type_name != ROOT and type_name not in self.ontology.types:
-                    hint = nearest(type_name, [*self.ontology.types, *_VALUES])
-                    problem = f"there is no type {type_name}"
-                    if type_name == variable.type:
-                        raise self.reading.type_error(name, problem, hint)
-                    raise self.reading.error(atom, variable, problem, hint)
-                meaning = _Meaning(_VALUES[type_name]) if type_name in _VALUES else _Meaning(_Sort.OBJECT, type_name)
-                scope[name] = self._both(atom, variable, scope.get(name, _OPEN), meaning)
+                if type_name is not None:
+                    try:
+                        scope[name] = self._both(atom, variable, scope.get(name, _OPEN), self._declared(atom, variable, type_name))
+                    except FormulaError as error:
+                        self.found.append(error)
         return scope
+
+    def _declared(self, atom: Atom, variable: Variable, type_name: str) -> _Meaning:
+        if type_name in _VALUES:
+            return _Meaning(_VALUES[type_name])
+        if type_name != ROOT and type_name not in self.ontology.types:
+            problem, hint = f"there is no type {type_name}", nearest(type_name, [*self.ontology.types, *_VALUES])
+            if type_name == variable.type:
+                raise self.reading.type_error(variable.name, problem, hint)
+            raise self.reading.error(atom, variable, problem, hint)
+        return _Meaning(_Sort.OBJECT, type_name)
 
     def formula(self, formula: Formula, scope: _Scope) -> None:
         """Checks the parts; what one part of a conjunction says of a variable holds for the others."""
@@ -111,10 +126,18 @@ class _Checking:
                     self.formula(alternative, dict(scope))
             case Not(atom):
                 self.formula(atom, scope)
+            case Relation() | Comparison():
+                try:
+                    self._atom(formula, scope)
+                except FormulaError as error:
+                    self.found.append(error)
+
+    def _atom(self, atom: Atom, scope: _Scope) -> None:
+        match atom:
             case Relation():
-                self._relation(formula, scope)
+                self._relation(atom, scope)
             case Comparison():
-                self._comparison(formula, scope)
+                self._comparison(atom, scope)
 
     # Objects
 

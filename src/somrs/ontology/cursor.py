@@ -1,0 +1,307 @@
+"""Where one is in a formula that is being written, and what is known there. What may be written is `completion.py`'s business.
+
+Mistakes elsewhere do not matter: only the atom at the cursor is read, up to it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from enum import StrEnum
+
+from msgspec import Struct, structs
+
+from somrs.entish.parse import beginning
+from somrs.errors import FormulaError
+from somrs.ontology.objects import Map
+from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
+from somrs.ontology.values import attribute_at
+
+_LEXEME = re.compile(
+    r'(?P<text>"(?:[^"\\\n]|\\.)*")|(?P<open>")|(?P<comment>#[^\n]*)|(?P<word>\??[^\W\d][\w-]*)|(?P<number>\d[\d.]*)|(?P<sign>[()])'
+)
+_UNIT = re.compile(r"(?<![\w.?])[+-]?\d[\d.]*(?:[eE][+-]?\d+)?\s*(?P<unit>[^\W\d][\w/*^]*|[°%])$")
+_WORD = re.compile(r"(\?[^\W\d]?|[^\W\d])[\w-]*$")
+_REST = re.compile(r"[\w-]*")
+_KEYWORDS = ("AND", "OR", "NOT")
+
+Tokens = list[tuple[str, str]]
+
+
+class Spot(StrEnum):
+    """What comes at the cursor."""
+
+    NOWHERE = "nowhere"
+    """A comment, or a place where nothing fits."""
+    ATOM = "atom"
+    """The beginning of an atom."""
+    RELATION = "relation"
+    """Behind an object: a relation."""
+    OBJECT = "object"
+    """An argument of a relation or function."""
+    ATTRIBUTE = "attribute"
+    """Behind an object and a point."""
+    VALUE = "value"
+    """Behind a comparison."""
+    TERM = "term"
+    """Behind + - or *."""
+    UNIT = "unit"
+    """Behind a number."""
+    TYPE = "type"
+    """Behind a variable and a colon."""
+    VARIABLE = "variable"
+    """Behind a question mark."""
+    ON = "on"
+    """Behind what needs nothing more."""
+
+
+class Slot(Struct, frozen=True, kw_only=True):
+    """A place in a relation or function, and the type that is joined there; `relation` None: the beginning of an atom."""
+
+    relation: str | None = None
+    place: int = 0
+    type: str = ROOT
+
+
+class Cursor(Struct, frozen=True, kw_only=True):
+    """What is written from `start` to `end` is what is completed; `typed` is the part of it before the cursor.
+
+    `owner` is the type of the object before the cursor, `object` its name if it is one of the map, `path` the attribute written of it so
+    far. `compared` is the path on the other side of the comparison and `attribute` what it leads to. `inside`: `(` within
+    parentheses, `"` within a text. `comparable`, `complete`: a comparison, or AND and OR, can come next."""
+
+    spot: Spot
+    start: int
+    end: int
+    typed: str = ""
+    slot: Slot = Slot()
+    owner: str = ROOT
+    object: str | None = None
+    path: str = ""
+    compared: str = ""
+    attribute: AttributeType | None = None
+    variables: Mapping[str, str | None] = {}
+    inside: str = ""
+    comparable: bool = False
+    complete: bool = False
+
+
+def spot(text: str, at: int, ontology: Ontology, map: Map, variables: Mapping[str, str]) -> Cursor:
+    """Where `at` is in the text."""
+    before = text[:at]
+    lexemes = [*_LEXEME.finditer(before)]
+    last = lexemes[-1] if lexemes else None
+    if last is not None and last.lastgroup == "comment" and last.end() == at:
+        return Cursor(spot=Spot.NOWHERE, start=at, end=at)
+    opened = next((one for one in lexemes if one.lastgroup == "open" and "\n" not in before[one.start() :]), None)
+    unit = _UNIT.search(before)
+    if opened is not None:
+        start = opened.start()
+    elif unit is not None:
+        start = unit.start("unit")
+    else:
+        word = _WORD.search(before)
+        start = word.start() if word is not None else at
+    rest = _REST.match(text, at)
+    end = rest.end() if rest is not None and (start < at or at == 0 or not before[-1].isdigit()) else at
+    # Only a word at the cursor is replaced: `|isOn` completes what is before it.
+    end = end if start < at else at
+    known = {**dict.fromkeys(_named(text, start, end)), **variables, **_declared(text, start, ontology)}
+    placing = _Placing(ontology, map, {**known, **_inferred(text, known, ontology)})
+    found = placing.at(before[_atom(before, start) : start])
+    typed = before[start:]
+    if typed.startswith("?") and found.spot in (Spot.ATOM, Spot.OBJECT, Spot.VALUE, Spot.TERM):
+        found = _with(found, spot=Spot.VARIABLE)
+    if opened is not None:
+        found = _with(found, inside='"') if found.spot is Spot.VALUE else _with(found, spot=Spot.NOWHERE)
+        end = at
+    return _with(found, start=start, end=end, typed=typed, variables=placing.variables)
+
+
+def _with(cursor: Cursor, **changes: object) -> Cursor:
+    return structs.replace(cursor, **changes)
+
+
+def _atom(before: str, start: int) -> int:
+    """Where the atom begins in which `start` is: behind the last AND, OR, NOT or parenthesis that groups."""
+    found = 0
+    groups: list[bool] = []
+    named = False
+    for one in _LEXEME.finditer(before, 0, start):
+        if one["word"] in _KEYWORDS:
+            found, named = one.end(), False
+        elif one["sign"] == "(":
+            groups.append(not named)
+            if not named:
+                found = one.end()
+            named = False
+        elif one["sign"] == ")":
+            if groups and groups.pop():
+                found = one.start()
+            named = False
+        else:
+            # A name that a parenthesis follows is applied to what is in it.
+            named = one["word"] is not None and not one["word"].startswith("?")
+    return found
+
+
+def _named(text: str, start: int, end: int) -> list[str]:
+    """The variables of the text, but for what is being written."""
+    found = [one for one in _LEXEME.finditer(text) if (one["word"] or "").startswith("?") and len(one["word"]) > 1]
+    return [one["word"][1:] for one in found if not (one.start() == start and one.end() <= end)]
+
+
+def _declared(text: str, at: int, ontology: Ontology) -> dict[str, str]:
+    found = re.finditer(r"\?([^\W\d][\w-]*)\s*:\s*([^\W\d][\w-]*)", text)
+    return {one[1]: one[2] for one in found if one[2] in ontology.types or one[2] in ("number", "text", "truth")}
+
+
+def _inferred(text: str, known: Mapping[str, str | None], ontology: Ontology) -> dict[str, str]:
+    """What relations say of variables that have no type."""
+    found: dict[str, str] = {}
+    words = [one["word"] or one["sign"] or "" for one in _LEXEME.finditer(text)]
+    for index, word in enumerate(words):
+        relation = ontology.relations.get(word)
+        if relation is None or len(relation.joins) != 2 or not 0 < index < len(words) - 1:
+            continue
+        for other, joined in ((words[index - 1], relation.joins[0]), (words[index + 1], relation.joins[1])):
+            if other.startswith("?") and known.get(other[1:]) is None and joined != ROOT:
+                found.setdefault(other[1:], joined)
+    return found
+
+
+class _Placing:
+    """What the beginning of an atom says of what comes next."""
+
+    def __init__(self, ontology: Ontology, map: Map, variables: Mapping[str, str | None]) -> None:
+        self.ontology, self.map, self.variables = ontology, map, variables
+
+    def at(self, atom: str) -> Cursor:
+        """The cursor behind the beginning of an atom; its place in the text is not known here."""
+        if atom.lstrip().startswith(")"):
+            return Cursor(spot=Spot.ON, start=0, end=0, complete=True)
+        try:
+            read = beginning(atom)
+        except FormulaError:
+            read = None
+        if read is None:
+            return Cursor(spot=Spot.NOWHERE, start=0, end=0)
+        tokens, wanted = read
+        found = self._spot(tokens, wanted)
+        return _with(found, comparable="OPERATOR" in wanted, complete="$END" in wanted and bool(tokens))
+
+    def _spot(self, tokens: Tokens, wanted: frozenset[str]) -> Cursor:
+        if not tokens:
+            return Cursor(spot=Spot.ATOM, start=0, end=0)
+        last = tokens[-1][0]
+        call = self._call(tokens)
+        inside = "(" if call is not None else ""
+        if last == "DOT":
+            return _with(self._attribute(tokens), inside=inside)
+        if last == "COLON":
+            return Cursor(spot=Spot.TYPE, start=0, end=0, slot=call or Slot(), inside=inside)
+        if last in ("LPAR", "COMMA"):
+            return Cursor(spot=Spot.OBJECT, start=0, end=0, slot=call or Slot(), inside="(")
+        sides = _split(tokens, "OPERATOR")
+        path, attribute = self._value_of(sides[0]) if len(sides) == 2 else ("", None)
+        if "UNIT" in wanted:
+            return Cursor(spot=Spot.UNIT, start=0, end=0, attribute=attribute, compared=path)
+        if last in ("OPERATOR", "SIGN", "TIMES"):
+            if last != "OPERATOR":
+                return Cursor(spot=Spot.TERM, start=0, end=0, attribute=attribute, compared=path)
+            slot = Slot(relation="", type=self._type(sides[0]) or ROOT) if attribute is None else Slot()
+            return Cursor(spot=Spot.VALUE, start=0, end=0, attribute=attribute, compared=path, slot=slot)
+        if "NAME" not in wanted and "OPERATOR" not in wanted:
+            return Cursor(spot=Spot.ON, start=0, end=0) if len(sides) == 1 else Cursor(spot=Spot.ON, start=0, end=0, attribute=attribute)
+        term, rest = _term(tokens)
+        if rest and rest[0][0] == "NAME" and (relation := self.ontology.relations.get(rest[0][1])) is not None and len(rest) == 1:
+            type_name = relation.joins[1] if len(relation.joins) == 2 else ROOT
+            return Cursor(spot=Spot.OBJECT, start=0, end=0, slot=Slot(relation=relation.name, place=1, type=type_name))
+        if rest and rest[0][0] == "NAME":
+            return Cursor(spot=Spot.OBJECT if len(rest) == 1 else Spot.ON, start=0, end=0)
+        owner = self._type(term)
+        if owner is not None and not rest:
+            return Cursor(spot=Spot.RELATION, start=0, end=0, owner=owner)
+        _, attribute = self._value_of(term)
+        return Cursor(spot=Spot.ON, start=0, end=0, attribute=attribute)
+
+    def _call(self, tokens: Tokens) -> Slot | None:
+        """The parenthesis that is open at the end: whose arguments stand in it, and which comes."""
+        open_: list[tuple[str, int]] = []
+        for index, (kind, _) in enumerate(tokens):
+            if kind == "LPAR":
+                open_.append((tokens[index - 1][1] if index else "", 0))
+            elif kind == "RPAR" and open_:
+                open_.pop()
+            elif kind == "COMMA" and open_:
+                open_[-1] = (open_[-1][0], open_[-1][1] + 1)
+        if not open_:
+            return None
+        name, place = open_[-1]
+        relation, function = self.ontology.relations.get(name), self.ontology.functions.get(name)
+        types = relation.joins if relation is not None else function.parameters if function is not None else ()
+        type_name = types[place] if place < len(types) else ROOT
+        return Slot(relation=name if relation is not None else "", place=place, type=type_name)
+
+    def _attribute(self, tokens: Tokens) -> Cursor:
+        """Behind a point: of which object, and which attribute so far."""
+        end = len(tokens) - 1
+        path: list[str] = []
+        while end >= 2 and tokens[end - 1][0] == "NAME" and tokens[end - 2][0] == "DOT":
+            path.insert(0, tokens[end - 1][1])
+            end -= 2
+        owner = tokens[max(end - 3, 0) : end] if end >= 2 and tokens[end - 2][0] == "COLON" else tokens[max(end - 1, 0) : end]
+        named = owner[0][1] if len(owner) == 1 and owner[0][1] in self.map.objects else None
+        return Cursor(spot=Spot.ATTRIBUTE, start=0, end=0, owner=self._type(owner) or ROOT, object=named, path=".".join(path))
+
+    def _type(self, term: Tokens) -> str | None:
+        """The type of the object that a term stands for; None when it stands for none."""
+        match term:
+            case [("NAME", name)]:
+                return self.map.objects[name].type if name in self.map.objects else ROOT
+            case [("VARIABLE", name)]:
+                return self._object_type(self.variables.get(name[1:]) or ROOT)
+            case [("VARIABLE", _), ("COLON", _), ("NAME", name)]:
+                return self._object_type(name)
+        return None
+
+    def _object_type(self, name: str) -> str | None:
+        return name if name in self.ontology.types or name == ROOT else None
+
+    def _value_of(self, term: Tokens) -> tuple[str, AttributeType | None]:
+        """The attribute that a term reads, with the path that leads there."""
+        term, _ = _term(term)
+        if term and term[-1][0] == "NAME" and ("DOT", ".") in term:
+            names = [text for kind, text in term[term.index(("DOT", ".")) :] if kind == "NAME"]
+            return ".".join(names), attribute_at(names[-1], self.ontology)
+        if len(term) > 1 and term[1][0] == "LPAR" and (function := self.ontology.functions.get(term[0][1])) is not None:
+            read = attribute_at(function.attribute, self.ontology) if function.attribute is not None else None
+            return "", read or AttributeType(name=function.name, kind=Kind.NUMBER, unit=function.unit)
+        if len(term) > 0 and term[0][0] == "NUMBER":
+            return "", AttributeType(name="number", kind=Kind.NUMBER, unit=term[1][1] if len(term) > 1 and term[1][0] == "UNIT" else None)
+        return "", None
+
+
+def _term(tokens: Tokens) -> tuple[Tokens, Tokens]:
+    """The first term of the tokens, and what follows it."""
+    end = 1
+    if len(tokens) > 1 and tokens[1][0] == "LPAR":
+        depth = 0
+        for index, (kind, _) in enumerate(tokens):
+            depth += {"LPAR": 1, "RPAR": -1}.get(kind, 0)
+            if kind == "RPAR" and depth == 0:
+                return tokens[: index + 1], tokens[index + 1 :]
+        return tokens, []
+    if len(tokens) > 2 and tokens[1][0] == "COLON":
+        end = 3
+    if len(tokens) > 1 and tokens[1][0] == "UNIT":
+        end = 2
+    while end + 1 < len(tokens) and tokens[end][0] == "DOT":
+        end += 2
+    return tokens[:end], tokens[end:]
+
+
+def _split(tokens: Tokens, kind: str) -> list[Tokens]:
+    """The tokens before and behind the first of a kind."""
+    at = next((index for index, token in enumerate(tokens) if token[0] == kind), None)
+    return [tokens] if at is None else [tokens[:at], tokens[at + 1 :]]
