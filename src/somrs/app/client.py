@@ -32,6 +32,14 @@ PATIENCE = 30.0
 Answer = TypeVar("Answer")
 
 
+class Refused(RemoteError):
+    """The Repository did not make a change, and says why: `broken` has each problem with what it concerns."""
+
+    def __init__(self, rejected: knowledge.Rejected) -> None:
+        self.broken, self.version = rejected.broken, rejected.version
+        super().__init__("\n".join(rejected.problems))
+
+
 class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     """Where the parts of a running system listen; `simulator` and `world` are `host:port`, and a system has one of them."""
 
@@ -97,31 +105,36 @@ class Client:
         if isinstance(answer.body, frp.Fault):
             raise RemoteError(answer.body.text)
         if isinstance(answer.body, knowledge.Rejected):
-            raise RemoteError("\n".join(answer.body.problems))
+            raise Refused(answer.body)
         raise RemoteError(f"{address} answered {type(body).__name__} with {type(answer.body).__name__}")
 
     # The Repository
 
-    async def ontology(self) -> Ontology:
-        """All definitions."""
-        found: list[Definition] = []
-        after, more = 0, True
-        while more:
-            page = await self.ask(self.addresses.repository, knowledge.ReadOntology(after=after), knowledge.OntologyPage)
-            part = page.definitions
-            found += [*part.attributes, *part.relations, *part.functions, *part.types, *part.services]
-            after, more = page.next, page.more
-        return Ontology(found)
+    async def ontology(self, version: int | None = None) -> Ontology:
+        """All definitions, as they are now or as they were at the version. Read again when they change between two pages."""
+        while True:
+            found: list[Definition] = []
+            changed: set[int] = set()
+            after, more = 0, True
+            while more:
+                question = knowledge.ReadOntology(after=after, at_version=version)
+                page = await self.ask(self.addresses.repository, question, knowledge.OntologyPage)
+                found += page.definitions.each()
+                changed.add(page.changed_at)
+                after, more = page.next, page.more
+            if len(changed) <= 1:
+                return Ontology(found)
 
-    async def map(self) -> Map:
-        """The whole map as it is now. Read again from the start when it changes between two pages."""
+    async def map(self, version: int | None = None) -> Map:
+        """The whole map as it is now, or as it was at the version. Read again from the start when it changes between two pages."""
         while True:
             objects: list[Object] = []
             facts: list[Fact] = []
             versions: set[int] = set()
             after, more = "", True
             while more:
-                page = await self.ask(self.addresses.repository, knowledge.ReadMap(after=after), knowledge.MapPage)
+                question = knowledge.ReadMap(after=after, at_version=version)
+                page = await self.ask(self.addresses.repository, question, knowledge.MapPage)
                 objects += page.objects
                 facts += page.facts
                 versions.add(page.version)
@@ -135,6 +148,34 @@ class Client:
     async def update(self, update: knowledge.UpdateMap) -> int:
         """The version of the map with the update in it."""
         return (await self.ask(self.addresses.repository, update, knowledge.Updated)).version
+
+    async def define(self, define: knowledge.Define) -> int:
+        """The version of the ontology with the definitions in it."""
+        return (await self.ask(self.addresses.repository, define, knowledge.Defined)).version
+
+    async def rename(self, rename: knowledge.RenameObject) -> int:
+        """The version of the map in which the object has its new name."""
+        return (await self.ask(self.addresses.repository, rename, knowledge.Updated)).version
+
+    async def undo(self, version: int, author: str = "") -> int:
+        """The version in which what that one changed is brought back."""
+        return (await self.ask(self.addresses.repository, knowledge.Undo(version=version, author=author), knowledge.Updated)).version
+
+    async def consider(self, change: knowledge.Alteration) -> knowledge.Considered:
+        """What would come of the change."""
+        return await self.ask(self.addresses.repository, knowledge.Consider(change=change), knowledge.Considered)
+
+    async def happened(self, wanted: knowledge.ReadEvents) -> knowledge.Events:
+        """What happened to the map and the ontology; as many events as are asked for, from as many pages as it takes."""
+        found: list[knowledge.Event] = []
+        while True:
+            page = await self.ask(self.addresses.repository, wanted, knowledge.Events)
+            found += page.events
+            left = wanted.limit - len(page.events)
+            if left <= 0 or not page.more or not page.events:
+                return knowledge.Events(events=tuple(found), more=page.more, since=page.since)
+            further = {"before" if wanted.after is None else "after": page.events[-1].version}
+            wanted = msgspec.structs.replace(wanted, limit=left, **further)
 
     async def history(self, name: str, limit: int = 100) -> knowledge.History:
         return await self.ask(self.addresses.repository, knowledge.ReadHistory(object=name, limit=limit), knowledge.History)

@@ -152,6 +152,10 @@ class Undo(Struct, frozen=True, kw_only=True, tag=True):
     author: str = ""
 
 
+Alteration = Define | UpdateMap | RenameObject | Undo
+"""A change that can be considered before it is made."""
+
+
 class BrokenRule(Struct, frozen=True, kw_only=True):
     """What is wrong, and where. `subject` is what `section` names: a definition, an object, or a fact; `path` is the attribute or key in
     it that is at fault."""
@@ -174,7 +178,7 @@ class Rejected(Struct, frozen=True, kw_only=True, tag=True):
 class Consider(Struct, frozen=True, kw_only=True, tag=True):
     """What would come of a change, if it were made now? Nothing is changed."""
 
-    change: Define | UpdateMap | RenameObject | Undo
+    change: Alteration
 
 
 class Revision(Struct, frozen=True, kw_only=True):

@@ -1,13 +1,16 @@
-"""The map: read, asked and changed."""
+"""The map: read, asked, changed, and looked back at."""
 
 from __future__ import annotations
 
 import msgspec
 
 from somrs.app.desk.context import Context
-from somrs.app.desk.operations import operation
+from somrs.app.desk.operations import Document, operation
+from somrs.app.sitefile import dump_site
 from somrs.ontology.objects import Fact, Object
-from somrs.protocol.knowledge import History, Rows, Updated, UpdateMap
+from somrs.protocol.knowledge import Considered, Events, History, ReadEvents, RenameObject, Rows, Updated, UpdateMap
+
+YAML = "application/yaml"
 
 
 class MapSeen(msgspec.Struct, frozen=True, kw_only=True):
@@ -23,10 +26,12 @@ class MapDesk:
         self._context = context
 
     @operation("GET", "/map")
-    async def read(self) -> MapSeen:
-        """The whole map as it is now."""
-        map = self._context.map
-        return MapSeen(version=self._context.version, objects=tuple(map.objects.values()), facts=tuple(map.facts()))
+    async def read(self, version: int | None = None) -> MapSeen:
+        """The whole map as it is now, or as it was at a version."""
+        map, now = self._context.map, self._context.version
+        if version is not None and version != now:
+            map, now = await self._context.client.map(version), version
+        return MapSeen(version=now, objects=tuple(map.objects.values()), facts=tuple(map.facts()))
 
     @operation("POST", "/map/changes")
     async def change(self, body: UpdateMap) -> Updated:
@@ -36,6 +41,16 @@ class MapDesk:
         """
         return Updated(version=await self._context.client.update(body))
 
+    @operation("POST", "/map/consider")
+    async def consider(self, body: UpdateMap) -> Considered:
+        """What would come of changing the map so? Nothing is changed."""
+        return await self._context.client.consider(body)
+
+    @operation("POST", "/map/renames")
+    async def rename(self, body: RenameObject) -> Updated:
+        """Give an object another name, everywhere where it is spoken of; its history stays with it."""
+        return Updated(version=await self._context.client.rename(body))
+
     @operation("GET", "/map/query")
     async def query(self, formula: str, limit: int = 100) -> Rows:
         """For which objects does the formula hold?"""
@@ -43,5 +58,25 @@ class MapDesk:
 
     @operation("GET", "/map/objects/{name}/history")
     async def history(self, name: str, limit: int = 100) -> History:
-        """What happened to an object, newest first."""
+        """What happened to an object, newest first; also while it had another name."""
         return await self._context.client.history(name, limit)
+
+    @operation("GET", "/map/events")
+    async def events(self, before: int | None = None, after: int | None = None, limit: int = 100, brief: bool = False) -> Events:
+        """What happened to the map and the ontology, newest first, from the version before `before`.
+
+        With `after`, oldest first, from the version behind it. `brief`: without the changes, but how many they were, so that ten thousand
+        events can be read at once.
+        """
+        return await self._context.client.happened(ReadEvents(before=before, after=after, limit=limit, brief=brief))
+
+    @operation("POST", "/map/undo/{version}")
+    async def undo(self, version: int, author: str = "") -> Updated:
+        """Bring back what a version changed, if nothing changed it since."""
+        return Updated(version=await self._context.client.undo(version, author))
+
+    @operation("GET", "/map/export.yaml")
+    async def export(self) -> Document:
+        """The whole site as it is now, as a file that `somrs up` takes: the map, and what its ontology has beyond the upper one."""
+        text = dump_site(self._context.ontology, self._context.map)
+        return Document(content=text.encode(), media_type=YAML, name="site.yaml")

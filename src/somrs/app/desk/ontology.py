@@ -1,19 +1,68 @@
-"""The ontology: read and changed."""
+"""The ontology: read, changed with the consequences shown before, looked back at, written to files and read from them."""
 
 from __future__ import annotations
 
 import msgspec
 
 from somrs.app.desk.context import Context
-from somrs.app.desk.operations import operation
-from somrs.protocol.knowledge import Definitions, by_kind
+from somrs.app.desk.operations import Document, operation
+from somrs.ontology.dump import dump_ontology
+from somrs.ontology.files import upper
+from somrs.ontology.naming import Named
+from somrs.ontology.objects import Change
+from somrs.protocol.knowledge import BrokenRule, Define, Defined, Definitions, Events, ReadEvents, Revision, Undo, by_kind
+
+YAML = "application/yaml"
 
 
 class OntologySeen(msgspec.Struct, frozen=True, kw_only=True):
-    """All definitions, and the version that they are of."""
+    """All definitions, and the version that they are of. `relied`: those that SO-MRS itself relies on, which can be neither removed nor
+    renamed."""
 
     version: int
     definitions: Definitions
+    relied: tuple[Named, ...] = ()
+
+
+class OfferBroken(msgspec.Struct, frozen=True, kw_only=True):
+    """A service on offer now that could not be planned with any more, and why."""
+
+    service: str
+    provider: str
+    problem: str
+
+
+class Consequences(msgspec.Struct, frozen=True, kw_only=True):
+    """What would come of a change of the ontology. Rules that would be `broken` stop it; broken `offers` do not.
+
+    `revision`: what it would change in the ontology; `changes`: how the map would change with it. Of long lists the first are told, and
+    how many there are.
+    """
+
+    version: int
+    broken: tuple[BrokenRule, ...] = ()
+    revision: Revision | None = None
+    changes: tuple[Change, ...] = ()
+    all_broken: int = 0
+    all_changes: int = 0
+    offers: tuple[OfferBroken, ...] = ()
+
+
+class ImportOntology(msgspec.Struct, frozen=True, kw_only=True):
+    """The text of an ontology file in YAML: its definitions are added, or replace those of the same names. `expected_version` as for any
+    change; `file` is what problems call it."""
+
+    text: str
+    author: str = ""
+    expected_version: int | None = None
+    file: str = "the file"
+
+
+class Imported(msgspec.Struct, frozen=True, kw_only=True):
+    """What a file would change, or changed: `version` has it, if it was not dry. `consequences` are of before."""
+
+    consequences: Consequences
+    version: int | None = None
 
 
 class OntologyDesk:
@@ -21,6 +70,52 @@ class OntologyDesk:
         self._context = context
 
     @operation("GET", "/ontology")
-    async def read(self) -> OntologySeen:
-        """The whole ontology as it is now."""
-        return OntologySeen(version=self._context.version, definitions=by_kind(self._context.ontology))
+    async def read(self, version: int | None = None) -> OntologySeen:
+        """The whole ontology as it is now, or as it was at a version."""
+        ontology, now = self._context.ontology, self._context.version
+        if version is not None and version != now:
+            ontology, now = await self._context.client.ontology(version), version
+        return OntologySeen(version=now, definitions=by_kind(ontology))
+
+    @operation("POST", "/ontology/changes")
+    async def change(self, body: Define) -> Defined:
+        """Rename, remove, add and replace definitions, in this order: all or nothing.
+
+        With `expected_version`, only if none of the definitions that it speaks of changed since.
+        """
+        return Defined(version=await self._context.client.define(body))
+
+    @operation("POST", "/ontology/consider")
+    async def consider(self, body: Define) -> Consequences:
+        """What would come of changing the ontology so? Nothing is changed."""
+        return await self._consequences(body)
+
+    @operation("POST", "/ontology/undo/{version}")
+    async def undo(self, version: int, author: str = "") -> Defined:
+        """Bring back what a version changed, if nothing changed it since."""
+        return Defined(version=await self._context.client.undo(version, author))
+
+    @operation("POST", "/ontology/undo/{version}/consider")
+    async def consider_undo(self, version: int) -> Consequences:
+        """What would come of undoing a version? Nothing is changed."""
+        return await self._consequences(Undo(version=version))
+
+    @operation("GET", "/ontology/history")
+    async def history(self, before: int | None = None, limit: int = 100) -> Events:
+        """What changed in the ontology, newest first: by whom, when, what it was before and after."""
+        return await self._context.client.happened(ReadEvents(before=before, limit=limit, ontology=True))
+
+    @operation("GET", "/ontology/export.yaml")
+    async def export_yaml(self, whole: bool = False) -> Document:
+        """The ontology as a file: what it has beyond the upper ontology, or the whole of it."""
+        text = dump_ontology(self._context.ontology, without=None if whole else upper(), name="ontology")
+        return Document(content=text.encode(), media_type=YAML, name="ontology.yaml")
+
+    @operation("POST", "/ontology/import.yaml")
+    async def import_yaml(self, body: ImportOntology, dry: bool = False) -> Imported:
+        """Take over the definitions of a file; `dry`: only say what would come of it."""
+        raise NotImplementedError
+
+    async def _consequences(self, change: Define | Undo) -> Consequences:
+        found = await self._context.client.consider(change)
+        return Consequences(**{name: getattr(found, name) for name in found.__struct_fields__})

@@ -4,22 +4,37 @@ from __future__ import annotations
 
 import msgspec
 
+from somrs.app.client import Refused
 from somrs.app.wire import Unanswered
-from somrs.errors import FormulaError, InputError, SomrsError
+from somrs.errors import FormulaError, InputError, ModelError, SomrsError
+from somrs.protocol.knowledge import BrokenRule
 
 
 class NotFound(InputError):
     """There is no such thing."""
 
 
+class Mistake(msgspec.Struct, frozen=True, kw_only=True):
+    """What is wrong in a file, and in which line."""
+
+    file: str
+    line: int | None
+    subject: str
+    rule: str
+    message: str
+
+
 class Trouble(msgspec.Struct, frozen=True, kw_only=True):
     """Why an operation was not carried out; nothing was changed. `problem` is for people, and says what to do next. `position`: where in
-    the formula, counted from 0; `problems`: each by itself, when there are several."""
+    the formula, counted from 0; `problems`: each by itself, when there are several. `broken`: the rules that a change of the map or the
+    ontology would break, with what each concerns; `mistakes`: those in a file."""
 
     problem: str
     problems: tuple[str, ...] = ()
     position: int | None = None
     hint: str = ""
+    broken: tuple[BrokenRule, ...] = ()
+    mistakes: tuple[Mistake, ...] = ()
 
 
 REFUSALS = {
@@ -47,4 +62,9 @@ def status(error: SomrsError) -> int:
 def trouble(error: SomrsError) -> Trouble:
     if isinstance(error, FormulaError):
         return Trouble(problem=error.problem, position=error.position, hint=error.hint)
+    if isinstance(error, Refused):
+        return Trouble(problem=str(error), problems=tuple(str(error).splitlines()), broken=error.broken)
+    if isinstance(error, ModelError):
+        mistakes = tuple(Mistake(**{name: getattr(one, name) for name in one.__slots__}) for one in error.problems)
+        return Trouble(problem=str(error), problems=tuple(map(str, error.problems)), mistakes=mistakes)
     return Trouble(problem=str(error), problems=tuple(str(error).splitlines()))
