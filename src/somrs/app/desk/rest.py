@@ -21,6 +21,7 @@ from somrs.app.desk.hub import Hub, Listening
 from somrs.app.desk.openapi import document
 from somrs.app.desk.operations import Document, Operation, Parameter
 from somrs.app.desk.refusals import status, trouble
+from somrs.entish.parse import nearest
 from somrs.errors import InputError, SomrsError
 
 log = logging.getLogger(__name__)
@@ -60,6 +61,7 @@ def application(operations: Sequence[Operation], hub: Hub, more: Sequence[Route 
 def _served(one: Operation) -> Any:
     async def serve(request: Request) -> Response:
         try:
+            _known(one, request)
             arguments = {parameter.name: value for parameter in one.parameters for value in await _given(parameter, request)}
             found = await one.function(**arguments)
         except SomrsError as error:
@@ -70,6 +72,15 @@ def _served(one: Operation) -> Any:
         return Response(msgspec.json.encode(found), media_type="application/json")
 
     return serve
+
+
+def _known(one: Operation, request: Request) -> None:
+    """Raises InputError for a parameter that the operation does not have: whoever said it wanted something else than what it would do."""
+    names = [parameter.name for parameter in one.parameters if parameter.place == "query"]
+    for name in request.query_params:
+        if name not in names:
+            hint = nearest(name, names) or f"it takes {', '.join(names)}" if names else "it takes none"
+            raise InputError(f"{one.method} {one.path} has no parameter {name}; {hint}")
 
 
 async def _given(parameter: Parameter, request: Request) -> list[Any]:
@@ -83,6 +94,8 @@ async def _given(parameter: Parameter, request: Request) -> list[Any]:
         text = request.path_params.get(parameter.name) if parameter.place == "path" else request.query_params.get(parameter.name)
         if text is None and not parameter.required:
             return []
+        if text is None:
+            raise InputError(f"{parameter.name} is missing; say it in the query: ?{parameter.name}=...")
         return [msgspec.convert(text, type=parameter.type, strict=False)]
     except (msgspec.ValidationError, msgspec.DecodeError) as error:
         where = "the body" if parameter.place == "body" else parameter.name
