@@ -1,4 +1,4 @@
-"""What `somrs questions` and `somrs answer` do: people answer what their programs ask them (`devices/person.py`)."""
+"""What `somrs questions` and `somrs answer` do, and the windows, too: people answer what their programs ask (`devices/person.py`)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from somrs.app import show
 from somrs.app.client import Addresses
-from somrs.devices.questions import FILE, Questions
+from somrs.devices.questions import FILE, Question, Questions
 from somrs.errors import RemoteError, UsageError
 
 TAKING = 10.0
@@ -16,11 +16,7 @@ TAKING = 10.0
 
 def questions(data: Path, *, json: bool) -> None:
     """List the open questions."""
-    kept = _kept(data)
-    try:
-        found = kept.open()
-    finally:
-        kept.close()
+    found = open_questions(data)
     if json:
         show.print_json(found)
     elif not found:
@@ -33,30 +29,47 @@ def questions(data: Path, *, json: bool) -> None:
 
 def answer(number: int, formula: str | None, data: Path) -> None:
     """Answer a question; None: the person cannot tell. Raises UsageError when the answer will not do, with what is wrong."""
-    if formula is not None and not formula.strip():
-        raise UsageError("an answer says what is so, such as `Jar002 isOn Table001`; with --cannot-tell, that you do not know")
-    kept = _kept(data)
+    put_answer(number, formula, data)
+    print("thank you")
+
+
+def open_questions(data: Path) -> list[Question]:
+    """The questions that wait for an answer in the system of the data folder."""
+    if not (data / FILE).exists():
+        Addresses.read(data)  # raises UsageError where no system runs
+        return []
+    kept = Questions(data)
     try:
-        kept.answer(number, formula or "")
-        end, person = time.monotonic() + TAKING, ""
-        while time.monotonic() < end:
-            question = kept.read(number)
-            assert question is not None, "questions are kept"
-            person = question.person
-            if question.ended == "taken":
-                print("thank you")
-                return
-            if question.ended is not None:
-                raise UsageError(f"the answer came too late: {question.ended}")
-            if question.problem:
-                raise UsageError(f"{question.problem}\nthe question is still open; answer it again")
-            time.sleep(0.1)
-        raise RemoteError(f"nobody took the answer within {TAKING:.0f} s; is the program of {person} running?")
+        return kept.open()
     finally:
         kept.close()
 
 
-def _kept(data: Path) -> Questions:
+def put_answer(number: int, formula: str | None, data: Path) -> None:
+    """Answer a question, and wait until the answer is taken. Raises UsageError when it will not do, RemoteError when nobody looks at it."""
+    if formula is not None and not formula.strip():
+        raise UsageError("an answer says what is so, such as `Jar002 isOn Table001`; otherwise say that you cannot tell")
     if not (data / FILE).exists():
-        Addresses.read(data)  # raises UsageError where no system runs: nobody is asked there
-    return Questions(data)
+        Addresses.read(data)
+    kept = Questions(data)
+    try:
+        kept.answer(number, formula or "")
+        _wait(kept, number)
+    finally:
+        kept.close()
+
+
+def _wait(kept: Questions, number: int) -> None:
+    end, person = time.monotonic() + TAKING, ""
+    while time.monotonic() < end:
+        question = kept.read(number)
+        assert question is not None, "questions are kept"
+        person = question.person
+        if question.ended == "taken":
+            return
+        if question.ended is not None:
+            raise UsageError(f"the answer came too late: {question.ended}")
+        if question.problem:
+            raise UsageError(f"{question.problem}\nthe question is still open; answer it again")
+        time.sleep(0.1)
+    raise RemoteError(f"nobody took the answer within {TAKING:.0f} s; is the program of {person} running?")

@@ -84,13 +84,13 @@ async def export(out: Path | None, data: Path, format: Format, table: Table, sin
         raise UsageError(f"{out}: there is no folder {out.parent}; make it first")
     async with past(data) as archive:
         if out is None:
-            await _write(archive, wanted, sys.stdout, format, table)
+            await write(archive, wanted, sys.stdout, format, table)
             return
         # Under another name until it is whole: what is interrupted does not look like an export.
         unfinished = out.with_name(f"{out.name}.part")
         try:
             with unfinished.open("w", encoding="utf-8", newline="") as file, _bar(out) as bar:
-                count = await _write(archive, wanted, file, format, table, bar)
+                count = await write(archive, wanted, file, format, table, bar)
             unfinished.replace(out)
         finally:
             unfinished.unlink(missing_ok=True)
@@ -101,7 +101,8 @@ Tell = Callable[[int, int | None], None]
 """Told how many records are written, of how many."""
 
 
-async def _write(past: Past, wanted: ReadRecords, file: IO[str], format: Format, table: Table, tell: Tell | None = None) -> int:
+async def write(past: Past, wanted: ReadRecords, file: IO[str], format: Format, table: Table, tell: Tell | None = None) -> int:
+    """Write all that is asked for; `limit` is a page's. Returns how many tasks that is."""
     count, total = 0, None
     async for page in _lines(past, wanted, file, format, table):
         count, total = count + len(page.records), page.total if page.total is not None else total

@@ -7,6 +7,7 @@ import asyncio
 from msgspec import Struct
 
 from somrs.app.desk.hub import Hub
+from somrs.app.desk.roster import Roster
 from somrs.ontology.objects import Change
 from somrs.protocol.component import Effect, Input, Rang, Received, Send, Started, Wake
 from somrs.protocol.directory import ServicesJoined, ServicesLeft, ServicesSubscribed, SubscribeServices
@@ -30,12 +31,13 @@ class MapNews(Struct, frozen=True, kw_only=True):
 
 
 class Listener:
-    """`replica` is the map and the ontology as far as is known here; `ready` is set once they were read."""
+    """`replica` is the map and the ontology as far as is known here; `ready` is set once they were read. `roster`: who came and went."""
 
     def __init__(self, address: str, repository: str, registry: str, hub: Hub) -> None:
         self.address = address
         self.replica = Replica(address, repository)
         self.ready = asyncio.Event()
+        self.roster = Roster()
         self._registry = registry
         self._hub = hub
         self._asked = 0
@@ -55,8 +57,11 @@ class Listener:
         match event:
             case Rang(timer) if timer == RENEWAL:
                 return self._subscribe(now)
-            case Received(Message(body=ServicesJoined() | ServicesLeft() | ServicesSubscribed() as body)):
-                self._hub.publish("services", body if not isinstance(body, ServicesSubscribed) else None)
+            case Received(Message(body=ServicesJoined() | ServicesLeft() as body)):
+                self.roster.heard(body, now)
+                self._hub.publish("services", body)
+            case Received(Message(body=ServicesSubscribed())):
+                self._hub.publish("services")
         return []
 
     def _subscribe(self, now: float) -> list[Effect]:

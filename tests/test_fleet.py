@@ -1,0 +1,140 @@
+"""What is known of the fleet: who came and went, how busy devices were, and how reliable services have been."""
+
+from __future__ import annotations
+
+import asyncio
+import sqlite3
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from somrs.app import archive
+from somrs.app.desk.experience import WINDOW, Experience, Tally
+from somrs.app.desk.roster import UNSEEN, Roster
+from somrs.app.past import Past
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import Value
+from somrs.protocol.clients import ReadRecords, Records, TaskRecord, WorkView
+from somrs.protocol.directory import Offer, ServicesJoined, ServicesLeft
+from somrs.protocol.envelope import message_id
+from somrs.protocol.frp import Outcome, State
+
+
+def offer(service: str, price: float = 1.0) -> Offer:
+    device, _, name = service.partition(".")
+    kind = ServiceType(name=name, effect="?Provider isAt ?Place")
+    attributes: dict[str, Value] = {"Price": price}
+    return Offer(service=service, provider=device, provider_type="Robot", address="http://r", service_type=kind, attributes=attributes)
+
+
+def log(roster: Roster) -> list[tuple[float, str, bool, str]]:
+    return [(one.at, one.device, one.joined, one.reason) for one in roster.log]
+
+
+def test_comings_and_goings_are_told_once_each() -> None:
+    roster = Roster()
+    roster.read([offer("A.Go")], 0.0)
+    assert log(roster) == [], "what was there before anybody listened did not come then"
+    roster.heard(ServicesJoined(offers=(offer("B.Go"), offer("B.Look"))), 1.0)
+    roster.heard(ServicesJoined(offers=(offer("B.Go", price=2.0),)), 2.0)
+    roster.read([offer("A.Go"), offer("B.Go", price=2.0), offer("B.Look")], 3.0)
+    assert log(roster) == [(1.0, "B", True, "")], "another price is no coming"
+    assert roster.offers["B.Go"].attributes == {"Price": 2.0}
+    left = ServicesLeft(services=("B.Go", "B.Look"), provider="B", reason="expired")
+    roster.heard(left, 4.0)
+    roster.heard(left, 5.0)
+    assert log(roster)[1:] == [(4.0, "B", False, "expired")]
+    assert (going := roster.last_going("B")) is not None
+    assert going.services == ("B.Go", "B.Look")
+
+
+def test_what_news_missed_is_seen_when_all_is_read() -> None:
+    roster = Roster()
+    roster.heard(ServicesJoined(offers=(offer("B.Go"),)), 0.5)
+    roster.read([offer("A.Go"), offer("B.Go")], 1.0)
+    roster.read([offer("C.Go"), offer("B.Go")], 11.0)
+    assert log(roster) == [(0.5, "B", True, ""), (11.0, "A", False, UNSEEN), (11.0, "C", True, "")]
+    assert set(roster.offers) == {"B.Go", "C.Go"}
+
+
+# What was done
+
+
+def work(service: str, began: float, ended: float | None, state: State, result: State | None = None) -> WorkView:
+    return WorkView(step="s", service=service, service_type="Go", inputs={}, began=began, ended=ended, state=state, result=result)
+
+
+def record(number: int, ended_at: float, *works: WorkView) -> TaskRecord:
+    return TaskRecord(
+        task=message_id("task", number),
+        client="urn:c",
+        effect="A isOn B",
+        submitted_at=0.0,
+        ended_at=ended_at,
+        outcome=Outcome.ACCOMPLISHED,
+        work=works,
+    )
+
+
+class Kept:
+    """An archive that counts what it is asked."""
+
+    def __init__(self) -> None:
+        self.db = sqlite3.connect(":memory:")
+        self.db.executescript(archive.TABLES)
+        self.read = 0
+
+    def keep(self, *records: TaskRecord) -> None:
+        for one in records:
+            archive.keep(one, self.db)
+
+    async def ask(self, wanted: ReadRecords) -> Records:
+        page = archive.find(wanted, self.db)
+        self.read += len(page.records)
+        return page
+
+    def teach(self, experience: Experience) -> None:
+        asyncio.run(experience.learn(Past(self.ask)))
+
+
+def test_reliability_is_what_was_completed_of_what_was_begun_whatever_was_undone_later() -> None:
+    kept, experience = Kept(), Experience()
+    kept.keep(
+        record(1, 10.0, work("A.Go", 0, 5, State.COMPENSATED, State.COMPLETED), work("A.Go", 5, 6, State.COMPENSATED, State.FAILED)),
+        record(2, 20.0, work("A.Go", 12, 15, State.COMPLETED, State.COMPLETED), work("B.Go", 12, 13, State.UNREACHABLE, State.UNREACHABLE)),
+        record(3, 30.0, work("A.Go", 22, 25, State.STOPPED, State.STOPPED)),
+    )
+    kept.teach(experience)
+    assert experience.tally("A.Go") == Tally(began=4, completed=2, failed=1, stopped=1)
+    assert experience.tally("A.Go").share == pytest.approx(2 / 3)
+    assert experience.tally("B.Go") == Tally(began=1, failed=1)
+    assert experience.tally("C.Go").share is None, "nothing is known of what did nothing"
+
+
+def test_nothing_is_learned_twice_even_when_tasks_end_at_the_same_moment() -> None:
+    kept, experience = Kept(), Experience()
+    kept.keep(*(record(number, float(number // 2), work("A.Go", 0, 1, State.COMPLETED)) for number in range(100)))
+    kept.teach(experience)
+    first = kept.read
+    kept.keep(record(100, 49.0, work("A.Go", 0, 1, State.FAILED)), record(101, 50.0, work("A.Go", 0, 1, State.COMPLETED)))
+    kept.teach(experience)
+    kept.teach(experience)
+    assert experience.tally("A.Go") == Tally(began=102, completed=101, failed=1)
+    assert kept.read - first < 10, "what is known is not read again"
+
+
+@given(st.lists(st.tuples(st.integers(0, 700), st.integers(0, 200)), max_size=8))
+def test_load_is_the_share_of_seconds_in_which_anything_was_done(spans: list[tuple[int, int]]) -> None:
+    now = 900
+    works = [work("A.Go", float(began), float(began + lasts), State.COMPLETED) for began, lasts in spans]
+    kept, experience = Kept(), Experience()
+    kept.keep(record(1, 900.0, *works))
+    kept.teach(experience)
+    busy = {second for began, lasts in spans for second in range(began, began + lasts) if now - WINDOW <= second < now}
+    assert experience.loads((), float(now)).get("A", 0.0) == pytest.approx(len(busy) / WINDOW)
+
+
+def test_what_is_under_way_counts_until_now() -> None:
+    loads = Experience().loads([work("A.Go", 880.0, None, State.EXECUTING), work("B.Look", 100.0, 250.0, State.COMPLETED)], 1000.0)
+    assert loads == {"A": pytest.approx(120 / WINDOW)}
