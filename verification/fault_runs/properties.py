@@ -84,6 +84,8 @@ class Witness:
         self.outcomes: dict[str, TaskView] = {}
         self._endings: dict[str, Outcome] = {}
         """How tasks will end that are being stopped."""
+        self._worked: dict[str, set[str | None]] = {}
+        """The tasks for which devices worked on each object, whether that changed it or not."""
 
     # What devices do
 
@@ -102,6 +104,7 @@ class Witness:
                 tasks = " and ".join(dict.fromkeys((labour.transaction, its.transaction)))
                 raise Violation(Property.HANDS, f"{text}; both have their hands on {labour.object} for {tasks}")
         self._contracted(labour)
+        self._worked.setdefault(labour.object, set()).add(labour.transaction)
 
     def _together(self, *tasks: str | None) -> bool:
         """Whether one Task Manager has them all: it knows what each was promised. Of others' it knows nothing."""
@@ -329,12 +332,12 @@ class Witness:
 
     def _map_is_true(self) -> None:
         """At the end, when everything that was done has been reported: by whoever did it, or seen since. Only of a device that never
-        came back may the map not know better; and of a thing that tasks of two Task Managers moved, the later report may be of the earlier
-        deed."""
+        came back may the map not know better; and of a thing that services worked on for two Task Managers, the later report may be of the
+        earlier work: whoever could not be reached for a while hears late how things were then."""
         stage, contents = self._stage, self._stage.contents
         assert contents is not None, "whoever shares the Repository waits for it"
         for deed in {deed.object: deed for deed in stage.reality.deeds}.values():
-            tasks = {one.task for one in stage.reality.deeds if one.object == deed.object}
+            tasks = self._worked.get(deed.object, set()) | {one.task for one in stage.reality.deeds if one.object == deed.object}
             apart = len(tasks) > 1 and not self._together(*tasks)
             if deed.object in stage.reality.doubtful or f"devices/{deed.who}" not in stage.world.components or apart:
                 continue
