@@ -11,7 +11,9 @@ import socket
 import subprocess
 import sys
 import time
-from itertools import pairwise
+from collections.abc import AsyncIterator, Callable
+from contextlib import aclosing, asynccontextmanager
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +37,27 @@ from somrs.devices.simulator.commands import (
     Status,
     Stop,
 )
-from somrs.devices.simulator.lines import LONGEST, Ask, Break, ClientLine, Hello, Look, Order, Ways, read_by_client, read_by_server, written
+from somrs.devices.simulator.lines import (
+    LONGEST,
+    Ask,
+    Break,
+    ClientLine,
+    Follow,
+    Hello,
+    Look,
+    Mover,
+    Order,
+    Poses,
+    Ways,
+    Work,
+    read_by_client,
+    read_by_server,
+    written,
+)
 from somrs.devices.simulator.link import OperatorLink, RobotGaveUp, RobotLink
 from somrs.devices.simulator.server import MOST_STATES, Server
 from somrs.errors import RemoteError, SimulationError, UsageError, WireError
+from somrs.ontology.objects import Object
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 names = st.text(max_size=20)
@@ -57,6 +76,7 @@ lines: st.SearchStrategy[ClientLine] = st.one_of(
     st.builds(Hello, version=st.integers(0, 9), robot=st.none() | names, rate=st.floats(0, 1e6)),
     st.builds(Order, id=ids, command=commands),
     st.builds(Ask, id=ids, question=st.builds(Look, object=names)),
+    st.builds(Ask, id=ids, question=st.builds(Follow, rate=st.floats(0, 1e6))),
     st.builds(Ask, id=ids, question=st.builds(Break, robot=names, fault=st.sampled_from(Fault), after=st.none() | st.floats(0, 1e9))),
     st.builds(
         Ask,
@@ -402,6 +422,196 @@ def test_operators_see_the_truth_and_move_things() -> None:
                 await operator.seen("Jar9")
             with pytest.raises(UsageError, match="Table1"):
                 await operator.move("Table1", 3, 3, 0)
+
+    run(test())
+
+
+class Followed:
+    """What somebody who follows the poses knows."""
+
+    def __init__(self) -> None:
+        self.movers: tuple[Mover, ...] = ()
+        self.poses: dict[str, tuple[float, ...]] = {}
+        self.robots: dict[str, Work] = {}
+        self.lines: list[Poses] = []
+
+    def hear(self, line: Poses) -> None:
+        if line.movers is not None:
+            self.movers, self.poses = line.movers, {}
+        values = iter(line.values)
+        for i in line.moved:
+            self.poses[self.movers[i].name] = tuple(islice(values, self.movers[i].numbers))
+        assert not list(values), "as many numbers as the movers have"
+        self.robots.update(line.robots)
+        self.lines.append(line)
+
+
+async def follow(link: OperatorLink, followed: Followed, rate: float = 50.0) -> None:
+    async with aclosing(link.poses(rate)) as lines:
+        async for line in lines:
+            followed.hear(line)
+
+
+@asynccontextmanager
+async def following(server: Server, rate: float = 50.0) -> AsyncIterator[tuple[OperatorLink, Followed]]:
+    """An operator who follows poses, and knows where everything is."""
+    followed = Followed()
+    async with OperatorLink(server.host, server.port) as link:
+        task = asyncio.create_task(follow(link, followed, rate))
+        await until(lambda: followed.poses)
+        try:
+            yield link, followed
+            assert not task.done(), task
+        finally:
+            task.cancel()
+            await asyncio.wait({task})
+
+
+async def until(condition: Callable[[], object]) -> None:
+    async with asyncio.timeout(20):
+        while not condition():
+            await asyncio.sleep(0.01)
+
+
+def test_who_follows_poses_knows_where_everything_is() -> None:
+    async def test() -> None:
+        async with (
+            simulator(speed=20) as server,
+            following(server) as (operator, followed),
+            RobotLink(server.host, server.port, "Robot1") as robot,
+        ):
+            assert set(followed.poses) == {"Robot1", "Robot2", "Jar1", "Anvil1"}
+            assert {mover.name: mover.numbers for mover in followed.movers} == {"Robot1": 9, "Robot2": 9, "Jar1": 6, "Anvil1": 6}
+            await robot.grip("Jar1")
+            await until(lambda: followed.robots["Robot1"].holding == "Jar1")
+            x, y, _, yaw, turret, _, reach, *_ = followed.poses["Robot1"]
+            jar = followed.poses["Jar1"]
+            assert math.dist(jar[:2], (x + reach * math.cos(yaw + turret), y + reach * math.sin(yaw + turret))) < 0.05, "it is in the hand"
+            await robot.place("Platform1")
+            await operator.idle()
+            seen = await operator.seen("Jar1")
+            await until(lambda: math.dist(followed.poses["Jar1"][:3], (seen.x, seen.y, seen.z)) < 0.002)
+            moved = {followed.movers[i].name for line in followed.lines[1:] for i in line.moved}
+            assert moved == {"Robot1", "Jar1"}, "nothing is said of what stands still"
+            await until(lambda: followed.robots["Robot1"] == Work())
+
+    run(test())
+
+
+def test_nothing_is_said_while_nothing_moves_but_that_one_is_there() -> None:
+    async def test() -> None:
+        for speed in (None, 4):
+            async with simulator(speed=speed) as server, following(server) as (operator, followed):
+                await operator.idle()
+                begun = len(followed.lines)
+                await asyncio.sleep(2.2)
+                news = followed.lines[begun:]
+                assert 1 <= len(news) <= 4
+                assert not any(line.moved or line.values or line.robots for line in news)
+                await operator.move("Jar1", 3, 3, 0.0)
+                await until(lambda: math.dist(followed.poses["Jar1"][:2], (3, 3)) < 0.05)
+
+    run(test())
+
+
+def test_poses_come_at_the_rate_that_was_asked_for() -> None:
+    async def test() -> None:
+        async with (
+            simulator(speed=2) as server,
+            following(server, 10) as (_, followed),
+            RobotLink(server.host, server.port, "Robot1") as robot,
+        ):
+            going = asyncio.create_task(robot.drive_to(7, 5))
+            await until(lambda: len(followed.lines) > 12)
+            clocks = [line.clock for line in followed.lines]
+            assert clocks[-1] - clocks[2] >= 0.08 * (len(clocks) - 3), "lower bounds only, which a busy machine cannot break"
+            await robot.stop()
+            with contextlib.suppress(RobotGaveUp):
+                await going
+
+    run(test())
+
+
+def test_a_fault_is_said_to_who_follows() -> None:
+    async def test() -> None:
+        async with simulator() as server, following(server) as (operator, followed):
+            await operator.fault("Robot1", Fault.DRIVE)
+            await until(lambda: followed.robots["Robot1"].faults == (Fault.DRIVE,))
+            await operator.repair("Robot1", Fault.DRIVE)
+            await until(lambda: followed.robots["Robot1"].faults == ())
+
+    run(test())
+
+
+def test_what_comes_and_goes_makes_another_set_of_movers() -> None:
+    async def test() -> None:
+        async with simulator() as server, following(server) as (operator, followed):
+            server.simulation.add(Object(name="Jar2", type="Jar", values={"PositionX": 1.15, "PositionY": 4.2, "PositionZ": 0.7}))
+            await operator.idle()
+            await until(lambda: "Jar2" in followed.poses)
+            server.simulation.remove("Anvil1")
+            await operator.idle()
+            await until(lambda: set(followed.poses) == {"Robot1", "Robot2", "Jar1", "Jar2"})
+
+    run(test())
+
+
+def test_one_who_takes_poses_late_gets_them_as_one() -> None:
+    async def test() -> None:
+        async with simulator(speed=10) as server, OperatorLink(server.host, server.port) as operator:
+            followed = Followed()
+            async with aclosing(operator.poses(50)) as lines:
+                followed.hear(await anext(lines))
+                await operator.move("Jar1", 3, 3, 0.0)
+                async with RobotLink(server.host, server.port, "Robot1") as robot:
+                    done = await robot.drive_to(4, 4)
+                await operator.idle()
+                await asyncio.sleep(0.2)
+                followed.hear(await anext(lines))
+                assert math.dist(followed.poses["Jar1"][:2], (3, 3)) < 0.05
+                assert math.dist(followed.poses["Robot1"][:2], (done.state.x, done.state.y)) < 0.02
+                with pytest.raises(UsageError, match="already"):
+                    await anext(operator.poses())
+            async with aclosing(operator.poses(50)) as lines:
+                assert (await anext(lines)).movers, "and one may follow again"
+
+    run(test())
+
+
+def test_whose_connection_is_lost_follows_anew() -> None:
+    async def test() -> None:
+        async with simulator() as server, OperatorLink(server.host, server.port) as operator:
+            going = asyncio.create_task(follow(operator, followed := Followed()))
+            await until(lambda: followed.poses)
+            await server.stop()
+            with pytest.raises(RobotGaveUp, match="lost"):
+                await going
+            again = Server(server.simulation, port=server.port)
+            await again.start()
+            async with aclosing(operator.poses()) as more:
+                assert (await anext(more)).movers
+            await again.stop()
+
+    run(test())
+
+
+def test_robots_do_not_follow_poses() -> None:
+    async def test() -> None:
+        async with simulator() as server:
+            robot = await raw(server, {"robot": "Robot1"})
+            refused = await robot.say({"say": "ask", "id": 1, "question": {"ask": "poses"}})
+            assert refused["reason"] == "not-allowed"
+
+    run(test())
+
+
+def test_a_thing_that_fell_over_is_said_to_lie() -> None:
+    async def test() -> None:
+        async with simulator(speed=4) as server, following(server) as (operator, followed):
+            await operator.move("Jar1", 1.31, 4, 0.7)  # over the table's edge
+            await until(lambda: followed.poses["Jar1"][2] < 0.1)
+            *_, pitch, roll = followed.poses["Jar1"]
+            assert max(abs(pitch), abs(roll)) > 1.0
 
     run(test())
 

@@ -25,6 +25,8 @@ STATIC_BIT, ROBOT_BIT, THING_BIT = 1, 2, 4
 DARK, STEEL, RUBBER, TIP = (0.13, 0.14, 0.16, 1), (0.72, 0.74, 0.77, 1), (0.06, 0.06, 0.07, 1), (0.95, 0.55, 0.1, 1)
 JOINTS = ("x", "y", "yaw", "turret", "lift", "reach", "wrist", "left", "right")
 BASE_JOINTS = JOINTS[:3]
+ARM_SEEN = ("turret", "lift", "reach", "wrist", "left")
+"""The joints of an arm that tell how it is; both fingers are as far open."""
 
 
 def add_robot(spec: mujoco.MjSpec, solid: Solid, colour: tuple[float, float, float, float]) -> None:

@@ -102,7 +102,13 @@ class Move(Struct, frozen=True, kw_only=True, tag="move", tag_field="ask"):
     yaw: float = 0.0
 
 
-Question = Break | Repair | Look | Robots | Clock | Picture | Ways | Idle | Move
+class Follow(Struct, frozen=True, kw_only=True, tag="poses", tag_field="ask"):
+    """From now on, where everything is that can move: `rate` lines a second on the clock on the wall at most; 0: no more."""
+
+    rate: Annotated[float, Meta(ge=0)] = 20.0
+
+
+Question = Break | Repair | Look | Robots | Clock | Picture | Ways | Idle | Move | Follow
 
 
 class Ask(Struct, frozen=True, kw_only=True, tag="ask", tag_field="say"):
@@ -128,6 +134,42 @@ class State(Struct, frozen=True, kw_only=True, tag="state", tag_field="say"):
     """The robot's state, unasked."""
 
     state: RobotState
+
+
+class Mover(Struct, frozen=True, kw_only=True):
+    """Something that can move, and how many `numbers` say how it is.
+
+    4, a robot: x, y, z, yaw. 6, a thing: x, y, z, yaw, pitch, roll. 9, a robot with an arm: x, y, z, yaw; the angle of its turret; how
+    high its boom is above its floor, and how far its hand is out; the angle of its hand; how far each finger is from the middle.
+    """
+
+    name: str
+    numbers: int
+
+
+class Work(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What a robot or a camera holds, does, and cannot do."""
+
+    holding: str | None = None
+    doing: str | None = None
+    faults: tuple[Fault, ...] = ()
+
+
+class Poses(Struct, frozen=True, kw_only=True, omit_defaults=True, tag="poses", tag_field="say"):
+    """What moved since the last one, to an operator who follows. Comes about once a second though nothing moved."""
+
+    time: float
+    """Simulated."""
+    clock: float
+    """Seconds on the simulator's clock on the wall, which began at any time."""
+    movers: tuple[Mover, ...] | None = None
+    """All that can move, in the first line, and when the set is another one. Then everything is said anew."""
+    moved: tuple[int, ...] = ()
+    """Those of them that moved, counted from 0."""
+    values: tuple[float, ...] = ()
+    """The numbers of those, one after the other."""
+    robots: dict[str, Work] = {}
+    """Of whom this is otherwise than before."""
 
 
 class OrderDone(Struct, frozen=True, kw_only=True, tag="done", tag_field="say"):
@@ -175,7 +217,7 @@ class Refused(Struct, frozen=True, kw_only=True, tag="error", tag_field="say"):
     id: int | None = None
 
 
-ServerLine = Welcome | State | OrderDone | OrderGivenUp | Answer | Refused
+ServerLine = Welcome | State | Poses | OrderDone | OrderGivenUp | Answer | Refused
 
 _opening = msgspec.json.Decoder(Opening)
 _to_server: msgspec.json.Decoder[ClientLine] = msgspec.json.Decoder(ClientLine)

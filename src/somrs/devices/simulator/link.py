@@ -9,7 +9,7 @@ import contextlib
 import itertools
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -31,6 +31,7 @@ from somrs.devices.simulator.commands import (
     Status,
     Stop,
 )
+from somrs.devices.simulator.following import Following
 from somrs.devices.simulator.lines import (
     VERSION,
     Answer,
@@ -38,6 +39,7 @@ from somrs.devices.simulator.lines import (
     Break,
     ClientLine,
     Clock,
+    Follow,
     Hello,
     Idle,
     Look,
@@ -46,6 +48,7 @@ from somrs.devices.simulator.lines import (
     OrderDone,
     OrderGivenUp,
     Picture,
+    Poses,
     Question,
     Refused,
     Repair,
@@ -335,6 +338,7 @@ class OperatorLink(_Link):
 
     def __init__(self, host: str, port: int) -> None:
         super().__init__(host, port, Hello(version=VERSION), silence=None)
+        self._following: Following | None = None
 
     async def fault(self, robot: str, fault: Fault) -> None:
         """Break something now."""
@@ -378,6 +382,34 @@ class OperatorLink(_Link):
     async def move(self, object: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
         """Put an object elsewhere, by magic."""
         await _answer(self, Move(object=object, x=x, y=y, z=z, yaw=yaw))
+
+    async def poses(self, rate: float = 20.0) -> AsyncGenerator[Poses, None]:
+        """Where everything is that can move, and then what moves of it, as it moves: the first has the `movers`. One who is slow to take
+        them gets fewer. Raises RobotGaveUp when the connection is lost; what follows it then begins anew."""
+        if self._following is not None:
+            raise UsageError("the poses are followed already on this link; connect another one")
+        await self._connected()
+        following = self._following = Following()
+        try:
+            await _answer(self, Follow(rate=rate))
+            while True:
+                yield await following.next()
+        finally:
+            self._following = None
+            if self._writer is not None:
+                self._writer.write(written(Ask(id=next(self._ids), question=Follow(rate=0))))
+
+    def _hear(self, line: ServerLine) -> None:
+        if isinstance(line, Poses):
+            if self._following is not None:
+                self._following.put(line)
+            return
+        super()._hear(line)
+
+    def _fail_all(self, reason: str, description: str) -> None:
+        super()._fail_all(reason, description)
+        if self._following is not None:
+            self._following.fail(RobotGaveUp(reason, description))
 
 
 async def _answer(link: _Link, question: Question) -> Answer:

@@ -23,6 +23,7 @@ from somrs.devices.simulator.lines import (
     Ask,
     Break,
     Clock,
+    Follow,
     Hello,
     Idle,
     Look,
@@ -43,6 +44,7 @@ from somrs.devices.simulator.lines import (
     read_by_server,
     written,
 )
+from somrs.devices.simulator.poses import Table, Telling, works
 from somrs.devices.simulator.simulation import Simulation
 from somrs.devices.simulator.ways import leg_lengths
 from somrs.errors import SimulationError, UsageError, WireError
@@ -103,6 +105,8 @@ class Server:
         self._waiting: list[tuple[_Session, int]] = []
         self._wake = asyncio.Event()
         self._camera: Camera | None = None
+        self._followers: dict[_Session, Telling] = {}
+        self._table: Table | None = None
 
     async def start(self) -> None:
         """Listen, and let time begin. `port` is then the real one."""
@@ -148,6 +152,7 @@ class Server:
                 self._step_for(SLICE)
                 await asyncio.sleep(0)
                 continue
+            self._tell_poses(time.monotonic(), at_rest=True)
             self._tell_waiting()
             self._tell_states()
             self._wake.clear()
@@ -164,7 +169,8 @@ class Server:
             if lag > 0:
                 self._step_for(SLICE, until=self.simulation.time + lag)
             self._tell_states()
-            if not self.simulation.busy:
+            if self._waiting and not self.simulation.busy:
+                self._tell_poses(time.monotonic(), at_rest=True)
                 self._tell_waiting()
             await asyncio.sleep(max(0.0, -lag / speed) if lag < 0 else 0.002)
 
@@ -189,6 +195,20 @@ class Server:
                 session.last_state = now
                 session.next_state = self.simulation.time + (1 / session.rate if session.rate else 0.0)
                 session.say(State(state=self.simulation.state(robot)))
+        self._tell_poses(now)
+
+    def _tell_poses(self, now: float, *, at_rest: bool = False) -> None:
+        """Tell those who follow and whose turn it is; when the world came to rest all, as nothing may move again for long."""
+        due = [(one, telling) for one, telling in self._followers.items() if (at_rest or now >= telling.next) and not one.slow]
+        if not due:
+            return
+        if self._table is None or self._table.model is not self.simulation.scene.model:
+            self._table = Table(self.simulation)
+        row, doing = self._table.row(), works(self.simulation)
+        for session, telling in due:
+            line = telling.line(self._table, row, doing, self.simulation.time, now)
+            if line is not None:
+                session.say(line)
 
     def _tell_waiting(self) -> None:
         for session, id in self._waiting:
@@ -245,6 +265,7 @@ class Server:
     def _leave(self, session: _Session) -> None:
         """The connection is gone: its robot stops, and keeps hold of what it holds."""
         self._sessions.discard(session)
+        self._followers.pop(session, None)
         self._waiting = [(other, id) for other, id in self._waiting if other is not session]
         if session.robot is not None and self._controllers.get(session.robot) is session:
             del self._controllers[session.robot]
@@ -313,6 +334,10 @@ class Server:
                 answer = Answer(id=id, lengths=leg_lengths(self.simulation, robot, through))
             case Move(object=name, x=x, y=y, z=z, yaw=yaw):
                 self.simulation.move(name, x, y, z, yaw)
+            case Follow(rate=rate):
+                self._followers.pop(session, None)
+                if rate > 0:
+                    self._followers[session] = Telling(min(rate, MOST_STATES))
             case Idle():
                 self._waiting.append((session, id))
                 return
