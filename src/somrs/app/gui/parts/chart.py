@@ -1,0 +1,13 @@
+"""The messages of a task, drawn as they pass between the Task Manager and services (the paper's "Sequence of transaction messages")."""
+
+from __future__ import annotations
+
+from nicegui.element import Element
+
+
+class MessageChart(Element, component="chart.js", dependencies=["marks.js", "messages.js", "live.js", "taskfeed.js"]):
+    """Of the task with this whole id, which it follows by itself."""
+
+    def __init__(self, task: str, *, empty: str = "No messages have passed yet") -> None:
+        super().__init__()
+        self._props.update({"task": task, "empty": empty})
