@@ -20,6 +20,7 @@ from somrs.app.desk.orders import OrdersDesk
 from somrs.app.desk.questions import QuestionsDesk
 from somrs.app.desk.records import RecordsDesk
 from somrs.app.desk.scene import SceneDesk
+from somrs.app.desk.system import SystemDesk
 from somrs.app.desk.tasks import TasksDesk
 from somrs.app.host import Host
 from somrs.errors import RemoteError
@@ -42,6 +43,7 @@ class Desk:
         self.questions = QuestionsDesk(context)
         self.records = RecordsDesk(context)
         self.scene = SceneDesk(context)
+        self.system = SystemDesk(context)
 
     def operations(self) -> Iterator[Operation]:
         for group, part in vars(self).items():
