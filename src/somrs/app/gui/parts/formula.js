@@ -1,0 +1,277 @@
+// A field for a formula: what can come is offered while one types, and what is wrong is underlined and said beneath.
+//
+// A textarea without colour lies over the same text in colours, so that the keyboard, selection, undo and screen readers work as in any
+// other field. It asks the API by itself, so that typing does not wait for the page's own connection.
+
+import { follow } from "live";
+import { counted, pieces, placed, proposals } from "formula_text";
+
+const CHECK = 180; // milliseconds without typing before the text is checked
+const AGAIN = 2000; // milliseconds before it is tried again when nobody answered
+const ICONS = {
+  object: "category", relation: "link", attribute: "tune", value: "sell", type: "account_tree", variable: "help_outline",
+  function: "functions", keyword: "join_inner", operator: "drag_handle", unit: "straighten",
+};
+
+async function ask(path, body) {
+  const answer = await fetch(`/api/formulas/${path}`, { method: "POST", body: JSON.stringify(body) });
+  if (!answer.ok) throw new Error(`${answer.status}`);
+  return answer.json();
+}
+
+export default {
+  template: `
+    <div class="somrs-fe" :class="{'somrs-fe-bad': bad, 'somrs-fe-off': disable}">
+      <label v-if="label" class="somrs-fe-label" :for="name">{{ label }}</label>
+      <div class="somrs-fe-box" @click="$refs.area.focus()">
+        <pre ref="back" class="somrs-fe-back somrs-formula" aria-hidden="true"><span v-for="piece in shown" :class="look(piece)"
+          :ref="piece.mark ? 'mark' : undefined">{{ piece.end && piece.wrong ? '\\u00a0' : piece.text }}</span>{{ '\\n' }}</pre>
+        <textarea ref="area" class="somrs-fe-area somrs-formula" :id="name" v-model="text" :rows="rows" :placeholder="placeholder"
+          :disabled="disable" :data-keep="keep" spellcheck="false" autocomplete="off" autocapitalize="off" autocorrect="off" wrap="soft"
+          aria-autocomplete="list" :aria-controls="name + '-list'" :aria-activedescendant="open && chosen >= 0 ? name + '-' + chosen : undefined"
+          :aria-invalid="bad" :aria-describedby="name + '-said'" :aria-label="label ? undefined : 'Formula'"
+          @input="onInput" @keydown="onKey" @blur="close" @click="close" @scroll="close"></textarea>
+      </div>
+      <ul v-show="open" ref="list" class="somrs-fe-list" role="listbox" :id="name + '-list'" aria-label="What can come here" :style="at">
+        <li v-for="(item, index) in items" role="option" :id="name + '-' + index" :aria-selected="index === chosen"
+          :class="{'somrs-fe-chosen': index === chosen}" @mousedown.prevent="accept(index)">
+          <i class="material-icons" :class="'somrs-fe-' + item.kind" aria-hidden="true">{{ icon(item.kind) }}</i>
+          <span class="somrs-fe-word somrs-formula">{{ item.text }}</span><span class="somrs-fe-detail">{{ item.detail }}</span>
+        </li>
+      </ul>
+      <div class="somrs-fe-heard" aria-live="polite">{{ heard }}</div>
+      <div class="somrs-fe-said" :id="name + '-said'" role="status">
+        <div v-if="lost" class="somrs-fe-soft"><i class="material-icons" aria-hidden="true">cloud_off</i>
+          <span>Not checked: the system does not answer. What you wrote stays.</span></div>
+        <div v-else-if="text.trim() && found.unfinished && !open" class="somrs-fe-soft"><i class="material-icons" aria-hidden="true">more_horiz</i>
+          <span>It goes on: {{ found.problems[0].hint }}.</span></div>
+        <div v-else-if="bad" v-for="one in wrong" class="somrs-fe-problem"><i class="material-icons" aria-hidden="true">error</i>
+          <span><button type="button" class="somrs-fe-place" @click="go(one)">{{ one.problem }}</button><template v-if="one.proposals.length">; did you mean
+              <template v-for="(word, index) in one.proposals">{{ index ? ' or ' : '' }}<button type="button" class="somrs-fe-use somrs-formula"
+                :aria-label="'Write ' + word + ' instead'" @click="mend(one, word)">{{ word }}</button></template>?</template>
+            <span v-else-if="one.hint" class="somrs-fe-hint">; {{ one.hint }}</span></span></div>
+        <div v-else-if="found.ok" class="somrs-fe-good"><i class="material-icons" aria-hidden="true">check_circle</i>
+          <span>{{ good }}</span></div>
+      </div>
+    </div>`,
+  props: {
+    value: String, label: String, placeholder: String, rows: Number, variables: Object, good: String, keep: String, disable: Boolean, id: String,
+  },
+  emits: ["update:value", "checked", "submit"],
+  data() {
+    return {
+      text: this.value ?? "", found: { ok: false, unfinished: true, problems: [] }, checkedText: null, lost: false,
+      open: false, items: [], chosen: -1, from: 0, to: 0, at: {}, heard: "",
+    };
+  },
+  created() {
+    this.asked = 0; // completions that were asked for; only the last answer counts
+    this.given = false; // whether the blank before the cursor was written by a completion
+  },
+  mounted() {
+    this.check();
+    this.stop = follow(["map", "ontology"], { open: () => this.check(), news: (news) => this.hear(news) });
+    this.gone = () => this.close();
+    window.addEventListener("resize", this.gone);
+    window.addEventListener("scroll", this.gone, true);
+  },
+  beforeUnmount() {
+    this.stop();
+    clearTimeout(this.timer);
+    window.removeEventListener("resize", this.gone);
+    window.removeEventListener("scroll", this.gone, true);
+    // What was typed stays when this field is shown again.
+    const element = window.mounted_app?.elements?.[String(this.id).slice(1)];
+    if (element) element.props.value = this.text;
+  },
+  computed: {
+    name() { return `fe-${this.id}`; },
+    wrong() {
+      if (this.checkedText === null) return [];
+      return this.found.problems.map((one) => ({
+        ...one, from: placed(this.checkedText, one.position), to: placed(this.checkedText, one.end), proposals: proposals(one.hint),
+      }));
+    },
+    bad() { return !this.lost && this.wrong.length > 0 && !this.found.unfinished; },
+    shown() {
+      // While one types on, underlines stay with what is before the change.
+      const same = this.checkedText ?? "";
+      const whole = this.text === same;
+      const kept = this.bad ? this.wrong.filter((one) => whole || this.text.slice(0, one.to) === same.slice(0, one.to)) : [];
+      return pieces(this.text, whole ? kept : kept.filter((one) => one.to > one.from), this.open ? this.from : null);
+    },
+  },
+  watch: {
+    value(value) {
+      if (value === this.text) return;
+      this.text = value ?? "";
+      this.close();
+      this.check();
+    },
+    variables() { this.check(); },
+    text(text) { this.$emit("update:value", text); },
+  },
+  methods: {
+    icon(kind) { return ICONS[kind] ?? "chevron_right"; },
+    look(piece) { return [piece.kind && `somrs-fe-${piece.kind}`, piece.wrong && "somrs-fe-wrong"]; },
+
+    // Checking
+
+    hear(news) {
+      // Things that move do not matter to formulas; those that come and go do.
+      const changes = news.value?.changes ?? [];
+      const matters = news.topic === "ontology" || news.missed || news.value?.read || changes.some(({ type }) => /^Object/.test(type));
+      if (matters) this.later(CHECK);
+    },
+    later(pause) {
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => this.check(), pause);
+    },
+    async check() {
+      clearTimeout(this.timer);
+      const text = this.text;
+      try {
+        const found = await ask("check", { text, variables: this.variables ?? {} });
+        if (text !== this.text) return;
+        Object.assign(this, { found, checkedText: text, lost: false });
+        this.$emit("checked", { ...found, text });
+      } catch {
+        this.lost = true;
+        this.later(AGAIN);
+      }
+    },
+    recheck() { return this.check(); },
+    go(one) {
+      this.$refs.area.focus();
+      this.$refs.area.setSelectionRange(one.from, Math.max(one.to, one.from));
+    },
+    mend(one, word) { this.replace(one.from, one.to, word); },
+
+    // Typing
+
+    onInput(event) {
+      this.later(CHECK);
+      if (event.isComposing) return;
+      if (this.given && [".", ",", ")"].includes(event.data)) this.joinUp(event.data);
+      this.given = false;
+      this.narrow();
+      if (event.inputType?.startsWith("history")) this.close();
+      else this.complete();
+    },
+    joinUp(sign) {
+      // A completion wrote a blank; what joins on takes it back.
+      const at = this.$refs.area.selectionStart;
+      if (this.$refs.area.value.slice(at - 2, at) === ` ${sign}`) this.replace(at - 2, at, sign);
+    },
+    replace(from, to, word) {
+      const area = this.$refs.area;
+      area.focus();
+      area.setSelectionRange(from, to);
+      // Unlike a new value, what is inserted so can be undone by the keyboard.
+      if (!document.execCommand("insertText", false, word)) area.setRangeText(word, from, to, "end");
+      this.text = area.value;
+      this.later(CHECK);
+    },
+    insert(word) {
+      const area = this.$refs.area;
+      this.replace(area.selectionStart, area.selectionEnd, word);
+    },
+    focus() { this.$refs.area.focus(); },
+
+    // Completion
+
+    async complete() {
+      const asked = ++this.asked;
+      const text = this.$refs.area.value;
+      const cursor = this.$refs.area.selectionStart;
+      let found;
+      try {
+        found = await ask("complete", { text, cursor: counted(text, cursor), variables: this.variables ?? {} });
+      } catch {
+        return this.close();
+      }
+      if (asked !== this.asked || document.activeElement !== this.$refs.area) return;
+      if (!found.items.length) return this.close();
+      this.from = placed(text, found.start);
+      this.to = placed(text, found.end);
+      this.items = found.items;
+      // Where nothing was begun, Enter and Tab do what they do everywhere, until one goes into the list.
+      this.chosen = cursor > this.from ? 0 : -1;
+      this.open = true;
+      this.heard = `${found.items.length} can come here${this.chosen === 0 ? `, ${found.items[0].text} first` : ""}`;
+      this.$nextTick(this.place);
+    },
+    narrow() {
+      // What is offered goes with what is typed at once, so that Enter never takes what was meant a letter ago.
+      if (!this.open) return;
+      const { value, selectionStart: cursor } = this.$refs.area;
+      const typed = value.slice(this.from, cursor).toLowerCase();
+      this.items = cursor > this.from ? this.items.filter((item) => item.text.toLowerCase().includes(typed)) : [];
+      this.to = cursor;
+      this.chosen = 0;
+      if (!this.items.length) this.close();
+    },
+    place() {
+      const mark = this.$refs.mark;
+      const span = Array.isArray(mark) ? mark[0] : mark;
+      if (!this.open || !span) return;
+      const box = span.getBoundingClientRect();
+      const list = this.$refs.list.getBoundingClientRect();
+      const left = Math.max(8, Math.min(box.left - 8, window.innerWidth - list.width - 8));
+      const below = box.top + 22 + list.height < window.innerHeight || box.top < list.height + 8;
+      this.at = { left: `${left}px`, top: `${below ? box.top + 22 : box.top - list.height - 4}px` };
+      this.$refs.list.scrollTop = 0;
+    },
+    close() {
+      this.asked++;
+      if (!this.open) return;
+      this.open = false;
+      this.heard = "";
+    },
+    accept(index) {
+      const item = this.items[index];
+      const behind = this.text[this.to];
+      const after = item.after === " " && behind === " " ? "" : item.after;
+      this.given = after === " ";
+      this.replace(this.from, this.to, item.text + after);
+      if (item.after === " " && behind === " ") this.$refs.area.setSelectionRange(this.from + item.text.length + 1, this.from + item.text.length + 1);
+      const given = this.given;
+      this.complete().then(() => (this.given = given));
+    },
+    move(by) {
+      const last = this.items.length - 1;
+      this.chosen = this.chosen < 0 ? (by > 0 ? 0 : last) : Math.max(0, Math.min(last, this.chosen + by));
+      const { text, detail } = this.items[this.chosen];
+      this.heard = `${text}, ${detail}`;
+      this.$nextTick(() => this.$refs.list.children[this.chosen]?.scrollIntoView({ block: "nearest" }));
+    },
+    onKey(event) {
+      if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) {
+        event.preventDefault();
+        this.close();
+        this.$emit("submit", this.text);
+      } else if (event.key === " " && event.ctrlKey) {
+        event.preventDefault();
+        this.complete();
+      } else if (this.open && !event.altKey && !event.ctrlKey && !event.metaKey) {
+        this.onListKey(event);
+      } else if (event.key === "ArrowDown" && !this.text) {
+        event.preventDefault();
+        this.complete();
+      }
+    },
+    onListKey(event) {
+      const moves = { ArrowDown: 1, ArrowUp: -1, PageDown: 8, PageUp: -8 };
+      if (event.key in moves && (this.chosen >= 0 || moves[event.key] > 0)) this.move(moves[event.key]);
+      else if (["Enter", "Tab"].includes(event.key) && this.chosen >= 0 && !event.shiftKey) this.accept(this.chosen);
+      else if (event.key === "Escape") {
+        this.close();
+        event.stopPropagation();
+      } else {
+        if (["ArrowLeft", "ArrowRight", "ArrowUp", "Home", "End", "Tab"].includes(event.key)) this.close();
+        return;
+      }
+      event.preventDefault();
+    },
+  },
+};

@@ -1,0 +1,92 @@
+"""A field for a formula: completion while one types, mistakes underlined and said beneath, several lines, Ctrl+Enter submits.
+
+    field = FormulaField("What is to be", value="Jar002 isOn Platform001", variables={"Self": "Room"},
+                         on_change=changed, on_checked=checked, on_submit=submitted)
+
+- `value` is what is written; set it to write something else. `on_change` hears of each change (`.value`), also of one that Python made.
+- `variables`: types of variables, beside those in the text, as constraints (`Self`) and services (`Provider`) have them.
+- `on_checked` hears, a moment after the last change and whenever the map or the ontology changed, what is wrong: a `Report`, whose `text`
+  is the text that was checked. `report` is the last one; `ok` says whether the text as it is now was checked and is right.
+- `on_submit` hears Ctrl+Enter.
+- `good`: what is said when nothing is wrong. `keep`: a name under which a `Draft` around it keeps what was typed.
+- `insert(text)` writes at the cursor, `focus()` goes there, `await recheck()` checks now.
+
+It asks `/api/formulas` by itself; what is written in it does not wait for the page's own connection, and stays when that is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import msgspec
+from nicegui.elements.mixins.disableable_element import DisableableElement
+from nicegui.elements.mixins.value_element import ValueElement
+from nicegui.events import GenericEventArguments, Handler, ValueChangeEventArguments
+
+from somrs.app.desk.formulas import Checked
+
+
+class Report(Checked, frozen=True, kw_only=True):
+    """What was found in `text`."""
+
+    text: str
+
+
+class FormulaField(ValueElement[str], DisableableElement, component="formula.js", dependencies=["live.js", "formula_text.js"]):
+    VALUE_PROP = "value"
+    LOOPBACK = False
+
+    def __init__(
+        self,
+        label: str | None = None,
+        *,
+        value: str = "",
+        placeholder: str = "",
+        rows: int = 1,
+        variables: dict[str, str] | None = None,
+        good: str = "",
+        keep: str | None = None,
+        on_change: Handler[ValueChangeEventArguments[str]] | None = None,
+        on_checked: Callable[[Report], Awaitable[None] | None] | None = None,
+        on_submit: Callable[[str], Awaitable[None] | None] | None = None,
+    ) -> None:
+        super().__init__(value=value, on_value_change=on_change)
+        self._props.update(
+            {"label": label, "placeholder": placeholder, "rows": rows, "variables": variables or {}, "good": good, "keep": keep}
+        )
+        self.report: Report | None = None
+
+        def checked(event: GenericEventArguments) -> Awaitable[None] | None:
+            self.report = msgspec.convert(event.args, Report)
+            return on_checked(self.report) if on_checked is not None else None
+
+        def submitted(event: GenericEventArguments) -> Awaitable[None] | None:
+            return on_submit(str(event.args)) if on_submit is not None else None
+
+        self.on("checked", checked)
+        self.on("submit", submitted)
+
+    @property
+    def ok(self) -> bool:
+        """Whether what is written now was checked, and is right."""
+        return self.report is not None and self.report.ok and self.report.text == self.value
+
+    @property
+    def variables(self) -> dict[str, str]:
+        found: dict[str, str] = self._props["variables"]
+        return found
+
+    @variables.setter
+    def variables(self, variables: dict[str, str]) -> None:
+        self._props["variables"] = variables
+
+    def insert(self, text: str) -> None:
+        self.run_method("insert", text)
+
+    def focus(self) -> None:
+        self.run_method("focus")
+
+    def recheck(self) -> Any:
+        """Can be awaited: then what is wrong was heard."""
+        return self.run_method("recheck")
