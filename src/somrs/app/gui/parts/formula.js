@@ -27,7 +27,7 @@ export default {
         <pre ref="back" class="somrs-fe-back somrs-formula" aria-hidden="true"><span v-for="piece in shown" :class="look(piece)"
           :ref="piece.mark ? 'mark' : undefined">{{ piece.end && piece.wrong ? '\\u00a0' : piece.text }}</span>{{ '\\n' }}</pre>
         <textarea ref="area" class="somrs-fe-area somrs-formula" :id="name" v-model="text" :rows="rows" :placeholder="placeholder"
-          :disabled="disable" :data-keep="keep" spellcheck="false" autocomplete="off" autocapitalize="off" autocorrect="off" wrap="soft"
+          :disabled="disable" spellcheck="false" autocomplete="off" autocapitalize="off" autocorrect="off" wrap="soft"
           aria-autocomplete="list" :aria-controls="name + '-list'" :aria-activedescendant="open && chosen >= 0 ? name + '-' + chosen : undefined"
           :aria-invalid="bad" :aria-describedby="name + '-said'" :aria-label="label ? undefined : 'Formula'"
           @input="onInput" @keydown="onKey" @blur="close" @click="close" @scroll="close"></textarea>
@@ -55,7 +55,7 @@ export default {
       </div>
     </div>`,
   props: {
-    value: String, label: String, placeholder: String, rows: Number, variables: Object, good: String, keep: String, disable: Boolean, id: String,
+    value: String, label: String, placeholder: String, rows: Number, variables: Object, good: String, disable: Boolean, id: String,
   },
   emits: ["update:value", "checked", "submit"],
   data() {

@@ -8,7 +8,7 @@
 - `on_checked` hears, a moment after the last change and whenever the map or the ontology changed, what is wrong: a `Report`, whose `text`
   is the text that was checked. `report` is the last one; `ok` says whether the text as it is now was checked and is right.
 - `on_submit` hears Ctrl+Enter.
-- `good`: what is said when nothing is wrong. `keep`: a name under which a `Draft` around it keeps what was typed.
+- `good`: what is said when nothing is wrong.
 - `insert(text)` writes at the cursor, `focus()` goes there, `await recheck()` checks now.
 
 It asks `/api/formulas` by itself; what is written in it does not wait for the page's own connection, and stays when that is lost.
@@ -46,7 +46,6 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
         rows: int = 1,
         variables: dict[str, str] | None = None,
         good: str = "",
-        keep: str | None = None,
         on_change: Handler[ValueChangeEventArguments[str]] | None = None,
         on_checked: Callable[[Report], Awaitable[None] | None] | None = None,
         on_submit: Callable[[str], Awaitable[None] | None] | None = None,
