@@ -51,9 +51,7 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
         on_submit: Callable[[str], Awaitable[None] | None] | None = None,
     ) -> None:
         super().__init__(value=value, on_value_change=on_change)
-        self._props.update(
-            {"label": label, "placeholder": placeholder, "rows": rows, "variables": variables or {}, "good": good, "keep": keep}
-        )
+        self._props.update({"label": label, "placeholder": placeholder, "rows": rows, "variables": variables or {}, "good": good})
         self.report: Report | None = None
 
         def checked(event: GenericEventArguments) -> Awaitable[None] | None:
