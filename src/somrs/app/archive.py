@@ -11,6 +11,7 @@ from collections.abc import Iterable
 import msgspec
 from msgspec import structs
 
+from somrs.protocol.clients import PARTS as LISTS
 from somrs.protocol.clients import ReadRecords, Records, TaskRecord
 from somrs.protocol.envelope import normalised_id
 from somrs.protocol.paging import PAGE_BYTES, fitting, size
@@ -26,9 +27,6 @@ TABLES = """
 
 MOST_RECORDS = 200
 """On one page."""
-
-LISTS = ("steps", "work", "contracts", "events", "messages")
-"""The parts of a record, in the order in which they are counted."""
 
 LONG = ("contracts", "events", "messages")
 """Those that are left out of a brief record."""
@@ -88,7 +86,8 @@ def _page(found: Iterable[TaskRecord], wanted: ReadRecords, limit: int, total: i
     page: list[TaskRecord] = []
     room = PAGE_BYTES
     for number, record in enumerate(found):
-        whole = _without(record, LONG) if wanted.brief else record
+        left_out = {*wanted.without} & {*LISTS} | ({*LONG} if wanted.brief else set())
+        whole = _without(record, left_out) if left_out else record
         if number >= limit or (page and size(whole) > room):
             return Records(records=tuple(page), more=True, total=total)
         part, rest = cut(whole, wanted.after, room)

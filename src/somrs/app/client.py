@@ -7,6 +7,7 @@ import os
 import socket
 import uuid
 from collections.abc import AsyncIterator
+from itertools import chain
 from pathlib import Path
 from typing import TypeVar
 from urllib.parse import quote
@@ -90,12 +91,15 @@ class Client:
     async def __aexit__(self, *exception: object) -> None:
         await self._wire.close()
 
-    async def ask(self, address: str, body: Body, expected: type[Answer], timeout: float = 30.0, patience: float = 0.0) -> Answer:
+    async def ask(
+        self, address: str, body: Body, expected: type[Answer], timeout: float = 30.0, patience: float = 0.0, id: str | None = None
+    ) -> Answer:
         """The answer, which is of the expected type. Raises RemoteError when it is not, or none came.
 
-        `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same.
+        `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same, and so is what
+        is sent again with the same `id`.
         """
-        header = Header(sender=self._who, recipient=address, message_id=uuid.uuid4().urn)
+        header = Header(sender=self._who, recipient=address, message_id=id or uuid.uuid4().urn)
         message = Message(header=header, body=body)
         answer = await asked_again(lambda: self._wire.post(message, timeout=timeout), patience)
         if answer is None:
@@ -194,9 +198,9 @@ class Client:
 
     # The Task Manager
 
-    async def submit(self, task: clients.Submit, patience: float = 0.0) -> str:
-        """The task's id. Raises UsageError, with the caret under the mistake, when it is no task."""
-        answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience)
+    async def submit(self, task: clients.Submit, patience: float = 0.0, id: str | None = None) -> str:
+        """The task's id. Raises UsageError, with the caret under the mistake, when it is no task. The same message `id` is one task."""
+        answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience, id=id)
         match answer:
             case clients.Submitted(task=id):
                 return id
@@ -212,18 +216,42 @@ class Client:
         after = 0
         while True:
             watch = clients.WatchTask(task=task, after=after)
-            news = await self.ask(self.addresses.task_manager, watch, clients.TaskNews, timeout=60, patience=PATIENCE)
+            news = await self.watch(watch, patience=PATIENCE)
             yield news
             if news.view.phase is clients.Phase.ENDED and not news.more:
                 return
             after += len(news.events)
+
+    async def watch(self, wanted: clients.WatchTask, patience: float = 0.0) -> clients.TaskNews:
+        """News of a task, with a view that is whole, however long."""
+        parts: list[clients.TaskView] = []
+        news = await self.ask(self.addresses.task_manager, wanted, clients.TaskNews, timeout=wanted.wait + 40, patience=patience)
+        while news.rest is not None:
+            parts.append(news.view)
+            more = msgspec.structs.replace(wanted, parts=news.rest, wait=0)
+            news = await self.ask(self.addresses.task_manager, more, clients.TaskNews, patience=patience)
+        if not parts:
+            return news
+        views = [*parts, news.view]
+        steps, work = (tuple(chain.from_iterable(getattr(view, part) for view in views)) for part in ("steps", "work"))
+        return msgspec.structs.replace(news, view=msgspec.structs.replace(news.view, steps=steps, work=work))
+
+    async def rows(self) -> tuple[clients.TaskRow, ...]:
+        """The tasks that the Task Manager has in mind, as a list shows them, newest first."""
+        found: dict[str, clients.TaskRow] = {}
+        after, more = 0, True
+        while more:
+            news = await self.ask(self.addresses.task_manager, clients.WatchTasks(after=after, wait=0), clients.TasksNews)
+            found |= {row.task: row for row in news.rows}
+            after, more = news.version, news.more
+        return tuple(sorted(found.values(), key=lambda row: (row.submitted_at, row.task), reverse=True))
 
     async def events(self, task: str) -> tuple[clients.TaskView, tuple[clients.TaskEvent, ...]]:
         """The task as it is now, and all that happened to it."""
         events: tuple[clients.TaskEvent, ...] = ()
         while True:
             watch = clients.WatchTask(task=task, after=len(events), wait=0)
-            news = await self.ask(self.addresses.task_manager, watch, clients.TaskNews)
+            news = await self.watch(watch)
             events += news.events
             if not news.more:
                 return news.view, events

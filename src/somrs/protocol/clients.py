@@ -155,16 +155,18 @@ class ReadTasks(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Tasks(Struct, frozen=True, kw_only=True, tag=True):
-    """`more`: there are older ones. A page ends early when it becomes too long for a message."""
+    """`more`: there are older ones. A page ends early when it becomes too long for a message. Of a plan that is too long for one by itself,
+    the first steps come; TaskNews has them all."""
 
     tasks: tuple[TaskView, ...]
     more: bool = False
 
 
 class WatchTasks(Struct, frozen=True, kw_only=True, tag=True):
-    """Answer as soon as a task changed after the change of number `after`, or there is a new one; at the latest after `wait` seconds."""
+    """Answer as soon as a task changed after the change of number `after`, or there is a new one; at the latest after `wait` seconds. 0:
+    all tasks that are known. None: none of them, but what number to ask with next."""
 
-    after: int = 0
+    after: int | None = None
     wait: float = 20.0
 
 
@@ -354,11 +356,15 @@ class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
     handlers: tuple[Handler, ...] = ()
 
 
+PARTS = ("steps", "work", "contracts", "events", "messages")
+"""The parts of a record, in the order in which they are counted."""
+
+
 class ReadRecords(Struct, frozen=True, kw_only=True, tag=True):
     """Tasks that are over, the latest first, up to `limit`: those that ended at `since` or later, with this `outcome`, whose id is
     `task` or begins so (without `urn:uuid:`, if one likes), with this `text` in what was wished for, whatever its case, and in which
     this `service`, or a service of this device, did something. `behind`: those behind this one in that order. `brief`: without
-    contracts, events and messages. `after`: of a record's steps, work, contracts, events and messages, in this order, those behind
+    contracts, events and messages; `without` names those of these parts that are left out. `after`: of a record's steps, work, contracts, events and messages, in this order, those behind
     the first so many."""
 
     since: float | None = None
@@ -370,6 +376,7 @@ class ReadRecords(Struct, frozen=True, kw_only=True, tag=True):
     after: int = 0
     text: str | None = None
     service: str | None = None
+    without: tuple[str, ...] = ()
 
 
 class Records(Struct, frozen=True, kw_only=True, tag=True):

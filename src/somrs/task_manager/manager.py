@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 
 from somrs.errors import FormulaError
 from somrs.protocol import clients, frp
@@ -20,27 +19,17 @@ from somrs.task_manager.participants import sent_home
 from somrs.task_manager.questions import Questions
 from somrs.task_manager.setting import Setting, problem, wrong_with
 from somrs.task_manager.transaction import Transaction
-from somrs.task_manager.views import previewed, view
+from somrs.task_manager.views import message_view, previewed, view, view_in_parts
+from somrs.task_manager.watching import TIMER as WATCH
+from somrs.task_manager.watching import Watching
 
 __all__ = ["TaskManager", "view"]
 
 READY_TIME = 30.0
 """Seconds that a task waits for the map to be read, after the start; then its client hears that the Repository is not there."""
 
-MOST_WAIT = 60.0
-"""Seconds that a client is let wait for news at most."""
-
 REMEMBERED = 200
 """So many tasks are known; beyond that the oldest that are over are forgotten here. They stay readable: they were recorded."""
-
-
-@dataclass(slots=True, kw_only=True)
-class _Watcher:
-    """A client that waits for news of a task."""
-
-    request: Message
-    task: str
-    after: int
 
 
 class TaskManager:
@@ -59,9 +48,10 @@ class TaskManager:
         self._map_version = -1
         self._until_known: list[tuple[int, Callable[[float], None]]] = []
         self._until_ready: dict[str, Message] = {}
-        self._watchers: dict[str, _Watcher] = {}
         self._previews: dict[str, Message] = {}
         self._readers: dict[str, Message] = {}
+        touched: dict[str, None] = {}
+        self._watching = Watching(transactions=self.transactions, touched=touched, effects=self._effects, reply=self._reply)
         self._setting = Setting(
             address=address,
             effects=self._effects,
@@ -70,6 +60,7 @@ class TaskManager:
             when_known=self._when_known,
             claims=self._claims,
             busy=self._busy,
+            touched=touched,
         )
 
     @property
@@ -86,7 +77,7 @@ class TaskManager:
         else:
             self._handle(event, now)
         self._claims.wake(now)
-        self._tell_watchers()
+        self._watching.tell()
         for id in [id for id, transaction in self._open.items() if transaction.outcome is not None]:
             del self._open[id]
             self._forget()
@@ -98,6 +89,7 @@ class TaskManager:
         match event:
             case Started():
                 self._questions.start(now)
+                self._watching.start(now)
                 self._effects += self.replica.start(now)
             case Received(message):
                 self._receive(message, now)
@@ -137,11 +129,13 @@ class TaskManager:
                     self._reply(message, clients.Cancelling(task=task))
             case clients.ReadTasks():
                 self._reply(message, self._tasks(message.body))
-            case clients.WatchTask(task=task, after=after, wait=wait):
+            case clients.WatchTask(task=task):
                 if self._known(message, task) is not None:
-                    id = message.header.message_id
-                    self._watchers[id] = _Watcher(request=message, task=task, after=max(after, 0))
-                    self._effects.append(Wake(f"watch {id}", now + (min(max(wait, 0.0), MOST_WAIT) if math.isfinite(wait) else MOST_WAIT)))
+                    self._watching.wait(message, message.body, now)
+            case clients.WatchTasks():
+                self._watching.wait(message, message.body, now)
+            case clients.ReadMessages():
+                self._read_messages(message, message.body)
             case clients.Preview():
                 self._preview(message, message.body, now)
             case clients.ReadRecords():
@@ -192,8 +186,20 @@ class TaskManager:
         if wanted.behind is not None:
             last = self.transactions.get(wanted.behind)
             newest = [each for each in newest if last is not None and (each.submitted_at, each.id) < (last.submitted_at, last.id)]
-        page = tuple(fitting((view(each) for each in newest), max(wanted.limit, 0)))
+        page = tuple(fitting((view_in_parts(each, 0)[0] for each in newest), max(wanted.limit, 0)))
         return clients.Tasks(tasks=page, more=len(page) < len(newest))
+
+    def _read_messages(self, request: Message, wanted: clients.ReadMessages) -> None:
+        """Those of a task that is over are in its record."""
+        transaction, after = self._open.get(wanted.task), max(wanted.after, 0)
+        if transaction is not None:
+            page = tuple(fitting(message_view(at, one) for at, one in islice(transaction.messages, after, None)))
+            self._reply(request, clients.Messages(messages=page, more=after + len(page) < len(transaction.messages)))
+        else:
+            question = f"messages {request.header.message_id}"
+            self._readers[question] = request
+            parts = tuple(name for name in clients.PARTS if name != "messages")
+            self._effects.append(Ask(question, clients.ReadRecords(task=wanted.task, limit=1, after=after, without=parts)))
 
     def _known(self, message: Message, task: str) -> Transaction | None:
         transaction = self.transactions.get(task)
@@ -205,9 +211,8 @@ class TaskManager:
 
     def _ring(self, timer: str, now: float) -> None:
         kind, _, id = timer.partition(" ")
-        if kind == "watch":
-            if (watcher := self._watchers.pop(id, None)) is not None:
-                self._tell(watcher)
+        if kind == WATCH:
+            self._watching.ring(id)
         elif kind == "ready":
             if (waiting := self._until_ready.pop(id, None)) is not None:
                 text = f"the map of the environment is not known yet, because {self._repository} does not answer; try again later"
@@ -221,8 +226,7 @@ class TaskManager:
         if (asked := self._previews.pop(question, None)) is not None:
             self._reply(asked, previewed(value))
         elif (reader := self._readers.pop(question, None)) is not None:
-            wrong = frp.Fault(code="env:Receiver", text=f"the records cannot be read: {value}")
-            self._reply(reader, value if isinstance(value, clients.Records) else wrong)
+            self._reply(reader, _read(reader, value))
         elif (transaction := self.transactions.get(question.partition("/")[0])) is not None:
             transaction.planned(question, value, now)
 
@@ -262,27 +266,25 @@ class TaskManager:
     def _reply(self, to: Message, body: Body) -> None:
         self._effects.append(Send(reply(to, body, self.address)))
 
-    def _tell_watchers(self) -> None:
-        due = [(id, watcher) for id, watcher in self._watchers.items() if self._has_news(watcher)]
-        for id, watcher in due:
-            del self._watchers[id]
-            self._effects.append(Wake(f"watch {id}", None))
-            self._tell(watcher)
-
-    def _has_news(self, watcher: _Watcher) -> bool:
-        transaction = self.transactions[watcher.task]
-        return transaction.outcome is not None or len(transaction.events) > watcher.after
-
-    def _tell(self, watcher: _Watcher) -> None:
-        transaction = self.transactions[watcher.task]
-        events = tuple(fitting(transaction.events[watcher.after :]))
-        more = watcher.after + len(events) < len(transaction.events)
-        self._reply(watcher.request, clients.TaskNews(view=view(transaction), events=events, more=more))
-
     def _forget(self) -> None:
         """The oldest tasks that are over, beyond so many. Whoever watched them was told."""
         while len(self.transactions) > REMEMBERED and len(self.transactions) > len(self._open):
-            del self.transactions[next(id for id in self.transactions if id not in self._open)]
+            oldest = next(id for id in self.transactions if id not in self._open)
+            del self.transactions[oldest]
+            self._watching.forget(oldest)
+
+
+def _read(request: Message, found: object) -> Body:
+    """What was asked of the records, for the client that asked for it."""
+    match found, request.body:
+        case clients.Records(), clients.ReadRecords():
+            return found
+        case clients.Records(records=(record,)), clients.ReadMessages():
+            return clients.Messages(messages=record.messages, more=found.rest is not None)
+        case clients.Records(), clients.ReadMessages(task=task):
+            return frp.Fault(code="env:Sender", text=f"there is no task {task} here")
+        case _:
+            return frp.Fault(code="env:Receiver", text=f"the records cannot be read: {found}")
 
 
 def _ring(transaction: Transaction, what: str, now: float) -> None:

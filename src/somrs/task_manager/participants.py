@@ -62,6 +62,8 @@ class Member:
     """It was sent home while it undid its work, and may be moving still."""
     left_in: State | None = None
     """Where it was when the transaction ended."""
+    changed: int = 0
+    """The number of the last change of its contract, among all in the transaction."""
 
     @property
     def state(self) -> State:
@@ -82,6 +84,8 @@ class Participants:
     ) -> None:
         self._transaction, self._setting, self._tell, self._note = transaction, setting, tell, note
         self._members: dict[str, Member] = {}
+        self.changes = 0
+        """How often a contract changed."""
 
     def __iter__(self) -> Iterator[Member]:
         return iter(self._members.values())
@@ -165,9 +169,15 @@ class Participants:
 
     def _send(self, member: Member, body: CoordinatorBody, now: float, seconds: float) -> Message:
         message = member.session.send(body)
+        self._mark(member)
         self._note(now, message)
         self._setting.effects.append(Send(message, now + seconds))
         return message
+
+    def _mark(self, member: Member) -> None:
+        """Its contract changed."""
+        self.changes += 1
+        member.changed = self.changes
 
     # Hearing
 
@@ -178,6 +188,8 @@ class Participants:
             self._setting.effects += sent_home(message, self._setting.address)
             return None
         heard = member.session.receive(message)
+        if heard.state is not heard.before:
+            self._mark(member)
         self._note(now, message)
         for answer in heard.answers:
             self._note(now, answer)
@@ -210,6 +222,7 @@ class Participants:
             case _:
                 return None
         member.last_word = trouble
+        self._mark(member)
         return member
 
     # Silence, and lateness
@@ -264,6 +277,7 @@ class Participants:
     def give_up(self, member: Member) -> None:
         """It may do anything from now on, but nobody waits for it."""
         if member.session.give_up():
+            self._mark(member)
             member.lost_at = self._setting.replica.version
             self._unwatch(member)
 

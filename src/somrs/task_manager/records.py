@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import msgspec
-
-from somrs.protocol.clients import ContractView, MessageView, TaskRecord
-from somrs.protocol.envelope import Message
-from somrs.protocol.frp import State
-from somrs.task_manager.participants import Member
-from somrs.task_manager.views import view
+from somrs.protocol.clients import TaskRecord
+from somrs.task_manager.views import contract_view, message_view, view
 
 if TYPE_CHECKING:
     from somrs.task_manager.transaction import Transaction
@@ -34,40 +29,10 @@ def record(transaction: Transaction) -> TaskRecord:
         explanation=transaction.explanation,
         steps=seen.steps,
         work=seen.work,
-        contracts=tuple(_contract(member) for member in transaction.participants),
+        contracts=tuple(contract_view(member) for member in transaction.participants),
         events=tuple(transaction.events),
-        messages=tuple(_message(at, message) for at, message in transaction.messages),
+        messages=tuple(message_view(at, message) for at, message in transaction.messages),
         priority=task.priority,
         time_value=task.time_value,
         handlers=task.handlers,
-    )
-
-
-def _contract(member: Member) -> ContractView:
-    session, terms = member.session, member.session.terms
-    return ContractView(
-        participant=member.id,
-        service=member.offer.service,
-        step=member.label,
-        state=member.left_in or session.state,
-        accepted="Accept" in session.said,
-        price=terms.price if terms is not None else None,
-        currency=terms.currency if terms is not None else "EUR",
-        duration=terms.duration if terms is not None else None,
-        valid_until=terms.valid_until if terms is not None else None,
-        reason=member.last_word or (session.reason if member.left_in in (None, State.ENDED) else ""),
-    )
-
-
-def _message(at: float, message: Message) -> MessageView:
-    header = message.header
-    return MessageView(
-        at=at,
-        type=type(message.body).__name__,
-        sender=header.sender,
-        recipient=header.recipient,
-        participant=header.participant or "",
-        id=header.message_id,
-        relates_to=header.relates_to,
-        body=msgspec.json.encode(message.body).decode(),
     )

@@ -42,6 +42,8 @@ class Setting:
     """What each transaction has to itself."""
     busy: Callable[[str], list[tuple[float, float]]]
     """From when until when a provider is committed to this Task Manager, in any transaction."""
+    touched: dict[str, None] = field(default_factory=dict)
+    """The transactions to which something happened, for those who watch them."""
     quotes: dict[str, float] = field(default_factory=dict)
     """What services asked last."""
 

@@ -48,6 +48,10 @@ class Transaction:
         self.events: list[TaskEvent] = []
         self.messages: list[tuple[float, Message]] = []
         """Of the protocol, until the end: then they are recorded."""
+        self.passed = 0
+        """How many there were."""
+        self.setbacks = 0
+        """How often something went wrong."""
         self.ledger = Ledger()
         self.participants = Participants(id, setting, partial(self.tell, kind=EventKind.SETBACK), self._note)
         self.offered = Offered(replica=setting.replica)
@@ -120,6 +124,7 @@ class Transaction:
 
     def proceed(self, now: float) -> None:
         """Do whatever comes next. Nothing does while a report is on its way to the map (FRP, property 5)."""
+        self.setting.touched[self.id] = None
         if self.outcome is not None or self.reports.pending or self.looks.asking:
             return
         if self._ending is not None and self._undoing is None and self.participants.working:
@@ -264,6 +269,8 @@ class Transaction:
         if self.outcome is not None or self._ending is not None:
             return
         self._ending, self.explanation = outcome, f"{reason}; it was {self.wish.waits}" if self.wish.waits else reason
+        if outcome is Outcome.CANCELLED:
+            self.tell(now, f"stopping: {reason}")
         for pursuit in self.pursuits:
             pursuit.abandon()
             if pursuit.look is not None:
@@ -305,11 +312,15 @@ class Transaction:
 
     def tell(self, now: float, text: str, run: StepRun | Work | None = None, kind: EventKind = EventKind.NEWS) -> None:
         """Something happened that the client wants to know."""
+        self.setting.touched[self.id] = None
+        self.setbacks += kind is EventKind.SETBACK
         self.events.append(TaskEvent(number=len(self.events) + 1, at=now, text=text, step=run.label if run else None, kind=kind))
 
     def _note(self, now: float, message: Message) -> None:
         if self.outcome is None:
             self.messages.append((now, message))
+            self.passed += 1
+            self.setting.touched[self.id] = None
 
     def _wake(self, timer: str, at: float | None) -> None:
         self.setting.effects.append(Wake(f"{self.id}/{timer}", at))

@@ -1,13 +1,20 @@
-"""Tasks, steps and plans as clients see them (the values of `protocol/clients.py`)."""
+"""Tasks, steps, contracts, messages and plans as clients see them (the values of `protocol/clients.py`)."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import msgspec
+from msgspec import structs
+
 from somrs.errors import FormulaError
 from somrs.planner.plan import NoPlan, Plan, Step
-from somrs.protocol.clients import Previewed, StepView, TaskView
-from somrs.protocol.frp import State
+from somrs.protocol.clients import ContractView, MessageView, Previewed, StepView, TaskRow, TaskView, WorkView
+from somrs.protocol.envelope import Message
+from somrs.protocol.frp import Outcome, State
+from somrs.protocol.paging import fitting
+from somrs.protocol.states import WORKING
+from somrs.task_manager.participants import Member
 from somrs.task_manager.workflow import Progress, StepRun
 
 if TYPE_CHECKING:
@@ -44,6 +51,43 @@ def view(transaction: Transaction) -> TaskView:
         deadline=transaction.task.deadline,
         handlers=transaction.task.handlers,
         priority=transaction.task.priority,
+    )
+
+
+def view_in_parts(transaction: Transaction, after: int) -> tuple[TaskView, int | None]:
+    """A transaction with as many of its steps and its work behind the first `after` as fit a message; how many that makes, or None if
+    these are the last."""
+    seen = view(transaction)
+    parts = [*seen.steps, *seen.work]
+    page = [*fitting(parts[after:], len(parts))]
+    if len(page) == len(parts):
+        return seen, None
+    steps, work = tuple(one for one in page if isinstance(one, StepView)), tuple(one for one in page if isinstance(one, WorkView))
+    count = after + len(page)
+    return structs.replace(seen, steps=steps, work=work), count if count < len(parts) else None
+
+
+def row(transaction: Transaction) -> TaskRow:
+    """A transaction in a list."""
+    workflow = transaction.wish.workflow
+    working = [member for member in transaction.participants.working if member.state in WORKING]
+    count, done = (workflow.count, workflow.count_done) if workflow is not None else (0, 0)
+    under_way = sum(member.fraction for member in working if workflow is not None and workflow.held_by(member) is not None)
+    return TaskRow(
+        task=transaction.id,
+        effect=transaction.task.effect,
+        phase=transaction.phase,
+        submitted_at=transaction.submitted_at,
+        outcome=transaction.outcome,
+        ended_at=transaction.ended_at,
+        explanation=transaction.explanation or transaction.wish.waits,
+        client=transaction.client,
+        priority=transaction.task.priority,
+        steps=count,
+        done=done,
+        fraction=min(1.0, (done + under_way) / count) if count else float(transaction.outcome is Outcome.ACCOMPLISHED),
+        setbacks=transaction.setbacks,
+        services=tuple(member.offer.service for member in working),
     )
 
 
@@ -100,3 +144,37 @@ def previewed(found: object) -> Previewed:
             return Previewed(steps=(), explanation=why)
         case _:
             return Previewed(steps=(), explanation=f"planning failed: {found}")
+
+
+def contract_view(member: Member) -> ContractView:
+    """What became of a participant, and of the terms that it gave."""
+    session, terms = member.session, member.session.terms
+    return ContractView(
+        participant=member.id,
+        service=member.offer.service,
+        step=member.label,
+        state=member.left_in or session.state,
+        accepted="Accept" in session.said,
+        price=terms.price if terms is not None else None,
+        currency=terms.currency if terms is not None else "EUR",
+        duration=terms.duration if terms is not None else None,
+        valid_until=terms.valid_until if terms is not None else None,
+        start=member.bid.start if member.bid is not None else None,
+        finish=member.bid.finish if member.bid is not None else None,
+        reason=member.last_word or (session.reason if member.left_in in (None, State.ENDED) else ""),
+    )
+
+
+def message_view(at: float, message: Message) -> MessageView:
+    """A message as it passed."""
+    header = message.header
+    return MessageView(
+        at=at,
+        type=type(message.body).__name__,
+        sender=header.sender,
+        recipient=header.recipient,
+        participant=header.participant or "",
+        id=header.message_id,
+        relates_to=header.relates_to,
+        body=msgspec.json.encode(message.body).decode(),
+    )

@@ -218,6 +218,15 @@ class Workflow:
     def done(self) -> bool:
         return self._count[Progress.DONE] == len(self.runs)
 
+    @property
+    def count(self) -> int:
+        """How many steps there are."""
+        return len(self.runs)
+
+    @property
+    def count_done(self) -> int:
+        return self._count[Progress.DONE]
+
     def promised(self, provider: str) -> Iterator[tuple[float, float]]:
         """From when until when the provider is committed."""
         return ((self.runs[id].start, self.runs[id].finish) for id in self._promised.get(provider, ()))
