@@ -1,0 +1,365 @@
+// The floor plan as an element on a page: its tools, and what people do with it. What it draws is `floorplan_plan.js`.
+
+import { Hands } from "floorplan_hands";
+import { kindById, LEGEND } from "floorplan_kinds";
+import { get, Live } from "floorplan_live";
+import { Plan } from "floorplan_plan";
+import { sample } from "floorplan_shapes";
+import { lengthText } from "floorplan_view";
+
+const SETTLE = 450; // milliseconds after the last key before a nudge is told
+const TURNS = Math.PI / 12; // what turning by the handle snaps to
+
+export default {
+  template: `
+    <div class="somrs-plan" :class="['fp-mode-' + doing, { 'fp-carrying': carrying, 'fp-placing': placing }]">
+      <svg ref="svg" class="fp-svg" tabindex="0" role="application" aria-roledescription="floor plan"
+        :aria-label="'Floor plan' + (storey ? ' of ' + storey : '') + ', ' + shown + ' objects'" :aria-describedby="id + '-help'"></svg>
+      <p :id="id + '-help'" class="fp-unseen">{{ help }}</p>
+      <p class="fp-unseen" role="status" aria-live="polite">{{ said }}</p>
+      <div class="fp-tools fp-tools-left" v-if="storeys.length > 1">
+        <label class="fp-storeys"><span class="fp-unseen">Storey</span>
+          <select :value="storey" @change="goTo($event.target.value)" aria-label="Storey">
+            <option v-for="one in storeys" :key="one.name" :value="one.name">{{ one.label }}</option>
+          </select>
+        </label>
+      </div>
+      <div class="fp-tools fp-tools-right" role="toolbar" aria-label="Plan">
+        <button type="button" @click="zoomBy(1.4)" aria-label="Zoom in" title="Zoom in (+)"><q-icon name="add" /></button>
+        <button type="button" @click="zoomBy(1 / 1.4)" aria-label="Zoom out" title="Zoom out (-)"><q-icon name="remove" /></button>
+        <button type="button" @click="fit()" aria-label="Show all" title="Show all (0)"><q-icon name="fit_screen" /></button>
+        <button type="button" @click="legend = !legend" :aria-pressed="legend" aria-label="Legend" title="What the signs mean"><q-icon name="legend_toggle" /></button>
+      </div>
+      <div v-if="legend" class="fp-legend" role="region" aria-label="Legend">
+        <span v-for="one in legendOf" :key="one.title" class="fp-legend-row"><span v-html="one.picture"></span>{{ one.title }}</span>
+      </div>
+      <div class="fp-foot">
+        <div class="fp-scale" :style="{ width: bar.pixels + 'px' }" :aria-label="'Scale: ' + bar.text"><span>{{ bar.text }}</span></div>
+        <div class="fp-where" v-if="where">{{ where }}</div>
+        <div class="fp-unplaced" v-if="unplaced.length" role="group" aria-label="Without a place on the map">
+          <span>Without a place:</span>
+          <button type="button" v-for="name in unplaced.slice(0, 6)" :key="name" @click="choose(name)"><q-icon name="help_outline" />{{ name }}</button>
+          <span v-if="unplaced.length > 6">and {{ unplaced.length - 6 }} more</span>
+        </div>
+      </div>
+      <div class="fp-hint" v-if="hint" role="note">{{ hint }}</div>
+      <div class="fp-lost" v-if="lost" role="alert"><q-icon name="cloud_off" /> The connection is lost. What you see may be old; it comes back by itself.</div>
+      <div class="fp-lost" v-if="trouble" role="alert"><q-icon name="error_outline" /> {{ trouble }}</div>
+      <div class="fp-loading" v-if="loading" role="status">Reading the map…</div>
+    </div>
+  `,
+  props: {
+    mode: { type: String, default: "view" },
+    storey_name: String,
+    selected: String,
+    highlighted: { type: Array, default: () => [] },
+    relations: { type: Array, default: () => [] },
+    arrows: { type: Array, default: () => [] },
+    version: Number,
+    snap: { type: Number, default: 0 },
+    show_legend: Boolean,
+  },
+  emits: ["select", "moved", "placed", "dropped", "picked", "open", "remove", "undo", "storey", "loaded", "unanswered", "stopped"],
+  data() {
+    return {
+      id: `fp${Math.random().toString(36).slice(2, 8)}`, storeys: [], storey: "", bar: { pixels: 60, text: "" }, where: "", said: "", loading: true, lost: false,
+      trouble: "", legend: this.show_legend, unplaced: [], carrying: false, placing: false, shown: 0, kinds: [],
+    };
+  },
+  computed: {
+    doing() {
+      return this.version === undefined || this.version === null ? this.mode : "view";
+    },
+    hint() {
+      return this.placing ? "Click where it is to stand. Escape stops." : "";
+    },
+    help() {
+      const common = "Page down and page up choose the next and the last object, plus and minus zoom, 0 shows all.";
+      if (this.doing !== "edit") return common;
+      return `${common} Arrows move what is chosen, with shift finely; R turns it, shift R the other way; delete removes it; enter opens it; control Z takes back.`;
+    },
+    legendOf() {
+      const rows = LEGEND.filter((id) => this.kinds.includes(id)).map((id) => ({ title: kindById(id).title, picture: sample(kindById(id)) }));
+      const doors = rows.findIndex((row) => row.title === "Door");
+      const door = kindById("door");
+      if (doors >= 0) rows.splice(doors, 1, { title: "Door, open", picture: sample(door) }, { title: "Door, closed", picture: sample(door, { open: false }) });
+      return [...rows, { title: "Nobody knows how it is", picture: sample(kindById("thing"), { unknown: true }) }];
+    },
+  },
+  mounted() {
+    const plan = new Plan(this.$refs.svg, (names) => this.$emit("unanswered", { names }));
+    this.plan = plan;
+    plan.turnable = (name) => this.doing === "edit" && plan.model.kind(name)?.moves !== "ground";
+    plan.drawn = (view) => this.drawn(view);
+    plan.storey = this.storey_name ?? null;
+    this.look();
+    this.hands = new Hands(this.$refs.svg, this.deeds());
+    this.watching = new ResizeObserver(([entry]) => plan.resize(entry.contentRect.width, entry.contentRect.height));
+    this.watching.observe(this.$refs.svg);
+    this.live = new Live((news) => this.hear(news));
+    this.live.start();
+  },
+  unmounted() {
+    this.live.end();
+    this.watching.disconnect();
+    this.hands.end();
+    this.plan.end();
+    clearTimeout(this.nudging);
+  },
+  watch: {
+    selected() { this.look(); },
+    highlighted: { deep: true, handler() { this.look(); } },
+    arrows: { deep: true, handler() { this.look(); } },
+    relations: { deep: true, handler() { this.look(); this.plan.refresh(); } },
+    storey_name(name) { if (name && name !== this.plan.storey) this.goTo(name); },
+    doing() { this.cancel(); this.plan.draw(); },
+    version() { this.turnTo(); },
+  },
+  methods: {
+    // What the page says
+
+    fit() { this.plan.fit(); },
+    show(name) { if (!this.plan.reveal(name)) this.say(`${name} has no place on the map.`); this.after(); },
+    settled(name, version) { this.plan.settle(name, version); },
+    back(name) { this.plan.back(name); },
+    place(type) {
+      this.placing = type ?? false;
+      this.plan.ghost = null;
+      this.turned = 0;
+      if (type) this.$refs.svg.focus({ preventScroll: true });
+      this.plan.draw();
+    },
+    focus() { this.$refs.svg.focus({ preventScroll: true }); },
+    say(text) { this.said = text; },
+
+    // What the map says
+
+    hear(news) {
+      if (news.lost) { this.lost = true; return; }
+      this.lost = false;
+      if (news.definitions) {
+        this.plan.learn(news.definitions);
+        if (!this.past()) this.read(news.map);
+        else this.turnTo();
+      } else if (!this.past()) {
+        this.plan.apply(news.changes, news.version);
+        this.after();
+      }
+    },
+    read(map) {
+      this.plan.read(map, this.loading);
+      this.loading = false;
+      this.after();
+      this.$emit("loaded", { version: map.version, objects: map.objects.length });
+    },
+    past() { return this.version !== undefined && this.version !== null; },
+    async turnTo() {
+      if (this.plan.model.types.size === 0) return;
+      const wanted = this.version;
+      try {
+        const map = await get(this.past() ? `/api/map?version=${wanted}` : "/api/map");
+        if (wanted === this.version) { this.read(map); this.trouble = ""; }
+      } catch (error) {
+        if (wanted === this.version) this.trouble = error.message;
+      }
+    },
+    after() {
+      const { model } = this.plan;
+      this.storeys = model.storeys();
+      if (this.storey !== this.plan.storey) {
+        this.storey = this.plan.storey;
+        this.$emit("storey", { name: this.storey });
+      }
+      this.unplaced = this.plan.unplaced();
+      this.shown = this.plan.names().length;
+      this.kinds = [...new Set(this.plan.names().map((name) => model.kind(name).id))];
+    },
+    look() {
+      const { plan } = this;
+      plan.selected = this.selected ?? null;
+      plan.found = new Map(this.highlighted.map((one) => (typeof one === "string" ? [one, ""] : [one.name, one.mark ?? ""])));
+      plan.relations = this.relations;
+      plan.arrows = this.arrows.map((one) => ({ from: plan.spot(one.thing), to: one.target ? plan.spot(one.target) : { x: one.x, y: one.y } }));
+      plan.draw();
+    },
+    drawn(view) { this.bar = view.bar(); },
+    goTo(storey) { this.plan.choose(storey); this.after(); },
+    zoomBy(factor) { this.plan.view.zoom(factor); this.plan.draw(); },
+
+    // What hands do
+
+    choose(name) {
+      if (name !== (this.selected ?? null)) this.$emit("select", { name });
+      this.plan.selected = name;
+      this.plan.draw();
+      this.say(name === null ? "Nothing is chosen." : this.told(name));
+    },
+    told(name) {
+      const { model } = this.plan;
+      const object = model.objects.get(name);
+      if (!object) return `${name} is not on the map.`;
+      const [on, at] = [model.under(name), this.plan.at(name)];
+      return `${name}, ${object.type}${on ? `, on ${on}` : ""}${at ? `, x ${at.x.toFixed(2)} m, y ${at.y.toFixed(2)} m` : ""}`;
+    },
+    deeds() {
+      const { plan } = this;
+      const map = (at) => plan.view.toMap(at.x, at.y);
+      return {
+        draggable: (name) => this.draggable(name),
+        hover: (at) => this.hover(at && map(at)),
+        click: (name, at, { below, handle }) => this.click(below ? this.below(at) : name, map(at), handle),
+        take: (name, at) => this.take(name, map(at)),
+        drag: (at, free) => this.drag(map(at), free),
+        grasp: () => this.take(this.plan.selected, null),
+        turn: (at, free) => this.turn(map(at), free),
+        release: (at) => this.release(map(at)),
+        cancel: () => this.cancel(),
+        pan: (dx, dy) => { plan.view.pan(dx, dy); plan.draw(); },
+        zoom: (factor, at) => { plan.view.zoom(factor, at?.x, at?.y); plan.draw(); },
+        fit: () => plan.fit(),
+        nudge: (dx, dy, turn) => this.nudge(dx, dy, turn),
+        next: (step) => this.next(step),
+        enter: () => { if (plan.selected) this.$emit(this.mode === "pick" ? "picked" : "open", { name: plan.selected }); },
+        open: () => { if (plan.selected && this.mode !== "pick") this.$emit("open", { name: plan.selected }); },
+        remove: () => { if (plan.selected && this.doing === "edit") this.$emit("remove", { name: plan.selected }); },
+        undo: () => { if (this.doing === "edit") this.$emit("undo", {}); },
+        escape: () => this.escape(),
+      };
+    },
+    draggable(name) {
+      const kind = this.plan.model.kind(name);
+      if (!kind || this.placing) return false;
+      if (this.doing === "pick") return kind.id === "thing" || kind.id === "robot";
+      return this.doing === "edit" && (kind.moves === "free" || (kind.moves === "fixed" && name === this.plan.selected));
+    },
+    hover(at) {
+      this.where = at ? `x ${at.x.toFixed(2)} m, y ${at.y.toFixed(2)} m` : "";
+      if (this.placing && at) {
+        this.plan.ghost = { at: { ...this.snapped(at), turned: this.turned }, form: this.plan.model.formOfType(this.placing) };
+        this.plan.target = this.plan.model.targetAt(at.x, at.y, this.plan.storey);
+        this.plan.draw();
+      }
+    },
+    below(at) {
+      const box = this.$refs.svg.getBoundingClientRect();
+      const names = document.elementsFromPoint(box.left + at.x, box.top + at.y).map((one) => one.closest("[data-name]")?.dataset.name).filter((one) => one);
+      const distinct = [...new Set(names)];
+      return distinct[(distinct.indexOf(this.plan.selected) + 1) % distinct.length] ?? null;
+    },
+    click(name, at, handle) {
+      if (this.placing) {
+        const spot = this.snapped(at);
+        this.$emit("placed", { type: this.placing, ...spot, turned: this.turned, target: this.plan.model.targetAt(spot.x, spot.y, this.plan.storey), storey: this.plan.storey });
+        this.stopPlacing();
+      } else if (!handle) {
+        this.choose(name);
+        if (this.doing === "pick") this.$emit("picked", { name, x: at.x, y: at.y, target: this.plan.model.targetAt(at.x, at.y, this.plan.storey) });
+      }
+    },
+    take(name, at) {
+      this.flush();
+      if (this.plan.selected !== name) this.choose(name);
+      const from = { ...this.plan.at(name) };
+      this.carrying = { name, from, grip: at && { x: at.x - from.x, y: at.y - from.y }, version: this.plan.model.version, thing: this.plan.model.kind(name).id === "thing" };
+    },
+    drag(at, free) {
+      const { carrying, plan } = this;
+      if (!carrying) return;
+      const raw = { x: at.x - carrying.grip.x, y: at.y - carrying.grip.y };
+      const to = { ...this.snapped(raw, free), turned: carrying.from.turned };
+      const except = new Set([carrying.name, ...plan.model.riders(carrying.name)]);
+      plan.target = carrying.thing || this.doing === "pick" ? plan.model.targetAt(to.x, to.y, plan.storey, except) : null;
+      this.where = `x ${to.x.toFixed(2)} m, y ${to.y.toFixed(2)} m${plan.target ? `, on ${plan.target}` : ""}`;
+      carrying.to = to;
+      if (this.doing === "pick") {
+        plan.ghost = { at: to, form: plan.model.form(carrying.name) };
+        plan.arrows = [{ from: carrying.from, to }];
+        plan.draw();
+      } else plan.hold(carrying.name, to);
+    },
+    turn(at, free) {
+      const { carrying, plan } = this;
+      if (!carrying) return;
+      const { from } = carrying;
+      const angle = Math.atan2(at.y - from.y, at.x - from.x);
+      carrying.to = { x: from.x, y: from.y, turned: free ? angle : Math.round(angle / TURNS) * TURNS };
+      this.where = `turned ${Math.round((carrying.to.turned * 180) / Math.PI)}°`;
+      plan.hold(carrying.name, carrying.to);
+    },
+    release() {
+      const { carrying, plan } = this;
+      const target = plan.target;
+      this.carrying = false;
+      plan.target = null;
+      if (!carrying?.to) return this.cancel();
+      if (this.doing === "pick") {
+        plan.ghost = null;
+        this.look();
+        this.$emit("dropped", { thing: carrying.name, target, x: carrying.to.x, y: carrying.to.y });
+      } else this.tellMoved(carrying.name, carrying.to, target, carrying.version);
+    },
+    tellMoved(name, to, target, version) {
+      const turned = Math.atan2(Math.sin(to.turned), Math.cos(to.turned));
+      this.$emit("moved", { name, x: +to.x.toFixed(4), y: +to.y.toFixed(4), turned: +turned.toFixed(5), target, version });
+      this.plan.draw();
+    },
+    cancel() {
+      const { carrying, plan } = this;
+      this.carrying = false;
+      plan.target = plan.ghost = null;
+      if (carrying && this.mode !== "pick") plan.back(carrying.name);
+      this.look();
+    },
+    nudge(dx, dy, turn) {
+      const { plan } = this;
+      const name = plan.selected;
+      if (this.placing && turn) { this.turned += turn; if (plan.ghost) plan.ghost.at.turned = this.turned; plan.draw(); return true; }
+      if (this.doing !== "edit" || !name || !plan.at(name)) return false;
+      if (this.nudged?.name !== name) { this.flush(); this.nudged = { name, version: plan.model.version }; }
+      const at = plan.at(name);
+      this.nudged.to = { x: at.x + dx, y: at.y + dy, turned: at.turned + turn };
+      plan.hold(name, this.nudged.to);
+      plan.view.reveal(at.x, at.y, 20);
+      clearTimeout(this.nudging);
+      this.nudging = setTimeout(() => this.flush(), SETTLE);
+      return true;
+    },
+    flush() {
+      clearTimeout(this.nudging);
+      const { nudged, plan } = this;
+      this.nudged = null;
+      if (!nudged) return;
+      const { name, to } = nudged;
+      const thing = plan.model.kind(name)?.id === "thing";
+      const target = thing ? plan.model.targetAt(to.x, to.y, plan.storey, new Set([name, ...plan.model.riders(name)])) : null;
+      this.tellMoved(name, to, target, nudged.version);
+      this.say(this.told(name));
+    },
+    next(step) {
+      const { plan } = this;
+      const names = plan.names().filter((name) => plan.model.kind(name).moves !== "ground");
+      const order = names.map((name) => ({ name, at: plan.at(name) })).sort((a, b) => b.at.y - a.at.y || a.at.x - b.at.x).map((one) => one.name);
+      if (order.length === 0) return;
+      const here = order.indexOf(plan.selected);
+      const name = order[(here < 0 ? (step > 0 ? 0 : -1) : here + step) % order.length] ?? order.at(-1);
+      this.choose(name);
+      const at = plan.at(name);
+      plan.view.reveal(at.x, at.y);
+    },
+    escape() {
+      if (this.carrying) { this.hands.drop(); this.cancel(); }
+      else if (this.placing) { this.stopPlacing(); this.$emit("stopped", {}); }
+      else this.choose(null);
+    },
+    stopPlacing() {
+      this.placing = false;
+      this.plan.ghost = this.plan.target = null;
+      this.plan.draw();
+    },
+    snapped({ x, y }, free = false) {
+      if (!this.snap || free) return { x, y };
+      return { x: Math.round(x / this.snap) * this.snap, y: Math.round(y / this.snap) * this.snap };
+    },
+    lengthText,
+  },
+};

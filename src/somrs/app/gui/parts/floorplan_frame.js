@@ -1,0 +1,66 @@
+// What is drawn around single objects, in pixels: the frame and the turning handle of the one that is chosen, and rings about what was found.
+
+import { svg } from "floorplan_layers";
+import { outline, pose } from "floorplan_shapes";
+
+const HANDLE = 26; // pixels from the object's edge to the handle that turns it
+
+export class Frame {
+  // `world`: a group that is drawn in metres; `screen`: one in pixels.
+  constructor(world, screen) {
+    this._world = world;
+    this._screen = screen;
+  }
+
+  show({ model, view, at, selected, turnable, target, found, ghost }) {
+    const inMetres = [];
+    const inPixels = [];
+    const put = (name, cls) => {
+      const [solid, place] = [model.solid(name), at(name)];
+      if (solid && place) inMetres.push(`<path class="${cls}" transform="${pose(place)}" d="${outline(solid)}"/>`);
+      return solid && place;
+    };
+    for (const name of found) {
+      const place = put(name, "fp-found") && at(name);
+      if (place) inPixels.push(this._ring(view, place, model.solid(name)));
+    }
+    if (target) put(target, "fp-target");
+    if (ghost) inMetres.push(`<g transform="${pose(ghost.at)}"><path class="fp-ghost" d="${outline(ghost.form)}"/><path class="fp-ghost" d="M0 0H${(reach(ghost.form) * 0.8).toFixed(3)}"/></g>`);
+    if (selected && put(selected, "fp-chosen") && turnable) inPixels.push(this._handle(view, at(selected), model.solid(selected)));
+    this._world.innerHTML = inMetres.join("");
+    this._screen.innerHTML = inPixels.join("");
+  }
+
+  _ring(view, place, solid) {
+    const p = view.toScreen(place.x, place.y);
+    const r = Math.max(11, Math.min(reach(solid) * view.scale + 5, 400));
+    return `<circle class="fp-ring" cx="${p.x.toFixed(1)}" cy="${p.y.toFixed(1)}" r="${r.toFixed(1)}"/>`;
+  }
+
+  _handle(view, place, solid) {
+    const [a, b] = [handleAt(view, place, solid, 0), handleAt(view, place, solid, HANDLE)];
+    return (
+      `<path class="fp-stem" d="M${a.x.toFixed(1)} ${a.y.toFixed(1)}L${b.x.toFixed(1)} ${b.y.toFixed(1)}"/>` +
+      `<g class="fp-handle" data-handle="turn" transform="translate(${b.x.toFixed(1)} ${b.y.toFixed(1)})"><title>Drag to turn it</title>` +
+      '<circle class="fp-grip" r="15"/><circle r="8"/><path d="M-3.2 1.5A3.6 3.6 0 1 1 1.5 3.2M1.5 3.2L4.6 2.1M1.5 3.2L2.2 .1"/></g>'
+    );
+  }
+}
+
+// Where the turning handle of an object is: before its front, so far from its edge.
+function handleAt(view, place, solid, pixels) {
+  const front = solid.form === "Box" ? solid.width / 2 : solid.form === "Polygon" ? Math.max(...solid.outline.map(([x]) => x)) : solid.radius;
+  const out = Math.max(front * view.scale, 6) + pixels;
+  const p = view.toScreen(place.x, place.y);
+  return { x: p.x + Math.cos(place.turned) * out, y: p.y - Math.sin(place.turned) * out };
+}
+
+function reach(solid) {
+  if (solid.form === "Box") return Math.hypot(solid.width, solid.depth) / 2;
+  return solid.form === "Polygon" ? Math.max(...solid.outline.map(([x, y]) => Math.hypot(x, y))) : solid.radius;
+}
+
+export function layers(root) {
+  const group = (cls) => root.appendChild(svg("g", { class: cls }));
+  return { world: group("fp-world"), marks: group("fp-marks"), links: group("fp-links"), labels: group("fp-labels"), arrows: group("fp-arrows"), screen: group("fp-screen") };
+}

@@ -1,0 +1,108 @@
+// The objects of one storey as SVG, by layers. Only what changed is drawn anew: an object that only moved keeps its drawing.
+
+import { LAYERS } from "floorplan_kinds";
+import { look, pose } from "floorplan_shapes";
+
+export class Layers {
+  constructor(world) {
+    this._nodes = new Map(); // by name: { node, layer, classes, content, at }
+    this._groups = new Map();
+    for (const layer of LAYERS) {
+      const group = svg("g", { class: `fp-layer fp-layer-${layer}` });
+      world.appendChild(group);
+      this._groups.set(layer, group);
+    }
+  }
+
+  // Draw these objects as they are now, or all of a storey; those that stand otherwise, from where they are drawn to where they stand.
+  refresh(model, storey, names = new Set([...this._nodes.keys(), ...model.objects.keys()])) {
+    const fresh = new Map(LAYERS.map((layer) => [layer, []]));
+    const moved = [];
+    for (const name of names) {
+      const drawn = this._drawn(model, storey, name);
+      const known = this._nodes.get(name);
+      if (!drawn) this._drop(name);
+      else if (!known) fresh.get(drawn.layer).push([name, drawn]);
+      else if (known.layer !== drawn.layer) {
+        this._drop(name);
+        fresh.get(drawn.layer).push([name, drawn]);
+      } else {
+        if (pose(known.at) !== pose(drawn.at)) moved.push({ name, from: known.at, to: drawn.at });
+        this._update(known, drawn);
+      }
+    }
+    for (const [layer, these] of fresh) this._addAll(layer, these);
+    return moved;
+  }
+
+  // Where an object is drawn now, which may be elsewhere than where it is: while it is dragged, or on its way.
+  at(name) {
+    return this._nodes.get(name)?.at ?? null;
+  }
+
+  move(name, at) {
+    const known = this._nodes.get(name);
+    if (!known) return;
+    known.at = { x: at.x, y: at.y, turned: at.turned };
+    known.node.setAttribute("transform", pose(known.at));
+  }
+
+  has(name) {
+    return this._nodes.has(name);
+  }
+
+  names() {
+    return this._nodes.keys();
+  }
+
+  _drawn(model, storey, name) {
+    const kind = model.kind(name);
+    if (!kind.layer) return null;
+    const solid = model.solid(name);
+    if (!solid || model.storeyOf(name) !== storey) return null;
+    const seen = {
+      color: kind.layer === "walls" || kind.layer === "floors" ? null : model.value(name, "Color"),
+      open: model.value(name, "Open"),
+      range: model.value(name, "OperationRange"),
+      view: model.value(name, "FieldOfView"),
+      unknown: model.value(name, "Unknown") === true,
+      broken: model.value(name, "Working") === false,
+    };
+    return { layer: kind.layer, at: { x: solid.x, y: solid.y, turned: solid.turned }, z: solid.z, ...look(kind, solid, seen) };
+  }
+
+  _addAll(layer, these) {
+    if (these.length === 0) return;
+    these.sort((a, b) => a[1].z - b[1].z); // what is higher is drawn later
+    const texts = these.map(([name, drawn]) => `<g data-name="${escape(name)}" class="${drawn.classes}" transform="${pose(drawn.at)}">${drawn.content}</g>`);
+    const holder = svg("g");
+    holder.innerHTML = texts.join(""); // one parse for all is several times quicker than an element at a time
+    const nodes = [...holder.children];
+    const group = this._groups.get(layer);
+    these.forEach(([name, drawn], i) => {
+      this._nodes.set(name, { ...drawn, node: nodes[i] });
+      group.appendChild(nodes[i]);
+    });
+  }
+
+  _update(known, drawn) {
+    if (known.content !== drawn.content) known.node.innerHTML = drawn.content;
+    if (known.classes !== drawn.classes) known.node.setAttribute("class", drawn.classes);
+    [known.content, known.classes] = [drawn.content, drawn.classes];
+  }
+
+  _drop(name) {
+    this._nodes.get(name)?.node.remove();
+    this._nodes.delete(name);
+  }
+}
+
+export function svg(tag, attributes = {}) {
+  const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+  return node;
+}
+
+export function escape(text) {
+  return String(text).replace(/[&<>"']/g, (one) => `&#${one.charCodeAt(0)};`);
+}

@@ -1,0 +1,363 @@
+// What the floor plan knows: the ontology and the map as the API tells them, kept up with news, and what follows from them: where a
+// thing is and what it takes up, what stands on what, on which storey. Knows nothing of drawing.
+
+import { kindOf } from "floorplan_kinds";
+
+const PLACED_BY = ["isOn", "isIn", "isHeldBy"];
+const PART_OF = "isPartOf";
+const SOMEWHERE = 0.3; // so far below a storey's floor a thing may be and still belong to it, m
+
+export class Model {
+  constructor() {
+    this.version = -1;
+    this.types = new Map();
+    this.relations = new Map();
+    this.objects = new Map();
+    this._facts = new Map();
+    this._about = new Map();
+    this._forget();
+    this._ancestors = new Map();
+    this._storeys = null;
+  }
+
+  learn(definitions) {
+    this.types = new Map(definitions.types.map((one) => [one.name, one]));
+    this.relations = new Map(definitions.relations.map((one) => [one.name, one]));
+    this._ancestors.clear();
+    this._forget();
+  }
+
+  read({ version, objects, facts }) {
+    this.version = version;
+    this.objects = new Map(objects.map((one) => [one.name, one]));
+    this._facts.clear();
+    this._about.clear();
+    for (const fact of facts) this._add(fact);
+    this._forget();
+  }
+
+  // Put changes on the map; the names of all objects that look or stand otherwise now.
+  apply(changes, version) {
+    const touched = new Set();
+    for (const change of changes) {
+      if (change.type === "ObjectAdded") {
+        this.objects.set(change.object.name, change.object);
+        touched.add(change.object.name);
+      } else if (change.type === "ObjectRemoved") {
+        for (const fact of [...this.factsAbout(change.name)]) this._remove(fact);
+        this.objects.delete(change.name);
+        touched.add(change.name);
+      } else if (change.type === "ValueSet") {
+        this._set(change.object, change.path, change.value);
+        touched.add(change.object);
+      } else if (change.type === "FactAdded") {
+        this._add(change.fact);
+        for (const name of change.fact.arguments) touched.add(name);
+      } else if (change.type === "FactRemoved") {
+        this._remove(change.fact);
+        for (const name of change.fact.arguments) touched.add(name);
+      }
+    }
+    this.version = version;
+    if (changes.some((change) => change.type !== "ValueSet")) this._forget();
+    else for (const name of touched) this._forgetOne(name);
+    return touched;
+  }
+
+  ancestors(type) {
+    let known = this._ancestors.get(type);
+    if (known === undefined) {
+      known = [];
+      for (let at = type; at && this.types.has(at) && !known.includes(at); at = this.types.get(at).parent) known.push(at);
+      this._ancestors.set(type, known);
+    }
+    return known;
+  }
+
+  isA(type, ancestor) {
+    return this.ancestors(type).includes(ancestor);
+  }
+
+  kind(name) {
+    const object = this.objects.get(name);
+    return object ? this.kindOfType(object.type) : null;
+  }
+
+  kindOfType(type) {
+    let known = this._kinds.get(type);
+    if (known === undefined) this._kinds.set(type, (known = kindOf((ancestor) => this.isA(type, ancestor))));
+    return known;
+  }
+
+  default(type, path) {
+    for (const ancestor of this.ancestors(type)) {
+      const value = this.types.get(ancestor).defaults?.[path];
+      if (value !== undefined) return value;
+    }
+    return undefined;
+  }
+
+  value(name, path) {
+    const object = this.objects.get(name);
+    return object && (object.values[path] ?? this.default(object.type, path));
+  }
+
+  // What an object takes up: position, heading (rad), form and sizes; null when it is nowhere.
+  solid(name) {
+    let known = this._solids.get(name);
+    if (known === undefined) this._solids.set(name, (known = this._solid(name)));
+    return known;
+  }
+
+  _solid(name) {
+    const object = this.objects.get(name);
+    const [x, y] = [this.value(name, "PositionX"), this.value(name, "PositionY")];
+    if (!object || typeof x !== "number" || typeof y !== "number") return null;
+    return { name, x, y, z: this.value(name, "PositionZ") ?? 0, turned: this.value(name, "RotationZ") ?? 0, ...this.form(name) };
+  }
+
+  form(name) {
+    return formOf((path) => this.value(name, path));
+  }
+
+  // The form that a new object of the type would have.
+  formOfType(type) {
+    return formOf((path) => this.default(type, path));
+  }
+
+  factsAbout(name) {
+    return [...(this._about.get(name) ?? [])].map((key) => this._facts.get(key));
+  }
+
+  *facts(relation) {
+    for (const fact of this._facts.values()) if (fact.relation === relation) yield fact;
+  }
+
+  // What the object stands on, is in, or is held by.
+  under(name) {
+    for (const fact of this.factsAbout(name))
+      if (fact.arguments[0] === name && fact.arguments.length === 2 && PLACED_BY.includes(fact.relation)) return fact.arguments[1];
+    return null;
+  }
+
+  // All that goes along when the object is moved: what stands on it, is in it, held by it, or a part of it, and what stands on these.
+  riders(name) {
+    const found = new Set();
+    const waiting = [name];
+    while (waiting.length) {
+      const below = waiting.pop();
+      for (const fact of this.factsAbout(below)) {
+        const [above, on] = fact.arguments;
+        if (on !== below || above === name || found.has(above)) continue;
+        if (PLACED_BY.includes(fact.relation) || (fact.relation === PART_OF && this.kind(below)?.solid)) {
+          found.add(above);
+          waiting.push(above);
+        }
+      }
+    }
+    return found;
+  }
+
+  // All storeys, lowest first. Without any, the plan is one storey that has no name.
+  storeys() {
+    if (this._storeys === null) {
+      const found = [...this.objects.values()].filter((one) => this.isA(one.type, "Storey"));
+      this._storeys = found.map((one) => ({
+        name: one.name,
+        label: one.values.Label ? `${one.name} · ${one.values.Label}` : one.name,
+        elevation: this.value(one.name, "Elevation") ?? 0,
+      }));
+      this._storeys.sort((a, b) => a.elevation - b.elevation || a.name.localeCompare(b.name));
+    }
+    return this._storeys;
+  }
+
+  storeyOf(name) {
+    let known = this._of.get(name);
+    if (known === undefined) {
+      this._of.set(name, null); // facts may go round in a circle
+      this._of.set(name, (known = this._storeyOf(name)));
+    }
+    return known;
+  }
+
+  _storeyOf(name) {
+    const storeys = this.storeys();
+    if (storeys.length === 0) return "";
+    const object = this.objects.get(name);
+    if (object && this.isA(object.type, "Storey")) return name;
+    const above = this.factsAbout(name).find((fact) => fact.relation === PART_OF && fact.arguments[0] === name)?.arguments[1];
+    if (above !== undefined && above !== name) {
+      const found = this.storeyOf(above);
+      if (found) return found;
+    }
+    const under = this.under(name);
+    if (under !== null && this.objects.has(under)) {
+      const found = this.storeyOf(under);
+      if (found) return found;
+    }
+    const solid = this.solid(name);
+    if (solid === null) return null; // a building, a site: on no storey
+    const high = storeys.filter((storey) => storey.elevation <= solid.z + SOMEWHERE);
+    const over = high.filter((storey) => this._floors(storey.name).some((floor) => contains(floor, solid.x, solid.y)));
+    return (over.at(-1) ?? high.at(-1) ?? storeys[0]).name;
+  }
+
+  _floors(storey) {
+    if (this._floorsOf === null) {
+      this._floorsOf = new Map();
+      for (const object of this.objects.values()) {
+        if (this.kindOfType(object.type).id !== "floor") continue;
+        let at = object.name;
+        for (let depth = 0; at !== undefined && depth < 20; depth++) {
+          if (this.isA(this.objects.get(at)?.type, "Storey")) break;
+          at = this.factsAbout(at).find((fact) => fact.relation === PART_OF && fact.arguments[0] === at)?.arguments[1];
+        }
+        const solid = this.solid(object.name);
+        if (at !== undefined && solid) this._floorsOf.set(at, [...(this._floorsOf.get(at) ?? []), solid]);
+      }
+    }
+    return this._floorsOf.get(storey) ?? [];
+  }
+
+  // The rooms and other spaces of a storey, each at the middle of its largest floor.
+  spaces(storey) {
+    const found = [];
+    for (const object of this.objects.values()) {
+      if (!this.isA(object.type, "Space") || this.storeyOf(object.name) !== storey) continue;
+      let best = null;
+      for (const fact of this.factsAbout(object.name)) {
+        if (fact.relation !== PART_OF || fact.arguments[1] !== object.name || this.kind(fact.arguments[0])?.id !== "floor") continue;
+        const solid = this.solid(fact.arguments[0]);
+        if (solid && (best === null || area(solid) > area(best))) best = solid;
+      }
+      if (best) found.push({ name: object.name, label: object.values.Label || object.name, floor: best, ...middle(best) });
+    }
+    return found;
+  }
+
+  // Where an object is on the plan: its own position, or that of its floor.
+  spot(name) {
+    const solid = this.solid(name);
+    if (solid) return { x: solid.x, y: solid.y };
+    const floor = this.factsAbout(name)
+      .filter((fact) => fact.relation === PART_OF && fact.arguments[1] === name && this.kind(fact.arguments[0])?.id === "floor")
+      .map((fact) => this.solid(fact.arguments[0]))
+      .find((one) => one);
+    return floor ? middle(floor) : null;
+  }
+
+  // On what a thing would stand that is put down there: the highest support, else a place, else a floor.
+  targetAt(x, y, storey, except = new Set()) {
+    let best = null;
+    for (const name of this.objects.keys()) {
+      const kind = this.kind(name);
+      if (!kind.carries || except.has(name) || this.storeyOf(name) !== storey) continue;
+      const solid = this.solid(name);
+      if (!solid || !contains(solid, x, y)) continue;
+      const rank = kind.carries * 1000 + solid.z + (solid.height || 0);
+      if (best === null || rank > best.rank) best = { rank, name };
+    }
+    return best?.name ?? null;
+  }
+
+  _set(name, path, value) {
+    const object = this.objects.get(name);
+    if (!object) return;
+    const values = { ...object.values };
+    if (value === null || value === undefined) delete values[path];
+    else values[path] = value;
+    this.objects.set(name, { ...object, values });
+  }
+
+  _add(fact) {
+    const key = keyOf(fact);
+    this._facts.set(key, fact);
+    for (const name of fact.arguments) {
+      if (!this._about.has(name)) this._about.set(name, new Set());
+      this._about.get(name).add(key);
+    }
+  }
+
+  _remove(fact) {
+    const key = keyOf(fact);
+    this._facts.delete(key);
+    for (const name of fact.arguments) this._about.get(name)?.delete(key);
+  }
+
+  _forget() {
+    this._solids = new Map();
+    this._of = new Map();
+    this._kinds = new Map();
+    this._storeys = null;
+    this._floorsOf = null;
+  }
+
+  _forgetOne(name) {
+    this._solids.delete(name);
+    this._of.delete(name);
+    for (const rider of this.riders(name)) this._of.delete(rider);
+    const kind = this.kind(name);
+    if (!kind?.solid || kind.id === "floor") this._forget(); // what a storey is may have changed
+  }
+}
+
+function keyOf(fact) {
+  return `${fact.relation} ${fact.arguments.join(" ")}`;
+}
+
+function formOf(value) {
+  const form = value("Shape.Form");
+  const height = value("Shape.Height") ?? 0;
+  if (form === "Cylinder") return { form, radius: value("Shape.Radius") ?? 0.1, height };
+  if (form === "Polygon") {
+    const outline = corners(value("Shape.Outline"));
+    if (outline.length > 2) return { form, outline, height };
+  }
+  if (form === "Box") return { form, width: value("Shape.Width") ?? 0.1, depth: value("Shape.Depth") ?? 0.1, height };
+  return { form: null, radius: 0.1, height };
+}
+
+function corners(text) {
+  const found = String(text ?? "").trim().split(/\s+/).map((one) => one.split(",").map(Number));
+  return found.filter((one) => one.length === 2 && one.every(Number.isFinite));
+}
+
+// Whether a point of the map is inside an object, seen from above.
+export function contains(solid, x, y) {
+  const [c, s] = [Math.cos(solid.turned), Math.sin(solid.turned)];
+  const [dx, dy] = [x - solid.x, y - solid.y];
+  const [u, v] = [c * dx + s * dy, c * dy - s * dx];
+  if (solid.form === "Box") return Math.abs(u) <= solid.width / 2 && Math.abs(v) <= solid.depth / 2;
+  if (solid.form !== "Polygon") return Math.hypot(u, v) <= solid.radius;
+  let inside = false;
+  for (let i = 0, j = solid.outline.length - 1; i < solid.outline.length; j = i++) {
+    const [[ax, ay], [bx, by]] = [solid.outline[i], solid.outline[j]];
+    if (ay > v !== by > v && u < ((bx - ax) * (v - ay)) / (by - ay) + ax) inside = !inside;
+  }
+  return inside;
+}
+
+// The corners of the box about an object, along the map's axes.
+export function bounds(solid) {
+  const [c, s] = [Math.cos(solid.turned), Math.sin(solid.turned)];
+  if (solid.form !== "Box" && solid.form !== "Polygon") {
+    const r = solid.radius;
+    return { left: solid.x - r, right: solid.x + r, bottom: solid.y - r, top: solid.y + r };
+  }
+  const [w, d] = [(solid.width ?? 0) / 2, (solid.depth ?? 0) / 2];
+  const points = solid.outline ?? [[w, d], [-w, d], [-w, -d], [w, -d]];
+  const xs = points.map(([u, v]) => solid.x + c * u - s * v);
+  const ys = points.map(([u, v]) => solid.y + s * u + c * v);
+  return { left: Math.min(...xs), right: Math.max(...xs), bottom: Math.min(...ys), top: Math.max(...ys) };
+}
+
+function area(solid) {
+  const box = bounds(solid);
+  return (box.right - box.left) * (box.top - box.bottom);
+}
+
+function middle(solid) {
+  const box = bounds(solid);
+  return { x: (box.left + box.right) / 2, y: (box.bottom + box.top) / 2 };
+}

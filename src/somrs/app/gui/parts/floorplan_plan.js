@@ -1,0 +1,298 @@
+// The drawing of a storey: what is known of the map, the part of it that is in view, and the layers, names, links and frames that show it.
+// `floorplan.js` is the element on the page, with its tools and what people do with their hands.
+
+import { Frame, layers } from "floorplan_frame";
+import { Labels } from "floorplan_labels";
+import { Layers } from "floorplan_layers";
+import { arrow, Links } from "floorplan_links";
+import { bounds, Model } from "floorplan_model";
+import { Motion } from "floorplan_motion";
+import { View } from "floorplan_view";
+
+const LABELS_REST = 120; // milliseconds between two times that all names are placed anew, while the plan is moved
+const FAR = 14; // pixels a metre; below, what is drawn inside of things is left out
+const PATIENCE = 15000; // milliseconds that a moved object waits for the answer whether it may stay there
+
+export class Plan {
+  constructor(element, asked) {
+    this.model = new Model();
+    this.view = new View();
+    this.storey = null;
+    this.selected = null;
+    this.found = new Map(); // by name: what to write behind the name
+    this.relations = [];
+    this.arrows = [];
+    this.ghost = null;
+    this.target = null;
+    this.turnable = () => false;
+    this._asked = asked; // called when something is held in vain
+    this._held = new Map(); // what was moved here, and not yet on the map: { at, version, since }
+    this._element = element;
+    const parts = layers(element);
+    this._world = parts.world;
+    this._marks = parts.marks;
+    this._layers = new Layers(parts.world);
+    this._links = new Links(parts.links);
+    this._labels = new Labels(parts.labels);
+    this._arrows = parts.arrows;
+    this._frame = new Frame(parts.marks, parts.screen);
+    this._motion = new Motion(
+      (name, at) => this._layers.move(name, at),
+      (names, still) => this._moved(names, still),
+    );
+    this._due = null;
+    this._labelsAt = 0;
+    this.redrawn = 0; // objects drawn or moved by the last news, for whoever measures
+  }
+
+  end() {
+    this._motion.end();
+    cancelAnimationFrame(this._due);
+    clearTimeout(this._later);
+  }
+
+  learn(definitions) {
+    this.model.learn(definitions);
+  }
+
+  // The whole map anew. What is known stays drawn, and goes to where it is now.
+  read(map, fit) {
+    this.model.read(map);
+    this.choose(this.storey, fit);
+  }
+
+  // Changes of the map, as they happen.
+  apply(changes, version) {
+    const touched = this.model.apply(changes, version);
+    this.refresh(touched);
+  }
+
+  refresh(names) {
+    const moves = this._layers.refresh(this.model, this.storey, names);
+    this.redrawn = names === undefined ? this.model.objects.size : names.size;
+    this._release();
+    this._motion.go(moves.filter((move) => !this._held.has(move.name)));
+    if (names === undefined || this.relations.length) this._links.show(this.model, this.relations, (name) => this.spot(name));
+    this.draw();
+  }
+
+  // Show a storey; the first one, when there is none of that name.
+  choose(storey, fit = true) {
+    const known = this.model.storeys();
+    const before = this.storey;
+    this.storey = known.some((one) => one.name === storey) ? storey : (known.find((one) => one.elevation >= 0) ?? known[0])?.name ?? "";
+    if (before !== this.storey) this._motion.end();
+    this.refresh();
+    if (fit || before !== this.storey) this.fit();
+  }
+
+  fit() {
+    this.view.fit(this._bounds());
+    this.draw();
+  }
+
+  _bounds() {
+    let box = null;
+    for (const name of this._layers.names()) {
+      const solid = this.model.solid(name);
+      const one = bounds(solid);
+      box = box === null ? one : { left: Math.min(box.left, one.left), right: Math.max(box.right, one.right), bottom: Math.min(box.bottom, one.bottom), top: Math.max(box.top, one.top) };
+    }
+    return box;
+  }
+
+  // Have an object in view, on its storey; whether it is anywhere at all.
+  reveal(name) {
+    const storey = this.model.storeyOf(name);
+    const spot = this.model.spot(name);
+    if (spot === null || storey === null) return false;
+    if (storey !== this.storey) this.choose(storey);
+    this.view.reveal(spot.x, spot.y);
+    if (this.view.scale < 12) this.view.zoom(30 / this.view.scale);
+    this.draw();
+    return true;
+  }
+
+  resize(width, height) {
+    const first = this.view.width <= 1;
+    this.view.size(width, height);
+    if (first) this.fit();
+    else this.draw();
+  }
+
+  // Where an object is drawn; for a room, its middle.
+  spot(name) {
+    return this._layers.at(name) ?? (this.model.storeyOf(name) === this.storey ? this.model.spot(name) : null);
+  }
+
+  at(name) {
+    return this._layers.at(name);
+  }
+
+  names() {
+    return [...this._layers.names()];
+  }
+
+  // Draw an object, and all that goes along with it, elsewhere, until `settle` or `back` is told of them. What they came to.
+  hold(name, at) {
+    const from = this._layers.at(name);
+    if (!from) return;
+    const turn = at.turned - from.turned;
+    const [c, s] = [Math.cos(turn), Math.sin(turn)];
+    for (const rider of this.model.riders(name)) {
+      const one = this._layers.at(rider);
+      if (!one) continue;
+      const [dx, dy] = [one.x - from.x, one.y - from.y];
+      this._put(rider, { x: at.x + c * dx - s * dy, y: at.y + s * dx + c * dy, turned: one.turned + turn });
+    }
+    this._put(name, at);
+    this._links.follow(new Set([name, ...this.model.riders(name)]), (one) => this.spot(one));
+    this.draw();
+  }
+
+  _put(name, at) {
+    this._motion.stop(name);
+    this._layers.move(name, at);
+    this._held.set(name, { version: Infinity, since: performance.now() });
+  }
+
+  // What was moved is on the map since the version: from then on it is where the map says.
+  settle(name, version) {
+    for (const one of this._group(name)) if (this._held.has(one)) this._held.get(one).version = version;
+    this.refresh(new Set(this._group(name)));
+  }
+
+  // What was moved goes back to where the map says it is.
+  back(name) {
+    const group = [...new Set([...this._group(name), ...this._held.keys()])].filter((one) => this._held.has(one));
+    for (const one of group) this._held.delete(one);
+    this.refresh(new Set(group));
+  }
+
+  _group(name) {
+    return [name, ...this.model.riders(name)];
+  }
+
+  _release() {
+    for (const [name, held] of this._held)
+      if (this.model.version >= held.version || !this.model.objects.has(name)) {
+        this._held.delete(name);
+        this._motion.go(this._layers.refresh(this.model, this.storey, new Set([name])));
+      }
+    clearTimeout(this._later);
+    if (this._held.size) this._later = setTimeout(() => this._waitedLong(), PATIENCE);
+  }
+
+  _waitedLong() {
+    const late = [...this._held].filter(([, held]) => performance.now() - held.since >= PATIENCE - 100).map(([name]) => name);
+    for (const name of late) this._held.delete(name);
+    if (late.length) {
+      this.refresh(new Set(late));
+      this._asked(late);
+    }
+  }
+
+  // Draw what depends on the view, soon, once.
+  draw() {
+    this._due ??= requestAnimationFrame(() => this._draw());
+  }
+
+  _draw() {
+    this._due = null;
+    const { view } = this;
+    const transform = view.transform();
+    this._world.setAttribute("transform", transform);
+    this._marks.setAttribute("transform", transform);
+    this._element.classList.toggle("fp-far", view.scale < FAR);
+    this._links.moved(view);
+    this._frame.show({
+      model: this.model,
+      view,
+      at: (name) => this._layers.at(name),
+      selected: this.selected,
+      turnable: this.selected !== null && this.turnable(this.selected),
+      target: this.target,
+      found: this.found.keys(),
+      ghost: this.ghost,
+    });
+    this._arrows.replaceChildren(...this.arrows.filter((one) => one.from && one.to).map((one) => arrow(view.toScreen(one.from.x, one.from.y), view.toScreen(one.to.x, one.to.y))));
+    this._label();
+    this.drawn?.(view);
+  }
+
+  // All names anew, but not at every step of a movement: meanwhile they go along as they are.
+  _label() {
+    const { view } = this;
+    const now = performance.now();
+    const wait = LABELS_REST - (now - this._labelsAt);
+    const group = this._element.querySelector(".fp-labels");
+    if (wait > 0 && this._labelled) {
+      const p = view.toScreen(this._labelled.x, this._labelled.y);
+      group.setAttribute("transform", `translate(${p.x - view.width / 2} ${p.y - view.height / 2})`);
+      group.classList.toggle("fp-hidden", Math.abs(this._labelled.scale / view.scale - 1) > 0.05);
+      this._relabel ??= setTimeout(() => {
+        this._relabel = null;
+        this._label();
+      }, wait);
+      return;
+    }
+    group.removeAttribute("transform");
+    group.classList.remove("fp-hidden");
+    this._labels.place(this._wanted(), view);
+    this._labelled = { x: view.x, y: view.y, scale: view.scale };
+    this._labelsAt = performance.now();
+  }
+
+  _wanted() {
+    const { view, model } = this;
+    const box = view.box();
+    const wanted = [];
+    for (const name of this._layers.names()) {
+      const at = this._layers.at(name);
+      if (at.x < box.left || at.x > box.right || at.y < box.bottom || at.y > box.top) continue;
+      const kind = model.kind(name);
+      if (!kind) continue;
+      const special = name === this.selected || this.found.has(name);
+      const b = bounds({ ...model.solid(name), ...at });
+      const half = { w: Math.max(((b.right - b.left) / 2) * view.scale, 5), h: Math.max(((b.top - b.bottom) / 2) * view.scale, 5) };
+      const unknown = model.value(name, "Unknown") === true;
+      if (!special && !unknown && 2 * Math.max(half.w, half.h) < kind.from) continue;
+      const p = view.toScreen(at.x, at.y);
+      const mark = this.found.get(name);
+      wanted.push({
+        name,
+        text: (unknown ? "? " : "") + name + (mark ? ` ${mark}` : ""),
+        ...p,
+        half,
+        rank: name === this.selected ? 1000 : special ? 500 : unknown ? 300 : kind.label,
+        always: name === this.selected,
+        inside: kind.layer === "furniture" && !special,
+        classes: `fp-label-${kind.id}${special ? " fp-label-found" : ""}`,
+      });
+    }
+    for (const space of model.spaces(this.storey)) wanted.push(...this._spaceLabel(space));
+    return wanted;
+  }
+
+  _spaceLabel(space) {
+    const { view } = this;
+    const b = bounds(space.floor);
+    const size = (b.right - b.left) * view.scale;
+    const special = space.name === this.selected || this.found.has(space.name);
+    if (size < 50 && !special) return [];
+    const mark = this.found.get(space.name);
+    const p = view.toScreen(space.x, space.y);
+    return [{ name: space.name, text: space.label + (mark ? ` ${mark}` : ""), ...p, half: { w: 0, h: 0 }, rank: special ? 600 : 65, always: special, classes: `fp-label-space${special ? " fp-label-found" : ""}` }];
+  }
+
+  _moved(names, still) {
+    this._links.follow(names, (name) => this.spot(name));
+    if (still || names.has(this.selected) || this.found.size || this.relations.length) this.draw();
+    else this._label();
+  }
+
+  // What physical objects have no place on the plan.
+  unplaced() {
+    return [...this.model.objects.values()].filter((one) => this.model.kindOfType(one.type).layer && this.model.solid(one.name) === null).map((one) => one.name);
+  }
+}

@@ -1,0 +1,158 @@
+// How each kind of thing is drawn, as SVG text in the thing's own frame: metres, x along its front, y to its left. Kinds differ by form and
+// pattern, never by colour alone.
+
+const n = (value) => +value.toFixed(4);
+
+export function outline(solid) {
+  if (solid.form === "Box") {
+    const [w, d] = [n(solid.width / 2), n(solid.depth / 2)];
+    return `M${-w} ${-d}H${w}V${d}H${-w}Z`;
+  }
+  if (solid.form === "Polygon") return `M${solid.outline.map(([x, y]) => `${n(x)} ${n(y)}`).join("L")}Z`;
+  return disc(solid.radius);
+}
+
+function disc(radius) {
+  const r = n(Math.max(radius, 0.01));
+  return `M${-r} 0A${r} ${r} 0 1 0 ${r} 0A${r} ${r} 0 1 0 ${-r} 0Z`;
+}
+
+// Half the sides of what is drawn inside an outline.
+function halves(solid) {
+  if (solid.form === "Box") return [solid.width / 2, solid.depth / 2];
+  const r = solid.form === "Polygon" ? Math.min(...solid.outline.map(([x, y]) => Math.hypot(x, y))) : solid.radius;
+  return [r * 0.7, r * 0.7];
+}
+
+const body = (solid, more = "") => `<path class="fp-body${more}" d="${outline(solid)}"/>`;
+const mark = (d, more = "") => `<path class="fp-mark${more}" d="${d}"/>`;
+const DOT = '<path class="fp-dot" d="M0 0h0"/>'; // has the same size on the screen however far away, so that small things stay to be seen
+
+const DRAWN = {
+  floor: (solid) => body(solid),
+  wall: (solid) => body(solid),
+  opening: (solid) => body(solid, " fp-dashed"),
+  pillar: (solid) => {
+    const [w, d] = halves(solid);
+    return body(solid) + mark(`M${n(-w)} ${n(-d)}L${n(w)} ${n(d)}M${n(-w)} ${n(d)}L${n(w)} ${n(-d)}`);
+  },
+  window: (solid) => body(solid) + along(solid, (length) => mark(`M0 ${n(-length / 2)}V${n(length / 2)}`)),
+  door: (solid, { open }) => body(solid, open ? " fp-gap" : "") + along(solid, (length, thick) => (open ? leaf(length) : bar(length, thick))),
+  stairs: (solid) => {
+    const [w, d] = halves(solid);
+    const steps = Math.max(2, Math.round((2 * w) / 0.28));
+    const lines = Array.from({ length: steps - 1 }, (_, i) => `M${n(-w + (2 * w * (i + 1)) / steps)} ${n(-d)}V${n(d)}`).join("");
+    return body(solid) + mark(lines) + mark(`M${n(-w * 0.8)} 0H${n(w * 0.7)}M${n(w * 0.5)} ${n(d * 0.3)}L${n(w * 0.7)} 0L${n(w * 0.5)} ${n(-d * 0.3)}`, " fp-strong");
+  },
+  support: (solid) => {
+    const [w, d] = halves(solid);
+    const inset = Math.min(w, d) * 0.22;
+    return body(solid) + mark(`M${n(w - inset)} ${n(-d + inset)}V${n(d - inset)}`, " fp-strong");
+  },
+  chair: (solid) => {
+    const [w, d] = halves(solid);
+    return body(solid) + mark(`M${n(-w * 0.62)} ${n(-d * 0.75)}V${n(d * 0.75)}`, " fp-strong");
+  },
+  plant: (solid) => {
+    const r = Math.min(...halves(solid));
+    const leaves = [0, 60, 120, 180, 240, 300].map((deg) => {
+      const a = (deg * Math.PI) / 180;
+      return `M0 0Q${n(r * Math.cos(a - 0.5))} ${n(r * Math.sin(a - 0.5))} ${n(r * Math.cos(a))} ${n(r * Math.sin(a))}`;
+    });
+    return body(solid) + mark(leaves.join(""));
+  },
+  obstacle: (solid) => {
+    const [w, d] = halves(solid);
+    return body(solid) + mark(`M${n(-w)} ${n(-d)}L${n(w)} ${n(d)}M${n(-w)} ${n(d)}L${n(w)} ${n(-d)}`);
+  },
+  thing: (solid) => DOT + body(solid),
+  place: (solid) => {
+    const r = Math.min(...halves(solid)) * 0.9;
+    return body(solid, " fp-dashed") + mark(`M${n(-r * 0.35)} ${n(-r * 0.8)}V${n(r * 0.9)}L${n(r * 0.65)} ${n(r * 0.45)}L${n(-r * 0.35)} 0`, " fp-sign");
+  },
+  charger: (solid) => {
+    const r = Math.min(...halves(solid)) * 0.9;
+    return body(solid, " fp-dashed") + mark(`M${n(r * 0.15)} ${n(r)}L${n(-r * 0.45)} ${n(-r * 0.1)}H${n(r * 0.05)}L${n(-r * 0.15)} ${n(-r)}L${n(r * 0.45)} ${n(r * 0.1)}H${n(-r * 0.05)}Z`, " fp-sign fp-full");
+  },
+  robot: (solid) => {
+    const [w, d] = halves(solid);
+    const front = solid.form === "Box" ? w : solid.radius ?? w;
+    return DOT + body(solid) + mark(`M${n(front * 0.95)} 0L${n(-front * 0.35)} ${n(d * 0.85)}L${n(-front * 0.05)} 0L${n(-front * 0.35)} ${n(-d * 0.85)}Z`, " fp-full");
+  },
+  camera: (solid, { range, view }) => sight(range, view) + DOT + body(solid) + mark("M.05 0L.22 .11V-.11Z", " fp-full"),
+  arm: (solid, { range }) => {
+    const r = Math.min(...halves(solid)) * 0.5;
+    return (range ? `<path class="fp-sight fp-dashed" d="${disc(range)}"/>` : "") + body(solid) + mark(`${disc(r)}M0 0L${n(r * 1.9)} 0`, " fp-strong");
+  },
+  lift: (solid) => {
+    const [w, d] = halves(solid);
+    return body(solid) + mark(`M${n(-w * 0.5)} ${n(d * 0.15)}L0 ${n(d * 0.6)}L${n(w * 0.5)} ${n(d * 0.15)}M${n(-w * 0.5)} ${n(-d * 0.15)}L0 ${n(-d * 0.6)}L${n(w * 0.5)} ${n(-d * 0.15)}`, " fp-strong");
+  },
+  person: () => `${DOT}<path class="fp-body" d="M-.12 .24A.14 .24 0 1 0 -.12 -.24A.14 .24 0 1 0 -.12 .24Z"/><path class="fp-mark fp-full" d="${disc(0.11)}"/>`,
+};
+
+// Draws along the longer side of a box: `draw(length, thickness)` in a frame whose y runs along it.
+function along(solid, draw) {
+  const [w, d] = solid.form === "Box" ? [solid.width, solid.depth] : [0.1, 2 * (solid.radius ?? 0.4)];
+  return w > d ? `<g transform="rotate(90)">${draw(w, d)}</g>` : draw(d, w);
+}
+
+function leaf(length) {
+  if (length > 1.6) {
+    const h = n(length / 2);
+    return mark(`M0 ${-h}H${h}M0 ${h}H${h}`, " fp-strong") + mark(`M${h} ${-h}A${h} ${h} 0 0 1 0 0M${h} ${h}A${h} ${h} 0 0 0 0 0`);
+  }
+  const [h, l] = [n(length / 2), n(length)];
+  return mark(`M0 ${-h}H${l}`, " fp-strong") + mark(`M${l} ${-h}A${l} ${l} 0 0 1 0 ${h}`);
+}
+
+function bar(length, thick) {
+  const [h, t] = [n(length / 2), n(Math.max(thick, 0.1))];
+  return mark(`M0 ${-h}V${h}`, " fp-strong") + mark(`M${-t} ${-h}H${t}M${-t} ${h}H${t}`);
+}
+
+function sight(range, view) {
+  if (!range || !view) return "";
+  if (view >= 2 * Math.PI - 0.01) return `<path class="fp-sight" d="${disc(range)}"/>`;
+  const [x, y] = [n(range * Math.cos(view / 2)), n(range * Math.sin(view / 2))];
+  return `<path class="fp-sight" d="M0 0L${x} ${-y}A${n(range)} ${n(range)} 0 ${view > Math.PI ? 1 : 0} 1 ${x} ${y}Z"/>`;
+}
+
+// What one thing looks like: the same text means that it need not be drawn anew.
+export function look(kind, solid, seen) {
+  const classes = [`fp-object fp-${kind.id}`];
+  if (seen.color) classes.push(`fp-c-${seen.color.toLowerCase()}`);
+  if (seen.unknown) classes.push("fp-unknown");
+  if (seen.broken) classes.push("fp-broken");
+  return { classes: classes.join(" "), content: DRAWN[kind.id](solid, seen) };
+}
+
+export function pose(at) {
+  return `translate(${n(at.x)} ${n(at.y)}) rotate(${n((at.turned * 180) / Math.PI)})`;
+}
+
+const SAMPLES = {
+  wall: { form: "Box", width: 1, depth: 0.22 },
+  door: { form: "Box", width: 0.1, depth: 0.8 },
+  window: { form: "Box", width: 0.2, depth: 1 },
+  stairs: { form: "Box", width: 1, depth: 0.6 },
+  support: { form: "Box", width: 0.6, depth: 0.9 },
+  obstacle: { form: "Box", width: 0.7, depth: 0.7 },
+  chair: { form: "Box", width: 0.6, depth: 0.6 },
+  plant: { form: "Cylinder", radius: 0.4 },
+  thing: { form: "Cylinder", radius: 0.14 },
+  robot: { form: "Cylinder", radius: 0.42 },
+  arm: { form: "Box", width: 0.6, depth: 0.6 },
+  camera: { form: "Box", width: 0.16, depth: 0.12 },
+  lift: { form: "Box", width: 0.9, depth: 0.9 },
+  person: {},
+  place: { form: "Cylinder", radius: 0.45 },
+  charger: { form: "Cylinder", radius: 0.45 },
+};
+
+// A small picture of the kind, for the legend, one metre across.
+export function sample(kind, more = {}) {
+  const shown = look(kind, SAMPLES[kind.id], { open: true, range: kind.id === "camera" ? 0.5 : 0, view: 1.2, ...more });
+  const moved = { door: "translate(-.4 0)", camera: "translate(-.25 0)" }[kind.id] ?? "";
+  return `<svg viewBox="-.6 -.6 1.2 1.2" aria-hidden="true"><g transform="scale(1 -1) ${moved}" class="${shown.classes}">${shown.content}</g></svg>`;
+}

@@ -1,0 +1,84 @@
+// Which part of the map is seen, and how large: from metres on the map to pixels on the screen and back.
+
+const LEAST = 0.5; // pixels a metre
+const MOST = 2500;
+const MARGIN = 28; // pixels around what is fitted in
+
+export class View {
+  constructor() {
+    this.scale = 50; // pixels a metre
+    this.x = 0; // what is in the middle
+    this.y = 0;
+    this.width = 1;
+    this.height = 1;
+  }
+
+  size(width, height) {
+    this.width = Math.max(width, 1);
+    this.height = Math.max(height, 1);
+  }
+
+  toScreen(x, y) {
+    return { x: this.width / 2 + (x - this.x) * this.scale, y: this.height / 2 - (y - this.y) * this.scale };
+  }
+
+  toMap(x, y) {
+    return { x: this.x + (x - this.width / 2) / this.scale, y: this.y - (y - this.height / 2) / this.scale };
+  }
+
+  // The transformation of everything that is drawn in metres.
+  transform() {
+    return `translate(${this.width / 2 - this.x * this.scale} ${this.height / 2 + this.y * this.scale}) scale(${this.scale} ${-this.scale})`;
+  }
+
+  pan(dx, dy) {
+    this.x -= dx / this.scale;
+    this.y += dy / this.scale;
+  }
+
+  // Zoom so that what is at the point of the screen stays there.
+  zoom(factor, x = this.width / 2, y = this.height / 2) {
+    const before = this.toMap(x, y);
+    this.scale = Math.min(MOST, Math.max(LEAST, this.scale * factor));
+    const after = this.toMap(x, y);
+    this.x += before.x - after.x;
+    this.y += before.y - after.y;
+  }
+
+  fit(box) {
+    if (!box) return;
+    const [w, h] = [Math.max(box.right - box.left, 0.5), Math.max(box.top - box.bottom, 0.5)];
+    const [width, height] = [Math.max(this.width - 2 * MARGIN, 40), Math.max(this.height - 2 * MARGIN - 24, 40)];
+    this.scale = Math.min(MOST, Math.max(LEAST, Math.min(width / w, height / h)));
+    this.x = (box.left + box.right) / 2;
+    this.y = (box.bottom + box.top) / 2 - 12 / this.scale; // the scale bar is below
+  }
+
+  // Have the point in view, away from the edges; whether the plan had to be moved for it.
+  reveal(x, y, edge = 60) {
+    const at = this.toScreen(x, y);
+    const inside = at.x > edge && at.y > edge && at.x < this.width - edge && at.y < this.height - edge;
+    if (!inside) [this.x, this.y] = [x, y];
+    return !inside;
+  }
+
+  box() {
+    const [a, b] = [this.toMap(0, this.height), this.toMap(this.width, 0)];
+    return { left: a.x, bottom: a.y, right: b.x, top: b.y };
+  }
+
+  // A round length that is 60 to 150 pixels long, for the scale bar.
+  bar() {
+    for (const power of [0.01, 0.1, 1, 10, 100, 1000])
+      for (const step of [1, 2, 5]) {
+        const metres = step * power;
+        if (metres * this.scale >= 60) return { metres, pixels: metres * this.scale, text: lengthText(metres) };
+      }
+    return { metres: 1, pixels: this.scale, text: "1 m" };
+  }
+}
+
+export function lengthText(metres) {
+  if (metres < 1) return `${+(metres * 100).toFixed(0)} cm`;
+  return metres < 1000 ? `${+metres.toFixed(2)} m` : `${+(metres / 1000).toFixed(2)} km`;
+}
