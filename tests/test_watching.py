@@ -46,7 +46,7 @@ def news(system: VirtualSystem, task: str, **wanted: float) -> TaskNews:
     return found
 
 
-def rows(system: VirtualSystem, after: int | None, wait: float = 0.0) -> TasksNews:
+def rows(system: VirtualSystem, after: int, wait: float = 0.0) -> TasksNews:
     found = system.ask(WatchTasks(after=after, wait=wait))
     assert isinstance(found, TasksNews), found
     return found
@@ -145,7 +145,7 @@ def _from_manager(body: object) -> Message:
 
 def test_the_list_tells_of_what_changed_only() -> None:
     system = two()
-    begun = rows(system, None)
+    begun = rows(system, 0)
     assert begun.rows == ()
     task = system.submit(WISH, priority=7)
     came = rows(system, begun.version)
@@ -165,7 +165,7 @@ def test_the_list_tells_of_what_changed_only() -> None:
 
 def test_a_list_that_nothing_happens_to_is_answered_when_its_time_is_over() -> None:
     system = two()
-    version, began = rows(system, None).version, system.world.now
+    version, began = rows(system, 0).version, system.world.now
     assert rows(system, version, wait=12).rows == ()
     assert 12 <= system.world.now - began < 13
 

@@ -27,6 +27,9 @@ PAGE = 50
 """Tasks that are asked for at once."""
 
 
+CLIENT = "urn:so-mrs:client:"
+"""What the names of those who ask begin with."""
+
 PATIENCE = 30.0
 """Seconds for which a Task Manager that is started again is waited for by those who have a task with it."""
 
@@ -74,7 +77,7 @@ def who() -> str:
         user = getpass.getuser()
     except (OSError, KeyError):  # a container may run as a user that has no name
         user = str(os.getuid())
-    return f"urn:so-mrs:client:{quote(user)}@{quote(socket.gethostname())}"
+    return f"{CLIENT}{quote(user)}@{quote(socket.gethostname())}"
 
 
 class Client:
@@ -92,14 +95,21 @@ class Client:
         await self._wire.close()
 
     async def ask(
-        self, address: str, body: Body, expected: type[Answer], timeout: float = 30.0, patience: float = 0.0, id: str | None = None
+        self,
+        address: str,
+        body: Body,
+        expected: type[Answer],
+        timeout: float = 30.0,
+        patience: float = 0.0,
+        id: str | None = None,
+        by: str | None = None,
     ) -> Answer:
         """The answer, which is of the expected type. Raises RemoteError when it is not, or none came.
 
         `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same, and so is what
-        is sent again with the same `id`.
+        is sent again with the same `id`. `by`: who asks, if it is not who runs this program.
         """
-        header = Header(sender=self._who, recipient=address, message_id=id or uuid.uuid4().urn)
+        header = Header(sender=f"{CLIENT}{quote(by)}" if by else self._who, recipient=address, message_id=id or uuid.uuid4().urn)
         message = Message(header=header, body=body)
         answer = await asked_again(lambda: self._wire.post(message, timeout=timeout), patience)
         if answer is None:
@@ -198,9 +208,9 @@ class Client:
 
     # The Task Manager
 
-    async def submit(self, task: clients.Submit, patience: float = 0.0, id: str | None = None) -> str:
+    async def submit(self, task: clients.Submit, patience: float = 0.0, id: str | None = None, by: str | None = None) -> str:
         """The task's id. Raises UsageError, with the caret under the mistake, when it is no task. The same message `id` is one task."""
-        answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience, id=id)
+        answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience, id=id, by=by)
         match answer:
             case clients.Submitted(task=id):
                 return id
@@ -236,12 +246,16 @@ class Client:
         steps, work = (tuple(chain.from_iterable(getattr(view, part) for view in views)) for part in ("steps", "work"))
         return msgspec.structs.replace(news, view=msgspec.structs.replace(news.view, steps=steps, work=work))
 
+    async def watch_list(self, wanted: clients.WatchTasks) -> clients.TasksNews:
+        """What changed in the list of tasks, a page of it."""
+        return await self.ask(self.addresses.task_manager, wanted, clients.TasksNews, timeout=wanted.wait + 40)
+
     async def rows(self) -> tuple[clients.TaskRow, ...]:
         """The tasks that the Task Manager has in mind, as a list shows them, newest first."""
         found: dict[str, clients.TaskRow] = {}
         after, more = 0, True
         while more:
-            news = await self.ask(self.addresses.task_manager, clients.WatchTasks(after=after, wait=0), clients.TasksNews)
+            news = await self.watch_list(clients.WatchTasks(after=after, wait=0))
             found |= {row.task: row for row in news.rows}
             after, more = news.version, news.more
         return tuple(sorted(found.values(), key=lambda row: (row.submitted_at, row.task), reverse=True))
@@ -276,7 +290,9 @@ class Client:
         wanted = clients.CancelTask(task=task, reason=reason)
         await self.ask(self.addresses.task_manager, wanted, clients.Cancelling, patience=PATIENCE)
 
-    async def preview(self, effect: str, precondition: str | None = None) -> clients.Previewed:
-        return await self.ask(
-            self.addresses.task_manager, clients.Preview(effect=effect, precondition=precondition), clients.Previewed, timeout=60
-        )
+    async def messages(self, task: str, after: int = 0) -> clients.Messages:
+        """The messages of a task, whether it runs or is over, behind the first so many: a page of them."""
+        return await self.ask(self.addresses.task_manager, clients.ReadMessages(task=task, after=after), clients.Messages)
+
+    async def preview(self, wanted: clients.Preview) -> clients.Previewed:
+        return await self.ask(self.addresses.task_manager, wanted, clients.Previewed, timeout=60)

@@ -11,6 +11,7 @@ from somrs.app import show
 from somrs.app.client import Addresses, Client
 from somrs.errors import ModelError, RemoteError, UsageError
 from somrs.ontology.types import Value
+from somrs.protocol.clients import Preview
 from somrs.protocol.directory import Discover
 from somrs.protocol.knowledge import UpdateMap
 from somrs.service_manager.values import python_value
@@ -100,7 +101,7 @@ async def services(type: str | None, effect: str | None, attributes: Sequence[st
 
 async def plan(formula: str, precondition: str | None, data: Path, *, json: bool) -> int:
     async with Client(Addresses.read(data)) as client:
-        found = await client.preview(formula, precondition)
+        found = await client.preview(Preview(effect=formula, precondition=precondition))
     if json:
         show.print_json(found)
     elif found.steps:

@@ -31,7 +31,7 @@ class Past:
         while True:
             page = await self._ask(wanted)
             if page.rest is not None:
-                page = structs.replace(page, records=(*page.records[:-1], await self._whole(page.records[-1], page.rest)))
+                page = structs.replace(page, records=(*page.records[:-1], await self._whole(page.records[-1], page.rest, wanted)))
             yield page
             if not page.more or not page.records:
                 return
@@ -46,10 +46,10 @@ class Past:
                 break
         return found[:count]
 
-    async def _whole(self, record: TaskRecord, after: int) -> TaskRecord:
+    async def _whole(self, record: TaskRecord, after: int, wanted: ReadRecords) -> TaskRecord:
         rest: int | None = after
         while rest is not None:
-            page = await self._ask(ReadRecords(task=record.task, after=rest))
+            page = await self._ask(ReadRecords(task=record.task, after=rest, brief=wanted.brief, without=wanted.without))
             if not page.records:
                 raise RemoteError(f"{record.task} is not kept any more")
             record, rest = archive.joined(record, page.records[0]), page.rest

@@ -164,9 +164,9 @@ class Tasks(Struct, frozen=True, kw_only=True, tag=True):
 
 class WatchTasks(Struct, frozen=True, kw_only=True, tag=True):
     """Answer as soon as a task changed after the change of number `after`, or there is a new one; at the latest after `wait` seconds. 0:
-    all tasks that are known. None: none of them, but what number to ask with next."""
+    all tasks that are known."""
 
-    after: int | None = None
+    after: int = 0
     wait: float = 20.0
 
 
@@ -231,6 +231,8 @@ class ContractView(Struct, frozen=True, kw_only=True):
     reason: str = ""
     start: float | None = None
     finish: float | None = None
+    number: int = 0
+    """In the order in which they were asked."""
 
 
 class WatchTask(Struct, frozen=True, kw_only=True, tag=True):

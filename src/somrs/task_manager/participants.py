@@ -44,6 +44,8 @@ class Member:
     offer: Offer
     label: str
     step: str
+    number: int = 0
+    """In the order in which they were asked."""
     bid: Bid | None = None
     fraction: float = 0.0
     note: str = ""
@@ -106,7 +108,7 @@ class Participants:
         plans of the transaction, `label` the one that people know."""
         id = participant_id(offer.service, label, len(self._members) + 1)
         session = CoordinatorSession(transaction=self._transaction, participant=id, me=self._setting.address, peer=offer.address)
-        member = self._members[id] = Member(id=id, session=session, offer=offer, label=label, step=step)
+        member = self._members[id] = Member(id=id, session=session, offer=offer, label=label, step=step, number=len(self._members) + 1)
         self._send(member, arrange, now, seconds)
         return member
 

@@ -150,6 +150,7 @@ def contract_view(member: Member) -> ContractView:
     """What became of a participant, and of the terms that it gave."""
     session, terms = member.session, member.session.terms
     return ContractView(
+        number=member.number,
         participant=member.id,
         service=member.offer.service,
         step=member.label,

@@ -80,7 +80,7 @@ class Watching:
 
     def _has_news(self, wanted: WatchTask | WatchTasks) -> bool:
         if isinstance(wanted, WatchTasks):
-            return wanted.after is None or self._version != wanted.after
+            return self._version != wanted.after
         transaction = self.transactions[wanted.task]
         return (
             transaction.outcome is not None
@@ -97,8 +97,6 @@ class Watching:
                 self.reply(watcher.request, self._rows(wanted))
 
     def _rows(self, wanted: WatchTasks) -> TasksNews:
-        if wanted.after is None:
-            return TasksNews(rows=(), version=self._version, begun=self.begun)
         # Whoever heard of changes that have not been yet heard them from a Task Manager that is forgotten.
         after = wanted.after if wanted.after <= self._version else 0
         changed: list[str] = []

@@ -4,20 +4,38 @@ from __future__ import annotations
 
 import msgspec
 
+from somrs.app.client import PATIENCE
 from somrs.app.desk.context import Context
+from somrs.app.desk.following import Following, TaskChanged, TasksChanged, final_contracts
 from somrs.app.desk.operations import operation
+from somrs.app.desk.refusals import NotFound
+from somrs.app.past import Past
+from somrs.app.story import view as view_of
+from somrs.app.tasks import is_named
+from somrs.app.wire import Unanswered
+from somrs.errors import RemoteError, UsageError
 from somrs.protocol.clients import (
     ContractView,
     Messages,
-    MessageView,
+    Phase,
     Preview,
     Previewed,
+    ReadRecords,
     Submit,
     Submitted,
     TaskEvent,
     TaskRow,
     TaskView,
+    WatchTask,
 )
+from somrs.protocol.envelope import message_id
+
+__all__ = ["TaskChanged", "TaskList", "TaskSeen", "TasksChanged", "TasksDesk"]
+
+WHOLE_ID = len("urn:uuid:00000000-0000-0000-0000-000000000000")
+
+MOST_NAMED = 5
+"""Tasks whose ids begin with the same: so many are looked at to say which are meant."""
 
 
 class TaskList(msgspec.Struct, frozen=True, kw_only=True):
@@ -27,66 +45,99 @@ class TaskList(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TaskSeen(msgspec.Struct, frozen=True, kw_only=True):
-    """A task, all that happened to it, and who was asked for its steps, on which terms. `messages`: how many there are."""
+    """A task, all that happened to it, and who was asked for its steps, on which terms. `messages`: how many there are; None for a task
+    of long ago."""
 
     view: TaskView
     events: tuple[TaskEvent, ...]
     contracts: tuple[ContractView, ...] = ()
-    messages: int = 0
-
-
-class TasksChanged(msgspec.Struct, frozen=True, kw_only=True):
-    """News of the topic `tasks`: those that changed, or came, as they are now. `anew`: these are all; forget the others."""
-
-    rows: tuple[TaskRow, ...]
-    anew: bool = False
-
-
-class TaskChanged(msgspec.Struct, frozen=True, kw_only=True):
-    """News of the topic `task ID`: the task as it is now, what happened since the news before, the contracts that changed, and how many
-    messages there are. The first news after one begins to listen has all events and contracts."""
-
-    view: TaskView
-    events: tuple[TaskEvent, ...] = ()
-    contracts: tuple[ContractView, ...] = ()
-    messages: int = 0
+    messages: int | None = None
 
 
 class TasksDesk:
+    """The topic `tasks` tells of all tasks (`TasksChanged`), `task ID` of one (`TaskChanged`): listen first, then read."""
+
     def __init__(self, context: Context) -> None:
         self._context = context
+        self._client = context.client
+        self._following = Following(context.client, context.hub)
 
     @operation("POST", "/tasks")
-    async def submit(self, body: Submit, once: str | None = None) -> Submitted:
+    async def submit(self, body: Submit, once: str | None = None, by: str | None = None) -> Submitted:
         """State a task: have a formula made true.
 
-        With `once`, a word of your own, the same task sent again with the same word is one task: for when no answer came.
+        With `once`, a word of your own, the same task sent again with the same word is one task: for when no answer came. `by`: who
+        states it.
         """
-        return Submitted(task=await self._context.client.submit(body))
+        id = message_id("task", "once", once) if once is not None else None
+        return Submitted(task=await self._client.submit(body, patience=PATIENCE, id=id, by=by))
 
     @operation("POST", "/tasks/preview")
     async def preview(self, body: Preview) -> Previewed:
         """Plan, but do nothing: the steps, or why there are none; with `quotes`, what services would ask for them now."""
-        return await self._context.client.preview(body.effect, body.precondition)
+        return await self._client.preview(body)
 
     @operation("GET", "/tasks")
     async def list(self, running: bool = False, limit: int = 50) -> TaskList:
         """The tasks that the Task Manager has in mind, newest first: all, or those that are not over."""
-        return TaskList(rows=())
+        rows = await self._client.rows()
+        return TaskList(rows=tuple(row for row in rows if not running or row.phase is not Phase.ENDED)[: max(limit, 0)])
 
     @operation("GET", "/tasks/{id}")
     async def read(self, id: str) -> TaskSeen:
         """One task, whether it runs or is over. `id` may be the beginning of one."""
-        view, events = await self._context.client.events(id)
-        return TaskSeen(view=view, events=events)
+        task = await self._named(id)
+        return await self._known(task) or await self._kept(task)
 
     @operation("GET", "/tasks/{id}/messages")
     async def messages(self, id: str, after: int = 0) -> Messages:
         """The messages of a task's protocol behind the first so many, a page of them."""
-        found: tuple[MessageView, ...] = ()
-        return Messages(messages=found)
+        return await self._client.messages(await self._named(id), after)
 
     @operation("POST", "/tasks/{id}/cancel")
     async def cancel(self, id: str, reason: str = "cancelled by the client") -> None:
         """Stop what runs, and undo what was done."""
-        await self._context.client.cancel(id, reason)
+        await self._client.cancel(await self._named(id), reason)
+
+    async def _known(self, task: str) -> TaskSeen | None:
+        """As the Task Manager has it in mind, if it does."""
+        events: tuple[TaskEvent, ...] = ()
+        contracts: dict[str, ContractView] = {}
+        changed, more = 0, True
+        while more:
+            try:
+                news = await self._client.watch(WatchTask(task=task, after=len(events), contracts=changed, wait=0))
+            except Unanswered:
+                raise
+            except RemoteError:
+                return None
+            events += news.events
+            contracts |= {contract.participant: contract for contract in news.contracts}
+            changed, more = news.contracts_at, news.more
+        over = news.view.phase is Phase.ENDED
+        asked = await final_contracts(self._client, task) if over else sorted(contracts.values(), key=lambda contract: contract.number)
+        return TaskSeen(view=news.view, events=events, contracts=tuple(asked), messages=news.messages)
+
+    async def _kept(self, task: str) -> TaskSeen:
+        """As its record says."""
+        records = await Past(self._client.records).first(ReadRecords(task=task, without=("messages",)), 1)
+        if not records:
+            raise _no_such(task)
+        return TaskSeen(view=view_of(records[0]), events=records[0].events, contracts=records[0].contracts)
+
+    async def _named(self, name: str) -> str:
+        """The whole id of the task whose id begins so."""
+        if len(name) == WHOLE_ID and name.startswith("urn:uuid:"):
+            return name
+        known = [row.task for row in await self._client.rows()]
+        kept = await Past(self._client.records).first(ReadRecords(task=name, brief=True), MOST_NAMED) if name else []
+        found = [*dict.fromkeys(id for id in (*known, *(record.task for record in kept)) if is_named(id, name))]
+        if not found:
+            raise _no_such(name)
+        if len(found) > 1:
+            raise UsageError(f"{len(found)} tasks or more begin with {name}; say more of the id")
+        return found[0]
+
+
+def _no_such(task: str) -> NotFound:
+    return NotFound(f"there is no task {task}; `/tasks` lists those that are known, and the records have those of long ago")
