@@ -11,9 +11,9 @@ import contextlib
 import queue
 import sqlite3
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -34,7 +34,8 @@ MOST_JOBS = 2000
 class Kind:
     """A kind of file. `owner`: whose it is (`a Repository's`); `holds`: what is in it; `rival`: who else may have it open.
 
-    `application` is SQLite's application_id, by which the file is known; `version` is that of the `tables`.
+    `application` is SQLite's application_id, by which the file is known; `version` is that of the `tables`. `migrations`: by the version
+    of an older file, what makes it one of the next version.
     """
 
     owner: str
@@ -43,6 +44,7 @@ class Kind:
     application: int
     version: int
     tables: str
+    migrations: Mapping[int, str] = field(default_factory=dict)
 
 
 class Disk:
@@ -185,7 +187,8 @@ class Disk:
         new = application == 0 and tables == 0
         if not new and application != kind.application:
             raise UsageError(f"{self.path}: is a database, but not {kind.owner}; give it a file of its own")
-        if not new and version != kind.version:
+        old = not new and all(step in kind.migrations for step in range(version, kind.version)) and version < kind.version
+        if not new and not old and version != kind.version:
             raise UsageError(f"{self.path}: has format {version}, this program reads {kind.version}; run the SO-MRS that wrote it")
         # Exclusive: two that write the same file would both be wrong.
         for pragma in ("locking_mode=EXCLUSIVE", "journal_mode=WAL", "synchronous=FULL"):
@@ -194,6 +197,9 @@ class Disk:
         db.execute("COMMIT")
         if new:
             db.executescript(f"BEGIN; {kind.tables} PRAGMA application_id={kind.application}; PRAGMA user_version={kind.version}; COMMIT;")
+        elif old:
+            steps = "".join(kind.migrations[step] for step in range(version, kind.version))
+            db.executescript(f"BEGIN; {steps} PRAGMA user_version={kind.version}; COMMIT;")
 
     @contextlib.contextmanager
     def transaction(self, db: sqlite3.Connection) -> Iterator[None]:

@@ -1,6 +1,7 @@
 """The Repository's file: one SQLite database with the ontology, the map, and all that ever happened to them.
 
-Documents in it are JSON, for whoever looks with other tools. How it comes to be on disk is `disk.py`'s.
+Documents in it are JSON, for whoever looks with other tools. How it comes to be on disk is `disk.py`'s; events are read back in
+`events.py`.
 """
 
 from __future__ import annotations
@@ -9,11 +10,14 @@ import asyncio
 import functools
 import sqlite3
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
-from somrs.app.disk import Disk, Kind
+from somrs.app.disk import Disk, Job, Kind
+from somrs.app.events import event_of, happened, history, leading_back, past
 from somrs.errors import UsageError
+from somrs.ontology.naming import Named, Section, named
 from somrs.ontology.objects import (
     Change,
     Fact,
@@ -28,29 +32,60 @@ from somrs.ontology.objects import (
 )
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, Ontology, RelationType
-from somrs.protocol.knowledge import Definitions, Event
-from somrs.repository.entries import REMEMBERED, Answer, Contents, Entry, Handled, HistoryOf, Subscription
+from somrs.protocol.knowledge import Event, Revision
+from somrs.repository.entries import (
+    REMEMBERED,
+    Answer,
+    Contents,
+    Defining,
+    Entry,
+    EventsOf,
+    Handled,
+    HistoryOf,
+    PastOf,
+    Subscription,
+)
 
 KIND = Kind(
     owner="a Repository's",
     holds="ontology, map or event",
     rival="another process",
     application=0x534F4D52,  # `SOMR` in ASCII
-    version=1,
+    version=2,
     tables="""
     CREATE TABLE definitions (kind TEXT NOT NULL, name TEXT NOT NULL, document TEXT NOT NULL, UNIQUE (kind, name));
     CREATE TABLE objects (name TEXT NOT NULL UNIQUE, document TEXT NOT NULL);
     CREATE TABLE facts (relation TEXT NOT NULL, arguments TEXT NOT NULL, UNIQUE (relation, arguments));
-    CREATE TABLE events (version INTEGER PRIMARY KEY, at REAL NOT NULL, author TEXT NOT NULL, changes TEXT NOT NULL, definitions TEXT);
+    CREATE TABLE events (version INTEGER PRIMARY KEY, at REAL NOT NULL, author TEXT NOT NULL, changes TEXT NOT NULL, before TEXT,
+      revision TEXT, renamed TEXT, undoes INTEGER);
+    CREATE INDEX revisions ON events (version) WHERE revision IS NOT NULL;
     CREATE TABLE touched (object TEXT NOT NULL, version INTEGER NOT NULL, PRIMARY KEY (object, version)) WITHOUT ROWID;
+    CREATE TABLE revised (section TEXT NOT NULL, name TEXT NOT NULL, version INTEGER NOT NULL, PRIMARY KEY (section, name)) WITHOUT ROWID;
+    CREATE TABLE renamed (name TEXT NOT NULL, version INTEGER NOT NULL, before TEXT NOT NULL, PRIMARY KEY (name, version)) WITHOUT ROWID;
     CREATE TABLE answered (number INTEGER PRIMARY KEY AUTOINCREMENT, request TEXT NOT NULL UNIQUE, answer TEXT NOT NULL);
     CREATE TABLE subscriptions (address TEXT PRIMARY KEY, until REAL NOT NULL);
     """,
+    migrations={
+        # What was before an event is not known of those of the first format: `before` is NULL.
+        1: """
+    ALTER TABLE events ADD COLUMN before TEXT;
+    ALTER TABLE events ADD COLUMN revision TEXT;
+    ALTER TABLE events ADD COLUMN renamed TEXT;
+    ALTER TABLE events ADD COLUMN undoes INTEGER;
+    UPDATE events SET revision = json_object('before', json('{}'), 'after', json(definitions)) WHERE definitions IS NOT NULL;
+    ALTER TABLE events DROP COLUMN definitions;
+    CREATE INDEX revisions ON events (version) WHERE revision IS NOT NULL;
+    CREATE TABLE revised (section TEXT NOT NULL, name TEXT NOT NULL, version INTEGER NOT NULL, PRIMARY KEY (section, name)) WITHOUT ROWID;
+    INSERT INTO revised
+      SELECT of.key, json_extract(one.value, '$.name'), max(version)
+      FROM events, json_each(revision, '$.after') AS of, json_each(of.value) AS one WHERE revision IS NOT NULL GROUP BY 1, 2;
+    CREATE TABLE renamed (name TEXT NOT NULL, version INTEGER NOT NULL, before TEXT NOT NULL, PRIMARY KEY (name, version)) WITHOUT ROWID;
+    """
+    },
 )
 
 KINDS: dict[str, type[Definition]] = {kind.__name__: kind for kind in (AttributeType, RelationType, FunctionType, ObjectType, ServiceType)}
 
-_CHANGES = msgspec.json.Decoder(tuple[Change, ...])
 _OBJECT = msgspec.json.Decoder(Object)
 _ARGUMENTS = msgspec.json.Decoder(tuple[str, ...])
 _ANSWER: msgspec.json.Decoder[Answer] = msgspec.json.Decoder(Answer)
@@ -103,21 +138,33 @@ class RepositoryStore:
 
     def history(self, object: str, limit: int) -> tuple[Event, ...]:
         """The latest events that changed the object, newest first."""
-        return self.disk.read(functools.partial(_history, object, limit)).result()
+        return tuple(map(event_of, self.disk.read(functools.partial(history, object, limit)).result()))
 
     def answer(self, task: object) -> object:
         """Carry out what a Repository asks for."""
-        match task:
-            case HistoryOf(object=object, limit=limit):
-                return self.history(object, limit)
-        raise UsageError(f"{self.path}: a store knows histories, and nothing of {type(task).__name__}")
+        return self._rest(task, self.disk.read(self._reading(task)).result())
 
     async def carry_out(self, task: object, report: object) -> object:
         """Carry out what a Repository asks for, while its event loop goes on."""
+        found = await asyncio.wrap_future(self.disk.read(self._reading(task)))
+        # Going back through ten thousand events takes a while: neither the event loop nor the disk waits for it.
+        return await asyncio.to_thread(self._rest, task, found)
+
+    def _reading(self, task: object) -> Job[Any]:
+        """What has to be read to answer."""
         match task:
             case HistoryOf(object=object, limit=limit):
-                return await asyncio.wrap_future(self.disk.read(functools.partial(_history, object, limit)))
-        return self.answer(task)
+                return functools.partial(history, object, limit)
+            case EventsOf():
+                return functools.partial(happened, task)
+            case PastOf(version=version, at_version=at):
+                return functools.partial(leading_back, version, at)
+        raise UsageError(f"{self.path}: a store knows what happened, and nothing of {type(task).__name__}")
+
+    def _rest(self, task: object, found: Any) -> object:
+        """What is to be made of what was read."""
+        with self.disk.explained():
+            return past(task, *found) if isinstance(task, PastOf) else tuple(map(event_of, found))
 
     def _write(self, entry: Entry, db: sqlite3.Connection) -> None:
         match entry:
@@ -133,16 +180,28 @@ class RepositoryStore:
             "INSERT OR REPLACE INTO answered (request, answer) VALUES (?, ?)", (handled.request, _json(handled.answer))
         ).lastrowid
         db.execute("DELETE FROM answered WHERE number <= ?", ((number or 0) - REMEMBERED,))
-        for definition in handled.definitions.each() if handled.definitions is not None else ():
-            _define(db, definition)
-        if (event := handled.event) is not None:
-            self._event(event, handled.definitions, db)
+        if handled.event is not None:
+            self._event(handled.event, db)
 
-    def _event(self, event: Event, definitions: Definitions | None, db: sqlite3.Connection) -> None:
+    def _event(self, event: Event, db: sqlite3.Connection) -> None:
+        revision, version = event.revision, event.version
         db.execute(
-            "INSERT INTO events VALUES (?, ?, ?, ?, ?)",
-            (event.version, event.at, event.author, _json(event.changes), _json(definitions) if definitions is not None else None),
+            "INSERT INTO events VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+            (
+                version,
+                event.at,
+                event.author,
+                _json(event.changes),
+                _json(event.before),
+                _json(revision) if revision is not None else None,
+                _json(event.renamed) if event.renamed else None,
+                event.undoes,
+            ),
         )
+        if revision is not None:
+            _revise(revision, version, db)
+        objects = [renaming for renaming in event.renamed if renaming.section is Section.OBJECTS]
+        db.executemany("INSERT INTO renamed VALUES (?, ?, ?)", ((one.to, version, one.name) for one in objects))
         names = dict.fromkeys(name for change in event.changes for name in objects_of(change))
         db.executemany("INSERT INTO touched VALUES (?, ?)", ((name, event.version) for name in names))
         for change in event.changes:
@@ -178,6 +237,17 @@ def _define(db: sqlite3.Connection, definition: Definition) -> None:
     )
 
 
+def _revise(revision: Revision, version: int, db: sqlite3.Connection) -> None:
+    after = {named(definition) for definition in revision.after.each()}
+    for definition in revision.before.each():
+        if named(definition) not in after:
+            db.execute("DELETE FROM definitions WHERE kind = ? AND name = ?", (type(definition).__name__, definition.name))
+    for definition in revision.after.each():
+        _define(db, definition)
+    every = dict.fromkeys((*map(named, revision.before.each()), *after))
+    db.executemany("INSERT OR REPLACE INTO revised VALUES (?, ?, ?)", ((what.section, what.name, version) for what in every))
+
+
 def _contents(db: sqlite3.Connection) -> Contents | None:
     definitions = [
         msgspec.json.decode(document, type=KINDS[kind])
@@ -189,20 +259,19 @@ def _contents(db: sqlite3.Connection) -> Contents | None:
     rows = db.execute("SELECT relation, arguments FROM facts ORDER BY rowid")
     facts = [Fact(relation, _ARGUMENTS.decode(arguments)) for relation, arguments in rows]
     (version,) = db.execute("SELECT coalesce(max(version), 0) FROM events").fetchone()
+    (since,) = db.execute("SELECT coalesce(max(version), 0) FROM events WHERE before IS NULL").fetchone()
+    revised = db.execute("SELECT section, name, version, author FROM revised JOIN events USING (version)")
     answered = db.execute("SELECT request, answer FROM answered ORDER BY number")
     return Contents(
         ontology=Ontology(definitions),
         map=Map(objects, facts),
         version=version,
         changed_at=dict(db.execute("SELECT object, max(version) FROM touched GROUP BY object")),
+        defined_at={
+            Named(section=Section(section), name=name): Defining(version=version, author=author)
+            for section, name, version, author in revised
+        },
         answered={request: _ANSWER.decode(answer) for request, answer in answered},
         subscriptions=dict(db.execute("SELECT address, until FROM subscriptions ORDER BY rowid")),
+        since=since,
     )
-
-
-def _history(object: str, limit: int, db: sqlite3.Connection) -> tuple[Event, ...]:
-    rows = db.execute(
-        "SELECT version, at, author, changes FROM events JOIN touched USING (version) WHERE object = ? ORDER BY version DESC LIMIT ?",
-        (object, limit),
-    )
-    return tuple(Event(version=version, at=at, author=author, changes=_CHANGES.decode(changes)) for version, at, author, changes in rows)

@@ -63,8 +63,8 @@ class OntologyPage(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Define(Struct, frozen=True, kw_only=True, tag=True):
-    """Change the ontology. First, definitions are `renamed`, everywhere where they are spoken of, on the map too; then some are
-    `removed`; then `definitions` are added, or replace those of the same names: they use the new names.
+    """Change the ontology. First, some definitions are `removed`; then, others are `renamed`, everywhere where they are spoken of, on the
+    map too; then `definitions` are added, or replace those of the same names: they use the new names.
 
     All or nothing: the ontology must make sense, and the map must conform. `expected_version`: only if none of the definitions of which
     it says something changed after that version.

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
+from somrs.ontology.naming import Named, revised
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.bodies import Body
@@ -39,21 +40,29 @@ GAP_TIME = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class News:
-    """What came of an input: `effects` to carry out; the `changes` of the map, in order; the `definitions` that are new.
-    `read`: the copy was read as a whole; before `changes`, anything may have changed."""
+    """What came of an input: `effects` to carry out; the `changes` of the map, in order; the `definitions` that are new, and those
+    that were `removed` or have other names now. `read`: the copy was read as a whole; before `changes`, anything may have changed."""
 
     effects: list[Effect]
     changes: tuple[Change, ...] = ()
     definitions: tuple[Definition, ...] = ()
+    removed: tuple[Named, ...] = ()
     read: bool = False
+
+    @property
+    def redefined(self) -> bool:
+        """Whether the ontology may be another one than before."""
+        return bool(self.definitions or self.removed or self.read)
 
 
 @dataclass(slots=True, kw_only=True)
 class _Reading:
-    """The pages so far: `first` is the version of the first one, `last` the latest version among them."""
+    """The pages so far: `first` is the version of the first one, `last` the latest version among them, `changed_at` that in which the
+    ontology changed last before its first page."""
 
     first: int | None = None
     last: int = 0
+    changed_at: int | None = None
     definitions: list[Definition] = field(default_factory=list)
     objects: list[Object] = field(default_factory=list)
     facts: list[Fact] = field(default_factory=list)
@@ -202,7 +211,10 @@ class Replica:
             return self._give_up_reading(now)
         reading.last = page.version
         match page:
+            case OntologyPage(changed_at=changed_at) if reading.changed_at not in (None, changed_at):
+                return self._give_up_reading(now)  # the pages are counted, and what is counted is another list now
             case OntologyPage():
+                reading.changed_at = page.changed_at
                 reading.definitions += page.definitions.each()
                 return [self._read(ReadOntology(after=page.next) if page.more else ReadMap(), now)]
             case MapPage():
@@ -222,18 +234,22 @@ class Replica:
         read = self._adopt()
         changes: list[Change] = []
         definitions: list[Definition] = []
+        removed: list[Named] = []
         while self.ready and (event := self._events.get(self.version + 1)) is not None:
             self.version += 1
-            if isinstance(event, MapChanged):
-                applied = [*_applicable(self.map, event.event.changes)]
+            applied = [*_applicable(self.map, event.event.changes if isinstance(event, MapChanged) else event.changes)]
+            if applied:
                 self.map = self.map.changed(applied)
                 changes += applied
-            else:
+            if isinstance(event, OntologyChanged):
                 definitions += event.definitions.each()
-                self.ontology = self.ontology.extended(event.definitions.each())
+                removed += event.removed
+                self.ontology = revised(self.ontology, event.removed, event.definitions.each())
         self._forget()
         self._watch_gap(self.version != before, now)
-        return News(effects=[*effects, self._wake()], changes=tuple(changes), definitions=tuple(definitions), read=read)
+        return News(
+            effects=[*effects, self._wake()], changes=tuple(changes), definitions=tuple(definitions), removed=tuple(removed), read=read
+        )
 
     def _adopt(self) -> bool:
         """Take the pages as the copy, if every event is there that leads from the first to the last of them."""

@@ -1,52 +1,58 @@
 """The Repository: the common ontology and a map of the environment, for all who ask, change and follow them.
 
 Paper, "Repository": a realisation of the common knowledge of the environment's representation, and a storage of its maps.
-What an update comes to is `update.py`'s, how answers are cut into pages `pages.py`'s, what is on disk `entries.py`'s.
+What an update comes to is `update.py`'s, what a change of the ontology `definition.py`'s, what undoing one `undoing.py`'s; what happened
+and how things were is `looking_back.py`'s, how answers are cut into pages `pages.py`'s, what is on disk `entries.py`'s.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import islice
 
 from msgspec import structs
 
-from somrs.entish.parse import nearest
 from somrs.errors import InputError
 from somrs.ontology.check import check
-from somrs.ontology.conformance import violations
-from somrs.ontology.consistency import ontology_violations
-from somrs.ontology.objects import objects_of
+from somrs.ontology.conformance import Violation
 from somrs.ontology.truth import bindings
-from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Undelivered, Wake
+from somrs.protocol.component import Answered, Effect, Input, Rang, Received, Record, Send, Started, Undelivered, Wake
 from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
 from somrs.protocol.frp import Fault
 from somrs.protocol.knowledge import (
+    Alteration,
+    Consider,
     Define,
     Defined,
-    Definitions,
     Event,
-    History,
     MapChanged,
     MapSubscribed,
     OntologyChanged,
     QueryMap,
+    ReadEvents,
     ReadHistory,
     ReadMap,
     ReadOntology,
-    Rejected,
+    RenameObject,
     Row,
     Rows,
     SubscribeMap,
+    Undo,
     Updated,
     UpdateMap,
-    by_kind,
 )
 from somrs.protocol.leases import granted
 from somrs.protocol.paging import PAGE_BYTES, fitting, size
-from somrs.repository.entries import REMEMBERED, Answer, Contents, Handled, HistoryOf, Subscription
+from somrs.repository.definition import object_renamed, redefined
+from somrs.repository.entries import REMEMBERED, Answer, Contents, Defining, Handled, PastOf, Subscription
+from somrs.repository.looking_back import LookingBack
+from somrs.repository.outcome import Outcome, considered, rejected
+from somrs.repository.overtaken import overtaken
 from somrs.repository.pages import MapPages, ontology_page
-from somrs.repository.update import Outcome, is_name, outcome, rejected
+from somrs.repository.past import inverse
+from somrs.repository.undoing import undone
+from somrs.repository.update import updated
 
 LEASES = "leases"
 """The timer that rings when the next subscription runs out."""
@@ -63,7 +69,7 @@ class Repository:
         self._contents = contents
         self._pages = MapPages(contents.map)
         self._subscribed_at: dict[str, int] = dict.fromkeys(contents.subscriptions, contents.version)
-        self._asked: dict[str, Message] = {}
+        self._back = LookingBack(contents)
 
     @property
     def contents(self) -> Contents:
@@ -84,26 +90,28 @@ class Repository:
             case Rang():
                 return self._expire(now)
             case Answered(question, value):
-                return self._history(question, value)
+                return self._answered(question, value, now)
             case Undelivered(message):
                 return self._undelivered(message)
 
     def _received(self, message: Message, now: float) -> list[Effect]:
         match message.body:
-            case ReadOntology(after=after):
-                return [self._answer(message, ontology_page(self._contents.ontology, self._contents.version, after))]
-            case ReadMap(after=after):
-                if self._pages.map is not self._contents.map:
-                    self._pages = MapPages(self._contents.map)
-                return [self._answer(message, self._pages.page(self._contents.version, after))]
+            case ReadOntology() | ReadMap() as question:
+                return self._read(message, question)
             case QueryMap() as query:
                 return [self._answer(message, self._rows(query))]
-            case UpdateMap() as update:
-                return self._once(message, lambda: self._update(message, update, now))
-            case Define() as define:
-                return self._once(message, lambda: self._define(message, define, now))
+            case UpdateMap() | Define() | RenameObject() as alteration:
+                return self._once(message, lambda: self._alter(message, alteration, self._worked_out(alteration), now))
+            case Undo() as undo:
+                return self._once(message, lambda: self._back.ask(message, self._back.event(undo)))
+            case Consider(change=Undo() as undo):
+                return self._back.ask(message, self._back.event(undo))
+            case Consider(change=UpdateMap() | Define() | RenameObject() as alteration):
+                return [self._consider(message, alteration, self._worked_out(alteration))]
             case ReadHistory() as question:
-                return self._ask(message, question)
+                return self._back.ask(message, self._back.history(question))
+            case ReadEvents() as question:
+                return self._back.ask(message, self._back.events(question))
             case SubscribeMap(lease=lease):
                 return self._subscribe(message, lease, now)
             case Fault():
@@ -117,6 +125,18 @@ class Repository:
 
     # Asking
 
+    def _read(self, message: Message, question: ReadOntology | ReadMap) -> list[Effect]:
+        contents = self._contents
+        if question.at_version is not None:
+            found = self._back.past(question, question.at_version)
+            return self._back.ask(message, found) if isinstance(found, PastOf) else [self._answer(message, found)]
+        if isinstance(question, ReadOntology):
+            page = ontology_page(contents.ontology, contents.version, question.after, contents.ontology_changed_at)
+            return [self._answer(message, page)]
+        if self._pages.map is not contents.map:
+            self._pages = MapPages(contents.map)
+        return [self._answer(message, self._pages.page(contents.version, question.after))]
+
     def _rows(self, query: QueryMap) -> Rows:
         formula = check(query.formula, self._contents.ontology, self._contents.map)
         limit = min(max(query.limit, 0), MOST_ROWS)
@@ -127,24 +147,15 @@ class Repository:
         rows = tuple(fitting(found, limit))
         return Rows(rows=rows, version=self._contents.version, more=len(rows) < len(found))
 
-    def _ask(self, message: Message, question: ReadHistory) -> list[Effect]:
-        key = normalised_id(message.header.message_id)
-        if key in self._asked:
-            return []  # its answer is on the way
-        self._asked[key] = message
-        return [Ask(key, HistoryOf(object=question.object, limit=min(max(question.limit, 1), MOST_ROWS)))]
-
-    def _history(self, question: str, value: object) -> list[Effect]:
-        message = self._asked.pop(question, None)
-        if message is None or not isinstance(message.body, ReadHistory):
-            return []
-        name = message.body.object
-        if not isinstance(value, tuple):
-            return [self._answer(message, Fault(code="Receiver", text=f"the history of {name} cannot be read: {value}"))]
-        if not value and name not in self._contents.map.objects:
-            hint = nearest(name, self._contents.map.objects)
-            return [self._answer(message, Fault(code="Sender", text=f"there never was an object {name} on the map. {hint}".rstrip()))]
-        return [self._answer(message, History(object=name, events=tuple(fitting(value, MOST_ROWS))))]
+    def _answered(self, question: str, value: object, now: float) -> list[Effect]:
+        """The store answered something."""
+        message = self._back.answered(question)
+        match message.body if message is not None else None:
+            case Undo() as undo if message is not None and isinstance(value, tuple):
+                return self._once(message, lambda: self._alter(message, undo, self._undone(undo, value), now))
+            case Consider(change=Undo() as undo) if message is not None and isinstance(value, tuple):
+                return [self._consider(message, undo, self._undone(undo, value))]
+        return [self._answer(message, self._back.told(message, value))] if message is not None else []
 
     # Changing
 
@@ -153,62 +164,68 @@ class Repository:
         answer = self._contents.answered.get(normalised_id(message.header.message_id))
         return work() if answer is None else [self._answer(message, answer)]
 
-    def _update(self, message: Message, update: UpdateMap, now: float) -> list[Effect]:
+    def _worked_out(self, alteration: UpdateMap | Define | RenameObject) -> Outcome:
+        map, ontology = self._contents.map, self._contents.ontology
+        match alteration:
+            case UpdateMap():
+                return updated(map, ontology, alteration)
+            case Define():
+                return redefined(map, ontology, alteration)
+            case RenameObject():
+                return object_renamed(map, ontology, alteration)
+
+    def _undone(self, undo: Undo, found: tuple[Event, ...]) -> Outcome:
         contents = self._contents
-        result = outcome(contents.map, contents.ontology, update)
-        if isinstance(result, Outcome) and (problems := self._overtaken(result, update.expected_version)):
-            result = rejected(problems)
-        if isinstance(result, Rejected):
-            return self._handled(message, structs.replace(result, version=contents.version))
-        if not result.changes:
-            return self._handled(message, Updated(version=contents.version))
-        contents.version += 1
-        contents.map = result.map
-        contents.changed_at.update(dict.fromkeys(result.objects, contents.version))
-        author = update.author or message.header.sender
-        event = Event(version=contents.version, at=now, author=author, changes=result.changes)
-        effects = self._handled(message, Updated(version=contents.version), event=event)
-        return effects + self._publish(MapChanged(event=event), now)
+        if found and found[0].version == undo.version > contents.since:
+            return undone(found[0], contents)
+        message = f"there is no version {undo.version} that could be undone; the latest is {contents.version}"
+        if 0 < undo.version <= contents.since:
+            message = f"what was before version {undo.version} is not known any more; from version {contents.since + 1} on, it is"
+        violation = Violation(subject=f"version {undo.version}", rule="unknown-version", message=message, section="version")
+        return Outcome(map=contents.map, ontology=contents.ontology, broken=(violation,))
 
-    def _overtaken(self, result: Outcome, expected: int | None) -> list[str]:
-        if expected is None:
-            return []
-        if expected > self._contents.version:
-            return [f"version {expected} is still to come, the map's version is {self._contents.version}: read the map again"]
-        # A fact says something of its first object: that a thing leaves a table is no news about the table.
-        changed = {name: self._contents.changed_at.get(name, 0) for name in (objects_of(change)[0] for change in result.changes)}
-        return [
-            f"{name}: changed in version {version}, after version {expected} that was expected; read it again and decide anew"
-            for name, version in changed.items()
-            if version > expected
-        ]
+    def _consider(self, message: Message, alteration: Alteration, outcome: Outcome) -> Send:
+        return self._answer(message, considered(self._with_overtaken(alteration, outcome), self._contents.version))
 
-    def _define(self, message: Message, define: Define, now: float) -> list[Effect]:
+    def _with_overtaken(self, alteration: Alteration, outcome: Outcome) -> Outcome:
+        late = tuple(overtaken(alteration, outcome, self._contents))
+        return replace(outcome, broken=(*late, *outcome.broken)) if late else outcome
+
+    def _alter(self, message: Message, alteration: Alteration, outcome: Outcome, now: float) -> list[Effect]:
+        """Make the change, unless rules would be broken or somebody was quicker."""
         contents = self._contents
-        known = list(contents.ontology)
-        added = by_kind(definition for definition in define.definitions.each() if definition not in known)
-        ontology = contents.ontology.extended(added.each())
-        unusable = [f"{definition.name!r} is no name that formulas can use" for definition in added.each() if not is_name(definition.name)]
-        if problems := unusable or ontology_violations(ontology) or violations(contents.map, ontology):
-            return self._handled(message, rejected(str(problem) for problem in problems))
-        if not any(added.each()):
-            return self._handled(message, Defined(version=contents.version))
-        contents.version += 1
-        contents.ontology = ontology
-        event = Event(version=contents.version, at=now, author=define.author or message.header.sender, changes=())
-        effects = self._handled(message, Defined(version=contents.version), event=event, definitions=added)
-        return effects + self._publish(OntologyChanged(definitions=added, version=contents.version), now)
+        outcome = self._with_overtaken(alteration, outcome)
+        if outcome.broken:
+            return self._handled(message, rejected(outcome.broken, contents.version))
+        done: type[Updated | Defined] = Defined if isinstance(alteration, Define) else Updated
+        if not outcome.changes and outcome.revision is None:
+            return self._handled(message, done(version=contents.version))
+        event = Event(
+            version=contents.version + 1,
+            at=now,
+            author=alteration.author or message.header.sender,
+            changes=outcome.changes,
+            revision=outcome.revision,
+            renamed=outcome.renamed,
+            undoes=alteration.version if isinstance(alteration, Undo) else None,
+            before=inverse(contents.map, outcome.changes),
+        )
+        contents.version = event.version
+        contents.map, contents.ontology = outcome.map, outcome.ontology
+        contents.changed_at.update(dict.fromkeys(outcome.objects, event.version))
+        contents.defined_at.update(dict.fromkeys(outcome.definitions, Defining(version=event.version, author=event.author)))
+        effects = self._handled(message, done(version=event.version), event)
+        news = outcome.told(event.version) if event.revision is not None else MapChanged(event=structs.replace(event, before=()))
+        return effects + self._publish(news, now)
 
-    def _handled(
-        self, message: Message, answer: Answer, *, event: Event | None = None, definitions: Definitions | None = None
-    ) -> list[Effect]:
+    def _handled(self, message: Message, answer: Answer, event: Event | None = None) -> list[Effect]:
         """Remember the answer, on disk too, then give it."""
         request = normalised_id(message.header.message_id)
         answered = self._contents.answered
         answered[request] = answer
         while len(answered) > REMEMBERED:
             del answered[next(iter(answered))]
-        return [Record(Handled(request=request, answer=answer, event=event, definitions=definitions)), self._answer(message, answer)]
+        return [Record(Handled(request=request, answer=answer, event=event)), self._answer(message, answer)]
 
     # Following
 

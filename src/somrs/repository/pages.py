@@ -10,12 +10,12 @@ from somrs.protocol.knowledge import MapPage, OntologyPage, by_kind
 from somrs.protocol.paging import fitting
 
 
-def ontology_page(ontology: Ontology, version: int, after: int) -> OntologyPage:
-    """The page behind the first `after` definitions."""
+def ontology_page(ontology: Ontology, version: int, after: int, changed_at: int) -> OntologyPage:
+    """The page behind the first `after` definitions. `changed_at`: the version in which the ontology changed last."""
     everything = list(ontology)
     page = list(fitting(everything[max(after, 0) :]))
     end = max(after, 0) + len(page)
-    return OntologyPage(definitions=by_kind(page), version=version, next=end, more=end < len(everything))
+    return OntologyPage(definitions=by_kind(page), version=version, next=end, more=end < len(everything), changed_at=changed_at)
 
 
 class MapPages:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
-from somrs.entish.formula import Comparison, Name
-from somrs.entish.parse import nearest, parse
+from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.conformance import Violation, violations, violations_of
@@ -24,54 +22,33 @@ from somrs.ontology.objects import (
     objects_of,
 )
 from somrs.ontology.types import ABSTRACT, UNKNOWN, Ontology
-from somrs.protocol.knowledge import Rejected, UpdateMap
-
-MOST_PROBLEMS = 50
-"""So many problems are told at once."""
-
-NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 (clause 2.2) has no way to say."""
+from somrs.protocol.knowledge import UpdateMap
+from somrs.repository.names import is_name, unspeakable
+from somrs.repository.outcome import Outcome
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """The map after an update, and what changed on the way there, at the least; nothing for an update that says what is."""
-
-    map: Map
-    changes: tuple[Change, ...]
-
-    @property
-    def objects(self) -> tuple[str, ...]:
-        """The objects that the changes are about, each once."""
-        return tuple(dict.fromkeys(name for change in self.changes for name in objects_of(change)))
-
-
-def rejected(problems: Iterable[str]) -> Rejected:
-    """The problems, each once, and not too many of them for one message."""
-    each = list(dict.fromkeys(problems))
-    if len(each) > MOST_PROBLEMS:
-        each[MOST_PROBLEMS:] = [f"and {len(each) - MOST_PROBLEMS} more problems"]
-    return Rejected(problems=tuple(each))
-
-
-def outcome(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome | Rejected:
+def updated(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome:
     """What the single changes, and then the situation, make of the map."""
-    if problems := list(_impossible(map, ontology, update.changes)):
-        return rejected(problems)
+    if impossible := tuple(_impossible(map, ontology, update.changes)):
+        return Outcome(map=map, ontology=ontology, broken=impossible)
     wanted = [*_both_ways(update.changes, ontology)]
     changed = map.changed(wanted)
     if update.situation is not None:
         try:
             wanted += (more := changes_by(check(update.situation, ontology, changed), changed, ontology))
         except FormulaError as error:
-            return rejected([str(error)])
+            violation = Violation(subject="situation", rule="formula", message=str(error), section="situation")
+            return Outcome(map=map, ontology=ontology, broken=(violation,))
         changed = changed.changed(more)
-    found = [*_found(changed, wanted)]
-    net = tuple(_net(map, changed.changed(found), [*wanted, *found]))
-    result = Outcome(map=map.changed(net), changes=net)
-    if problems := [*_unspeakable(net)] or [str(violation) for violation in _violations(map, result, ontology)]:
-        return rejected(problems)
-    return result
+    return changed_by(map, ontology, [*wanted, *_found(changed, wanted)])
+
+
+def changed_by(map: Map, ontology: Ontology, wanted: Sequence[Change]) -> Outcome:
+    """What changes that are possible make of the map."""
+    net = tuple(_net(map, map.changed(wanted), wanted))
+    result = Outcome(map=map.changed(net), ontology=ontology, changes=net)
+    broken = tuple(_unspeakable(net)) or tuple(_violations(map, result, ontology))
+    return replace(result, broken=broken) if broken else result
 
 
 def _found(map: Map, changes: Iterable[Change]) -> Iterator[Change]:
@@ -83,32 +60,27 @@ def _found(map: Map, changes: Iterable[Change]) -> Iterator[Change]:
             yield ValueSet(name, UNKNOWN, None)
 
 
-def is_name(text: str) -> bool:
-    """Whether formulas can speak of what is called so."""
-    try:
-        return parse(f"{text} = {text}") == Comparison(Name(text), "=", Name(text))
-    except FormulaError:
-        return False
-
-
-def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iterator[str]:
+def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iterator[Violation]:
     """What cannot be done at all, whatever the types say."""
     there = dict.fromkeys(map.objects, True)
     for change in changes:
         match change:
             case ObjectAdded(object):
                 if there.get(object.name):
-                    yield f"{object.name}: is on the map already; set its values, or give the new object another name"
+                    message = "is on the map already; set its values, or give the new object another name"
+                    yield Violation(subject=object.name, rule="duplicate", message=message)
                 if not is_name(object.name):
-                    yield f"{object.name!r} is no name that formulas can use; take letters, digits, _ and -, a letter first"
+                    message = f"{object.name!r} is no name that formulas can use; take letters, digits, _ and -, a letter first"
+                    yield Violation(subject=object.name, rule="name", message=message)
                 there[object.name] = True
             case ObjectRemoved(name) | ValueSet(name):
                 if not there.get(name):
-                    yield _unknown(name, there)
+                    yield Violation(subject=name, rule="unknown-object", message=_unknown(name, there))
                 elif isinstance(change, ObjectRemoved):
                     there[name] = False
             case FactRemoved(fact) if fact.relation not in ontology.relations:
-                yield f"{fact}: the ontology has no relation {fact.relation}. {nearest(fact.relation, ontology.relations)}".rstrip()
+                message = f"the ontology has no relation {fact.relation}. {nearest(fact.relation, ontology.relations)}".rstrip()
+                yield Violation(subject=str(fact), rule="unknown-relation", message=message)
 
 
 def _unknown(name: str, there: dict[str, bool]) -> str:
@@ -156,19 +128,19 @@ def _net(before: Map, after: Map, changes: Iterable[Change]) -> Iterator[Change]
     yield from (FactAdded(fact) for fact, (was, now) in held.items() if now and not was)
 
 
-def _unspeakable(changes: Iterable[Change]) -> Iterator[str]:
+def _unspeakable(changes: Iterable[Change]) -> Iterator[Violation]:
     """Texts that would make every message unreadable in which they are."""
     for change in changes:
         match change:
             case ObjectAdded(object):
-                values = {f"{object.name}.{path}": value for path, value in object.values.items()}
+                name, values = object.name, object.values
             case ValueSet(name, path, value) if value is not None:
-                values = {f"{name}.{path}": value}
+                values = {path: value}
             case _:
                 continue
-        for place, value in values.items():
-            if isinstance(value, str) and (found := NOT_XML.search(value)):
-                yield f"{place}: the character U+{ord(found[0]):04X} cannot be sent to anybody; leave it out"
+        for path, value in values.items():
+            if isinstance(value, str) and (message := unspeakable(value)):
+                yield Violation(subject=name, rule="text", message=f"{path}: {message}", path=path)
 
 
 def _violations(before: Map, outcome: Outcome, ontology: Ontology) -> list[Violation]:

@@ -49,7 +49,7 @@ class Listener:
         if news is not None:
             if self.replica.ready:
                 self.ready.set()
-            if news.definitions or news.read:
+            if news.redefined:
                 self._hub.publish("ontology", self.replica.version)
             if news.changes or news.read:
                 self._hub.publish("map", MapNews(version=self.replica.version, changes=news.changes, read=news.read))

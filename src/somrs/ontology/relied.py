@@ -1,0 +1,80 @@
+"""What SO-MRS itself relies on: its programs call these definitions by name, so that they can be changed in what they say besides, but
+neither be removed nor renamed, nor become something else.
+
+What only says how things look, or is an example, is not among them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from somrs.ontology.conformance import Violation
+from somrs.ontology.naming import Named, Section, find
+from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, Ontology, RelationType
+
+RELIED: Mapping[Section, frozenset[str]] = {
+    Section.ATTRIBUTES: frozenset(
+        (
+            "PositionX", "PositionY", "PositionZ", "RotationY", "RotationZ",
+            "Shape", "Form", "Width", "Depth", "Height", "Radius", "Outline",
+            "Weight", "Color", "Label", "Elevation", "Open",
+            "OperationRange", "FieldOfView", "Payload", "Speed", "Price", "Unknown", "Working",
+        )
+    ),
+    Section.RELATIONS: frozenset(("isPartOf", "isOn", "isIn", "isHeldBy")),
+    Section.FUNCTIONS: frozenset(("distance",)),
+    Section.TYPES: frozenset(
+        (
+            "Object", "PhysicalObject", "AbstractObject", "Storey", "Space",
+            "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "Place",
+            "Furniture", "Support", "Graspable",
+            "Device", "Person", "StationaryDevice", "Camera", "MobileRobot", "MobileManipulator", "PatrolRobot",
+        )
+    ),
+    Section.SERVICES: frozenset(("TransferObject", "RecognizeSituation")),
+}  # fmt: skip
+
+
+def relied(ontology: Ontology) -> tuple[Named, ...]:
+    """The definitions of the ontology that SO-MRS relies on."""
+    every = (Named(section=section, name=name) for section, names in RELIED.items() for name in sorted(names))
+    return tuple(what for what in every if find(ontology, what) is not None)
+
+
+def lost(before: Ontology, after: Ontology) -> Iterator[Violation]:
+    """What SO-MRS could rely on before a change of the ontology, and could not after it."""
+    for what in relied(before):
+        old, new = find(before, what), find(after, what)
+        if new is None:
+            message = (
+                "SO-MRS itself relies on it, so it can be neither removed nor renamed; leave it as it is, and define another beside it"
+            )
+            yield Violation(subject=what.name, rule="relied", message=message, section=what.section)
+        elif old is not None and old != new:
+            for path, shown in _other(old, new, before, after):
+                message = f"SO-MRS itself relies on what it is, so {path} stays {shown}; define another beside it"
+                yield Violation(subject=what.name, rule="relied", message=message, path=path, section=what.section)
+
+
+def _other(old: Definition, new: Definition, before: Ontology, after: Ontology) -> Iterator[tuple[str, str]]:
+    """The keys in which a definition is not what it was, and what they have to be."""
+    match old, new:
+        case AttributeType(), AttributeType():
+            if old.kind is not new.kind:
+                yield "kind", old.kind.value
+            if old.unit != new.unit:
+                yield "unit", old.unit or "left out"
+        case RelationType(), RelationType():
+            if len(old.joins) != len(new.joins):
+                yield "joins", f"a list of {len(old.joins)} types"
+            for key in ("symmetric", "functional", "excludes"):
+                if getattr(old, key) != getattr(new, key):
+                    yield key, str(getattr(old, key))
+        case FunctionType(), FunctionType():
+            if len(old.parameters) != len(new.parameters):
+                yield "parameters", f"a list of {len(old.parameters)} types"
+        case ObjectType(), ObjectType():
+            # It may come to be below something new, as long as it stays below what SO-MRS relies on.
+            above = [name for name in before.ancestors(old.name)[1:] if name in RELIED[Section.TYPES]]
+            if gone := [name for name in above if not after.is_a(new.name, name)]:
+                yield "parent", f"{gone[0]}, or a type below it"

@@ -1,0 +1,221 @@
+"""Giving definitions and objects other names, everywhere where they are spoken of: in other definitions and their formulas, and on a map.
+
+All renamings happen at once, so that two things may swap their names. Whether the names are free is the caller's business.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from msgspec import structs
+
+from somrs.entish.formula import (
+    And,
+    Arithmetic,
+    Attribute,
+    Call,
+    Comparison,
+    Formula,
+    Name,
+    Not,
+    Or,
+    Relation,
+    Term,
+    Variable,
+    conjunction,
+    disjunction,
+)
+from somrs.entish.parse import parse, parse_term
+from somrs.errors import FormulaError
+from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.services import Handler, Parameter, ServiceType
+from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
+
+
+class Renamer:
+    """What each thing is called after the renamings, in an ontology as it was before them."""
+
+    def __init__(self, renamings: Iterable[Renaming], ontology: Ontology) -> None:
+        self._to: dict[Section, dict[str, str]] = {section: {} for section in Section}
+        for renaming in renamings:
+            self._to[renaming.section][renaming.name] = renaming.to
+        self._ontology = ontology
+
+    def named(self, what: Named) -> Named:
+        return structs.replace(what, name=self._name(what.section, what.name))
+
+    def ontology(self, definitions: Iterable[Definition]) -> Ontology:
+        """The definitions after the renamings; those that are not concerned are the same as before."""
+        return Ontology(map(self.definition, definitions))
+
+    def definition(self, definition: Definition) -> Definition:
+        """The definition as it is after the renamings; the very same one, if they do not concern it."""
+        renamed = self._renamed(definition)
+        return definition if renamed == definition else renamed
+
+    def object(self, object: Object) -> Object:
+        """The object likewise."""
+        values = {self._path(path): value for path, value in object.values.items()}
+        name, type = self._name(Section.OBJECTS, object.name), self._type(object.type)
+        same = (name, type) == (object.name, object.type) and values.keys() == object.values.keys()
+        return object if same else Object(name=name, type=type, values=values)
+
+    def fact(self, fact: Fact) -> Fact:
+        arguments = tuple(self._name(Section.OBJECTS, name) for name in fact.arguments)
+        return Fact(self._name(Section.RELATIONS, fact.relation), arguments)
+
+    def changes(self, map: Map) -> Iterator[Change]:
+        """What becomes of the map: facts go before their objects and come after them, each by name."""
+        objects = [(old, new) for old, new in ((old, self.object(old)) for old in map.objects.values()) if new is not old]
+        facts = [(old, new) for old, new in ((old, self.fact(old)) for old in map.facts()) if new != old]
+        yield from (FactRemoved(old) for old, _ in facts)
+        yield from (ObjectRemoved(old.name) for old, new in objects if new.name != old.name)
+        for old, new in objects:
+            if (new.name, new.type) != (old.name, old.type):
+                yield ObjectAdded(new)
+            else:
+                yield from (ValueSet(old.name, path, None) for path in old.values if path not in new.values)
+                yield from (ValueSet(old.name, path, value) for path, value in new.values.items() if path not in old.values)
+        yield from (FactAdded(new) for _, new in facts)
+
+    def _name(self, section: Section, name: str) -> str:
+        return self._to[section].get(name, name)
+
+    def _type(self, name: str) -> str:
+        return self._name(Section.TYPES, name)
+
+    def _path(self, path: str) -> str:
+        """Every attribute on the way: `Shape.Height`."""
+        if not self._to[Section.ATTRIBUTES]:
+            return path
+        return ".".join(self._name(Section.ATTRIBUTES, name) for name in path.split("."))
+
+    # Definitions
+
+    def _renamed(self, definition: Definition) -> Definition:
+        match definition:
+            case AttributeType():
+                name = self._path(definition.name)
+                return structs.replace(definition, name=name, attributes=tuple(map(self._path, definition.attributes)))
+            case RelationType():
+                name = self._name(Section.RELATIONS, definition.name)
+                return structs.replace(definition, name=name, joins=tuple(map(self._type, definition.joins)))
+            case FunctionType():
+                return self._function(definition)
+            case ObjectType():
+                return self._object_type(definition)
+            case ServiceType():
+                return self._service(definition)
+
+    def _function(self, function: FunctionType) -> FunctionType:
+        objects = self._to[Section.OBJECTS]
+        values = {" ".join(objects.get(name, name) for name in key.split()) if objects else key: v for key, v in function.values.items()}
+        return structs.replace(
+            function,
+            name=self._name(Section.FUNCTIONS, function.name),
+            parameters=tuple(map(self._type, function.parameters)),
+            attribute=self._path(function.attribute) if function.attribute is not None else None,
+            values=values,
+        )
+
+    def _object_type(self, type: ObjectType) -> ObjectType:
+        return structs.replace(
+            type,
+            name=self._type(type.name),
+            parent=self._type(type.parent) if type.parent is not None else None,
+            attributes=tuple(map(self._path, type.attributes)),
+            required=tuple(map(self._path, type.required)),
+            parts=tuple(structs.replace(part, type=self._type(part.type)) for part in type.parts),
+            constraints=tuple(map(self._constraint, type.constraints)),
+            defaults={self._path(path): value for path, value in type.defaults.items()},
+        )
+
+    def _constraint(self, constraint: Constraint) -> Constraint:
+        attribute = self._path(constraint.attribute) if constraint.attribute is not None else None
+        return structs.replace(constraint, attribute=attribute, formula=self._text(constraint.formula))
+
+    def _service(self, service: ServiceType) -> ServiceType:
+        return structs.replace(
+            service,
+            name=self._name(Section.SERVICES, service.name),
+            parent=self._name(Section.SERVICES, service.parent) if service.parent is not None else None,
+            inputs=tuple(map(self._parameter, service.inputs)),
+            outputs=tuple(map(self._parameter, service.outputs)),
+            precondition=self._text(service.precondition),
+            effect=self._text(service.effect) or service.effect,
+            handlers=tuple(map(self._handler, service.handlers)),
+            cost=self._cost(service.cost),
+        )
+
+    def _parameter(self, parameter: Parameter) -> Parameter:
+        return structs.replace(parameter, type=self._type(parameter.type))
+
+    def _handler(self, handler: Handler) -> Handler:
+        of = self._name(Section.SERVICES, handler.service_type) if handler.service_type is not None else None
+        effect = self._text(handler.effect) or handler.effect
+        return structs.replace(handler, effect=effect, when=self._text(handler.when), service_type=of)
+
+    # Formulas
+
+    def _text(self, text: str | None) -> str | None:
+        """The formula, as it was written if nothing in it has another name; so is one that cannot be read."""
+        if text is None:
+            return None
+        try:
+            before = parse(text)
+        except FormulaError:
+            return text
+        after = self.formula(before)
+        return text if after == before else str(after)
+
+    def _cost(self, text: str | None) -> str | None:
+        if text is None:
+            return None
+        try:
+            before = parse_term(text)
+        except FormulaError:
+            return text
+        after = self._term(before)
+        return text if after == before else str(after)
+
+    def formula(self, formula: Formula) -> Formula:
+        match formula:
+            case And(parts):
+                return conjunction(*map(self.formula, parts))
+            case Or(parts):
+                return disjunction(*map(self.formula, parts))
+            case Not(atom):
+                inner = self.formula(atom)
+                assert isinstance(inner, Relation | Comparison)
+                return Not(inner)
+            case Relation(relation, arguments):
+                return Relation(self._name(Section.RELATIONS, relation), tuple(map(self._object, arguments)))
+            case Comparison(left, operator, right):
+                return Comparison(self._side(left, right), operator, self._side(right, left))
+
+    def _side(self, term: Term, other: Term) -> Term:
+        """One side of a comparison: a name on it may be a value of an enumeration, which is nobody's name."""
+        if isinstance(term, Name) and isinstance(other, Attribute):
+            attribute = self._ontology.attributes.get(other.path.rpartition(".")[2])
+            if attribute is not None and attribute.kind is Kind.ENUMERATION:
+                return term
+        return self._term(term)
+
+    def _object(self, term: Name | Variable) -> Name | Variable:
+        if isinstance(term, Name):
+            return Name(self._name(Section.OBJECTS, term.name))
+        return Variable(term.name, self._type(term.type) if term.type is not None else None)
+
+    def _term(self, term: Term) -> Term:
+        match term:
+            case Name() | Variable():
+                return self._object(term)
+            case Attribute(of, path):
+                return Attribute(self._object(of), self._path(path))
+            case Call(function, arguments):
+                return Call(self._name(Section.FUNCTIONS, function), tuple(map(self._term, arguments)))
+            case Arithmetic(left, operator, right):
+                return Arithmetic(self._term(left), operator, self._term(right))
+            case _:
+                return term

@@ -1,0 +1,146 @@
+"""Working out what a change of the ontology comes to: the ontology after it, the map after it, and whether both make sense."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+
+from msgspec import structs
+
+from somrs.entish.parse import nearest
+from somrs.ontology.concerned import violations_after
+from somrs.ontology.conformance import Violation
+from somrs.ontology.consistency import ontology_violations
+from somrs.ontology.naming import SINGULAR, Named, Renaming, Section, find, named, revised, section_of
+from somrs.ontology.objects import Map
+from somrs.ontology.relied import lost
+from somrs.ontology.renaming import Renamer
+from somrs.ontology.types import Ontology
+from somrs.protocol.knowledge import Define, RenameObject
+from somrs.repository.names import is_name, texts, unspeakable
+from somrs.repository.outcome import Outcome, applied, differing, revision
+
+
+def redefined(map: Map, ontology: Ontology, define: Define) -> Outcome:
+    """What a change of the ontology comes to."""
+    if impossible := (*_impossible(ontology, define), *_unspeakable(define)):
+        return Outcome(map=map, ontology=ontology, broken=impossible)
+    renamer = Renamer(define.renamed, ontology)
+    left = revised(ontology, define.removed, ())
+    after = revised(renamer.ontology(left), (), define.definitions.each())
+    changes = tuple(renamer.changes(map)) if define.renamed else ()
+    map_after = map.changed(changes)
+    broken = [*lost(ontology, after), *ontology_violations(after)]
+    if replaced := [*_replaced(define)]:  # whose objects are not to become something else in silence
+        broken += violations_after(map, ontology, left, replaced)
+    # A formula that does not fit its ontology cannot be asked whether it holds.
+    sound = _without_broken_formulas(after, broken)
+    before = renamer.ontology(ontology)
+    broken += violations_after(map_after, before, sound, (named(one) for one in (*differing(before, after), *differing(after, before))))
+    change = revision(ontology, after)
+    return Outcome(
+        map=map_after,
+        ontology=applied(ontology, change) if change is not None else ontology,
+        changes=changes,
+        revision=change,
+        renamed=define.renamed,
+        broken=tuple(dict.fromkeys(broken)),
+    )
+
+
+def object_renamed(map: Map, ontology: Ontology, rename: RenameObject) -> Outcome:
+    """What comes of giving an object another name. The ontology changes if it speaks of the object."""
+    if impossible := tuple(_impossible_object(map, ontology, rename)):
+        return Outcome(map=map, ontology=ontology, broken=impossible)
+    renaming = Renaming(section=Section.OBJECTS, name=rename.name, to=rename.to)
+    renamer = Renamer((renaming,), ontology)
+    changes, change = tuple(renamer.changes(map)), revision(ontology, renamer.ontology(ontology))
+    after = applied(ontology, change) if change is not None else ontology
+    return Outcome(map=map.changed(changes), ontology=after, changes=changes, revision=change, renamed=(renaming,))
+
+
+def _replaced(define: Define) -> Iterator[Named]:
+    """What is removed to make room for something that gets its name."""
+    targets = {(renaming.section, renaming.to) for renaming in define.renamed}
+    return (what for what in define.removed if (what.section, what.name) in targets)
+
+
+def _without_broken_formulas(ontology: Ontology, broken: Iterable[Violation]) -> Ontology:
+    names = {violation.subject for violation in broken if violation.section == Section.TYPES and violation.path.startswith("constraints")}
+    found = [ontology.types[name] for name in names if name in ontology.types]
+    return ontology.extended(structs.replace(type, constraints=()) for type in found) if found else ontology
+
+
+# What cannot be done at all
+
+
+def _wrong(what: Named | Renaming, rule: str, message: str) -> Violation:
+    return Violation(subject=what.name, rule=rule, message=message, section=what.section)
+
+
+def _impossible(ontology: Ontology, define: Define) -> Iterator[Violation]:
+    for what in define.removed:
+        if what.section is Section.OBJECTS:
+            yield _wrong(what, "section", "an object is removed by an update of the map, not by a change of the ontology")
+        elif find(ontology, what) is None:
+            yield _wrong(what, "unknown-name", _unknown(what, ontology))
+    yield from _wrong_renamings(ontology, define)
+    given = Counter(map(named, define.definitions.each()))
+    for what, count in given.items():
+        yield from _unusable(what, what.name)
+        if count > 1:
+            yield _wrong(what, "duplicate", f"is defined {count} times in this change; keep one")
+
+
+def _unspeakable(define: Define) -> Iterator[Violation]:
+    for definition in define.definitions.each():
+        for path, text in texts(definition):
+            if message := unspeakable(text):
+                yield Violation(subject=definition.name, rule="text", message=message, path=path, section=section_of(definition))
+
+
+def _wrong_renamings(ontology: Ontology, define: Define) -> Iterator[Violation]:
+    renamings = define.renamed
+    leaving = {(one.section, one.name) for one in renamings} | {(one.section, one.name) for one in define.removed}
+    arriving = Counter((renaming.section, renaming.to) for renaming in renamings)
+    for renaming in renamings:
+        if renaming.section is Section.OBJECTS:
+            yield _wrong(renaming, "section", "is not renamed with the ontology; an object of the map is renamed by itself")
+            continue
+        source = Named(section=renaming.section, name=renaming.name)
+        if find(ontology, source) is None or source in define.removed:
+            yield _wrong(renaming, "unknown-name", _unknown(renaming, ontology))
+        yield from _unusable(renaming, renaming.to)
+        target = Named(section=renaming.section, name=renaming.to)
+        if find(ontology, target) is not None and (renaming.section, renaming.to) not in leaving:
+            yield _wrong(renaming, "duplicate", f"cannot be renamed: there is a {target} already; take another name")
+        elif arriving[renaming.section, renaming.to] > 1:
+            yield _wrong(renaming, "duplicate", f"cannot be renamed: something else is to be called {renaming.to}, too; take another name")
+    for (section, name), count in Counter((renaming.section, renaming.name) for renaming in renamings).items():
+        if count > 1:
+            yield Violation(subject=name, rule="duplicate", message=f"is to get {count} names; give it one", section=section)
+
+
+def _impossible_object(map: Map, ontology: Ontology, rename: RenameObject) -> Iterator[Violation]:
+    object = map.objects.get(rename.name)
+    if object is None:
+        hint = nearest(rename.name, map.objects) or "add it first"
+        yield Violation(subject=rename.name, rule="unknown-object", message=f"there is no object {rename.name} on the map; {hint}")
+    elif ontology.is_a(object.type, "Device"):
+        message = "is a device, and its program knows itself by this name; let it leave the map, and join under another name"
+        yield Violation(subject=rename.name, rule="device", message=message)
+    if rename.to in map.objects:
+        message = f"cannot be called {rename.to}: an object of this name is on the map already; take another name"
+        yield Violation(subject=rename.name, rule="duplicate", message=message)
+    yield from _unusable(Named(section=Section.OBJECTS, name=rename.name), rename.to)
+
+
+def _unusable(what: Named | Renaming, name: str) -> Iterator[Violation]:
+    if not is_name(name):
+        message = f"{name!r} is no name that formulas can use; take letters, digits, _ and -, a letter first"
+        yield _wrong(what, "name", message)
+
+
+def _unknown(what: Named | Renaming, ontology: Ontology) -> str:
+    hint = nearest(what.name, getattr(ontology, what.section)) or "somebody else may have removed or renamed it: read the ontology again"
+    return f"there is no {SINGULAR[what.section]} {what.name}; {hint}"

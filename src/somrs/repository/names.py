@@ -1,0 +1,46 @@
+"""Names that formulas can use, and texts that messages can carry."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import msgspec
+
+from somrs.entish.formula import Comparison, Name
+from somrs.entish.parse import parse
+from somrs.errors import FormulaError
+
+NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What XML 1.0 (clause 2.2) has no way to say."""
+
+
+def is_name(text: str) -> bool:
+    """Whether formulas can speak of what is called so."""
+    try:
+        return parse(f"{text} = {text}") == Comparison(Name(text), "=", Name(text))
+    except FormulaError:
+        return False
+
+
+def unspeakable(text: str) -> str:
+    """What is wrong with a text that would make every message unreadable in which it is; empty when nothing is."""
+    found = NOT_XML.search(text)
+    return f"the character U+{ord(found[0]):04X} cannot be sent to anybody; leave it out" if found else ""
+
+
+def texts(value: object, path: str = "") -> Iterator[tuple[str, str]]:
+    """All texts in a Struct, with the keys that lead to them."""
+    match value:
+        case str():
+            yield path, value
+        case dict():
+            for key, inner in value.items():
+                yield from texts(key, path)
+                yield from texts(inner, f"{path}.{key}" if path else key)
+        case tuple() | list():
+            for index, inner in enumerate(value):
+                yield from texts(inner, f"{path}.{index}")
+        case msgspec.Struct():
+            for name in value.__struct_fields__:
+                yield from texts(getattr(value, name), f"{path}.{name}" if path else name)

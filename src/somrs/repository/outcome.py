@@ -1,0 +1,112 @@
+"""What a change of the map or of the ontology comes to, and how what is wrong with it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from somrs.ontology.conformance import Violation
+from somrs.ontology.naming import Named, Renaming, find, named, revised
+from somrs.ontology.objects import Change, Map, objects_of
+from somrs.ontology.types import Definition, Ontology
+from somrs.protocol.knowledge import BrokenRule, Considered, Definitions, OntologyChanged, Rejected, Revision, by_kind
+from somrs.protocol.paging import PAGE_BYTES, PAGE_ITEMS, fitting
+
+MOST_PROBLEMS = 50
+"""So many problems are told at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """The map and the ontology after a change, and what changed on the way there, at the least; nothing for a change that says what is.
+
+    With `broken` rules it is not to be made; the rest is as far as it could be worked out.
+    """
+
+    map: Map
+    ontology: Ontology
+    changes: tuple[Change, ...] = ()
+    revision: Revision | None = None
+    renamed: tuple[Renaming, ...] = ()
+    broken: tuple[Violation, ...] = ()
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """The objects that the changes are about, each once."""
+        return tuple(dict.fromkeys(name for change in self.changes for name in objects_of(change)))
+
+    @property
+    def definitions(self) -> tuple[Named, ...]:
+        """The definitions that are other than they were, by the names that they have and had."""
+        if self.revision is None:
+            return ()
+        return tuple(dict.fromkeys(named(one) for one in (*self.revision.before.each(), *self.revision.after.each())))
+
+    def told(self, version: int) -> OntologyChanged:
+        """What subscribers hear of a change of the ontology."""
+        definitions = self.revision.after if self.revision is not None else Definitions()
+        removed = tuple(what for what in self.definitions if find(self.ontology, what) is None)
+        return OntologyChanged(definitions=definitions, version=version, removed=removed, changes=self.changes)
+
+
+def revision(before: Ontology, after: Ontology) -> Revision | None:
+    """What leads from the one ontology to the other; None when they are the same."""
+    old, new = by_kind(differing(before, after)), by_kind(differing(after, before))
+    return Revision(before=old, after=new) if old != new else None
+
+
+def applied(ontology: Ontology, revision: Revision) -> Ontology:
+    """The ontology after the revision: its definitions in the order in which everybody comes to have them."""
+    return _led(ontology, revision.before, revision.after)
+
+
+def taken_back(ontology: Ontology, revision: Revision) -> Ontology:
+    """The ontology as it was before the revision."""
+    return _led(ontology, revision.after, revision.before)
+
+
+def _led(ontology: Ontology, old: Definitions, new: Definitions) -> Ontology:
+    there = set(map(named, new.each()))
+    return revised(ontology, (what for what in map(named, old.each()) if what not in there), new.each())
+
+
+def differing(one: Ontology, other: Ontology) -> Iterator[Definition]:
+    """The definitions of the one that the other does not have, or has otherwise."""
+    for definition in one:
+        theirs = find(other, named(definition))
+        if theirs is not definition and theirs != definition:
+            yield definition
+
+
+def rejected(broken: Iterable[Violation], version: int) -> Rejected:
+    """The problems, each once, and not too many of them for one message."""
+    each = list(dict.fromkeys(broken))
+    texts = list(dict.fromkeys(map(str, each)))
+    if len(texts) > MOST_PROBLEMS:
+        texts[MOST_PROBLEMS:] = [f"and {len(texts) - MOST_PROBLEMS} more problems"]
+    return Rejected(problems=tuple(texts), version=version, broken=tuple(map(broken_rule, each[:MOST_PROBLEMS])))
+
+
+def considered(outcome: Outcome, version: int) -> Considered:
+    """What would come of it, as much of it as goes into a message."""
+    room = PAGE_BYTES // 4
+    broken = list(dict.fromkeys(outcome.broken))
+    known = outcome.revision
+    return Considered(
+        version=version,
+        broken=tuple(fitting(map(broken_rule, broken), PAGE_ITEMS, room)),
+        revision=Revision(before=_some(known.before, room), after=_some(known.after, room)) if known is not None else None,
+        changes=tuple(fitting(outcome.changes, PAGE_ITEMS, room)),
+        all_broken=len(broken),
+        all_changes=len(outcome.changes),
+    )
+
+
+def _some(definitions: Definitions, room: int) -> Definitions:
+    return by_kind(fitting(definitions.each(), PAGE_ITEMS, room))
+
+
+def broken_rule(violation: Violation) -> BrokenRule:
+    return BrokenRule(
+        subject=violation.subject, rule=violation.rule, message=violation.message, path=violation.path, section=violation.section
+    )

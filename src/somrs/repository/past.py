@@ -1,0 +1,88 @@
+"""Going back: the changes that take changes back, and the map and the ontology as they were before them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from msgspec import structs
+
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.types import Ontology
+from somrs.protocol.knowledge import Event, Revision
+from somrs.protocol.paging import PAGE_BYTES, PAGE_ITEMS, fitting, size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Past:
+    """The map and the ontology as they were at a version; `changed_at` is the version in which the ontology changed last before it."""
+
+    map: Map
+    ontology: Ontology
+    changed_at: int
+
+
+def inverse(map: Map, changes: Iterable[Change]) -> tuple[Change, ...]:
+    """The changes that lead back to the map from what the changes make of it. Those that remove an object name its facts, too."""
+    objects: dict[str, Object | None] = {}
+    facts: dict[Fact, bool] = {}
+    back: list[Change] = []
+    for change in changes:
+        match change:
+            case ObjectAdded(object):
+                old = objects.get(object.name, map.objects.get(object.name))
+                back.append(ObjectAdded(old) if old is not None else ObjectRemoved(object.name))
+                objects[object.name] = object
+            case ObjectRemoved(name):
+                if (old := objects.get(name, map.objects.get(name))) is not None:
+                    back.append(ObjectAdded(old))
+                objects[name] = None
+            case ValueSet(name, path, value):
+                if (old := objects.get(name, map.objects.get(name))) is not None:
+                    back.append(ValueSet(name, path, old.values.get(path)))
+                    objects[name] = _with(old, path, value)
+            case FactAdded(fact):
+                if not facts.get(fact, map.holds(fact.relation, fact.arguments)):
+                    back.append(FactRemoved(fact))
+                facts[fact] = True
+            case FactRemoved(fact):
+                if facts.get(fact, map.holds(fact.relation, fact.arguments)):
+                    back.append(FactAdded(fact))
+                facts[fact] = False
+    return tuple(reversed(back))
+
+
+def _with(object: Object, path: str, value: float | str | bool | None) -> Object:
+    values = {**object.values, path: value} if value is not None else {p: v for p, v in object.values.items() if p != path}
+    return structs.replace(object, values=values)
+
+
+def rewound(map: Map, befores: Iterable[Iterable[Change]]) -> Map:
+    """The map as it was, by what leads back from each event, the latest first. As `Map.changed`, but quick for a hundred thousand."""
+    objects = dict(map.objects)
+    facts = dict.fromkeys(map.facts())
+    for changes in befores:
+        for change in changes:
+            match change:
+                case ValueSet(name, path, value):
+                    objects[name] = _with(objects[name], path, value)
+                case ObjectAdded(object):
+                    objects[object.name] = object
+                case ObjectRemoved(name):
+                    objects.pop(name, None)  # its facts are taken back by name
+                case FactAdded(fact):
+                    facts[fact] = None
+                case FactRemoved(fact):
+                    facts.pop(fact, None)
+    return Map(objects.values(), facts)
+
+
+def shortened(event: Event, room: int = PAGE_BYTES) -> Event:
+    """The event as it goes into a message: of one that is too long, the first of its changes, and how many there are."""
+    if size(event) <= room:
+        return event
+    changes = tuple(fitting(event.changes, PAGE_ITEMS, room // 2))
+    revision = event.revision
+    if revision is not None and size(revision) > room // 2:
+        revision = Revision()
+    return structs.replace(event, changes=changes, revision=revision, before=(), all_changes=len(event.changes))

@@ -1,0 +1,121 @@
+"""Undoing a version: what brings back what it changed, if nothing changed that since; otherwise, what stands in the way.
+
+A change of the ontology is undone by another one: what it defined is defined as before, and its renamings go the other way, so that they
+take along what came to be since. A change of the map is undone by the changes that lead back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import structs
+
+from somrs.ontology.conformance import Violation
+from somrs.ontology.naming import Named, Section, find, named
+from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.renaming import Renamer
+from somrs.ontology.types import Definition
+from somrs.protocol.knowledge import Define, Event, RenameObject, Revision, by_kind
+from somrs.repository.definition import object_renamed, redefined
+from somrs.repository.entries import Contents
+from somrs.repository.outcome import Outcome
+from somrs.repository.update import changed_by
+
+
+def undone(event: Event, contents: Contents) -> Outcome:
+    """What comes of undoing the event now."""
+    map, ontology = contents.map, contents.ontology
+    renamed = [renaming for renaming in event.renamed if renaming.section is Section.OBJECTS]
+    if renamed:
+        (renaming,) = renamed  # objects are renamed one at a time, and by themselves
+        return object_renamed(map, ontology, RenameObject(name=renaming.to, to=renaming.name))
+    if event.revision is not None:
+        define, broken = _definitions(event, event.revision, contents)
+        return redefined(map, ontology, define) if not broken else Outcome(map=map, ontology=ontology, broken=tuple(broken))
+    if broken := [*_in_the_way(event, contents)]:
+        return Outcome(map=map, ontology=ontology, broken=tuple(broken))
+    return changed_by(map, ontology, event.before)
+
+
+def _definitions(event: Event, revision: Revision, contents: Contents) -> tuple[Define, list[Violation]]:
+    """The change of the ontology that undoes the event, and what stands in its way."""
+    renamer = Renamer(event.renamed, contents.ontology)
+    before = {renamer.named(named(one)): one for one in revision.before.each()}
+    after = {named(one): one for one in revision.after.each()}
+    if len(before) < len([*revision.before.each()]):
+        message = "gave a definition the name that another one had, which went; put back what went by hand"
+        return Define(), [_stands(event, Named(section=Section.TYPES, name=""), message)]
+    restored: list[Definition] = []
+    broken: list[Violation] = []
+    for what in {**before, **after}:
+        old, new, now = before.get(what), after.get(what), find(contents.ontology, what)
+        if old is not None and renamer.definition(old) == new:
+            continue  # it goes with the renamings
+        if now != new:
+            broken.append(_stands(event, what, _changed_since(what, new is None, now is None, contents)))
+        if old is not None:
+            restored.append(old)
+    removed = tuple(what for what in after if what not in before)
+    back = tuple(structs.replace(renaming, name=renaming.to, to=renaming.name) for renaming in event.renamed)
+    return Define(removed=removed, renamed=back, definitions=by_kind(restored)), broken
+
+
+def _changed_since(what: Named, was_gone: bool, is_gone: bool, contents: Contents) -> str:
+    if is_gone:
+        return f"the {what} is not there any more"
+    if was_gone:
+        return f"there is a {what} again; remove it or rename it first"
+    latest = contents.defined_at.get(what)
+    by = f" by {latest.author} in version {latest.version}; undo that first" if latest is not None else ""
+    return f"the {what} was changed since{by}"
+
+
+def _stands(event: Event, what: Named, message: str) -> Violation:
+    said = f"version {event.version} cannot be undone: {message}"
+    return Violation(subject=what.name or f"version {event.version}", rule="changed-since", message=said, section=what.section)
+
+
+# Of the map
+
+
+def _in_the_way(event: Event, contents: Contents) -> Iterator[Violation]:
+    for change in event.changes:
+        subject, message = _differs(change, event, contents)
+        if message:
+            version = contents.changed_at.get(subject, 0)
+            when = f"; {subject} changed in version {version}: undo that first" if version > event.version else ""
+            message = f"version {event.version} cannot be undone: {message}{when}"
+            yield Violation(subject=subject, rule="changed-since", message=message)
+
+
+def _differs(change: Change, event: Event, contents: Contents) -> tuple[str, str]:
+    """What a change is about, and in what the map is not any more as it left it; empty when it is."""
+    map = contents.map
+    match change:
+        case ValueSet(name, path, value):
+            object = map.objects.get(name)
+            if object is None:
+                return name, f"{name} is not on the map any more"
+            now = object.values.get(path)
+            same = now == value and isinstance(now, bool) == isinstance(value, bool)
+            return name, "" if same else f"{path} was {_shown(value)} after it, and is {_shown(now)} now"
+        case ObjectAdded(object):
+            name = object.name
+            if name not in map.objects:
+                return name, f"{name} is not on the map any more"
+            if map.objects[name] != object:
+                return name, f"{name} is not as it was after it"
+            since = [fact for fact in map.facts_about(name) if FactAdded(fact) not in event.changes]
+            if since and ObjectRemoved(name) in event.before:
+                return name, f"{since[0]} was said since, and would not hold without {name}"
+            return name, ""
+        case ObjectRemoved(name):
+            return name, f"there is a {name} on the map again" if name in map.objects else ""
+        case FactAdded(fact):
+            return fact.arguments[0], "" if map.holds(fact.relation, fact.arguments) else f"{fact} does not hold any more"
+        case FactRemoved(fact):
+            return fact.arguments[0], f"{fact} holds again" if map.holds(fact.relation, fact.arguments) else ""
+
+
+def _shown(value: float | str | bool | None) -> str:
+    return "not given" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
