@@ -8,7 +8,7 @@ import { feed } from "taskfeed";
 const ROW = 38; // pixels from one message to the next
 const BLOCK = 40; // messages drawn as one picture
 const GUTTER = 64; // where times stand
-const FIRST = 122; // the Task Manager's lifeline
+const FIRST = 126; // the Task Manager's lifeline
 const LAST = 96; // right of the last lifeline
 const COLUMN = [176, 320]; // least and most between lifelines
 const BAD = new Set(["Failed", "Refuse", "Stranded", "Fault", "Stop"]);
@@ -61,7 +61,7 @@ export default {
     this.messages = [];
     this.life = 0;
     this.wide = 0;
-    this.tail = true; // the end is in sight, and stays there
+    this.tail = null; // whether the end is in sight, and stays there; of a task that is over, the beginning is read first
     this.forget();
   },
   mounted() {
@@ -81,7 +81,8 @@ export default {
       this.rows = []; // the numbers of the messages that have a row
       this.column = 0;
     },
-    show({ messages, life }) {
+    show({ view, messages, life }) {
+      this.tail ??= !view.outcome;
       if (life !== this.life) {
         this.life = life;
         this.messages = messages;
@@ -142,7 +143,7 @@ export default {
       const { heads } = this.$refs;
       const half = Math.min(LAST - 6, this.column / 2 - 6);
       heads.setAttribute("width", this.width());
-      const boxes = [["Task Manager", "", FIRST, 54], ...[...this.parties.keys()].map((name) => [...name.split("."), this.place(name), half])];
+      const boxes = [["Task Manager", "", FIRST, 58], ...[...this.parties.keys()].map((name) => [...name.split("."), this.place(name), half])];
       heads.innerHTML = this.parties.size
         ? boxes.map(([name, type, x, wide]) => `<g><title>${escaped(type ? `${name}.${type}` : name)}</title><rect x="${x - wide}" y="4" width="${2 * wide}" height="40" rx="6"/>
             <text x="${x}" y="${type ? 21 : 28}">${escaped(fitting(name, 2 * wide - 8, 7.2))}</text>${type ? `<text class="somrs-chart-type" x="${x}" y="36">${escaped(fitting(type, 2 * wide - 8, 6.2))}</text>` : ""}</g>`).join("")
@@ -168,8 +169,7 @@ export default {
       const block = document.createElement("div");
       block.className = "somrs-chart-block";
       const lives = [FIRST, ...[...this.parties.keys()].map((name) => this.place(name))];
-      block.innerHTML = `<svg width="${this.width()}" height="0"><defs><marker id="somrs-arrow" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" markerHeight="7" orient="auto-start-reverse"><path d="M0 0L10 5L0 10z" fill="context-stroke"/></marker></defs>
-        ${lives.map((x) => `<line class="somrs-chart-life" x1="${x}" y1="0" x2="${x}" y2="100%"/>`).join("")}<g></g></svg>`;
+      block.innerHTML = `<svg width="${this.width()}" height="0">${lives.map((x) => `<line class="somrs-chart-life" x1="${x}" y1="0" x2="${x}" y2="100%"/>`).join("")}<g></g></svg>`;
       this.$refs.rows.append(block);
       return block;
     },
@@ -177,14 +177,15 @@ export default {
       const message = this.messages[number];
       const y = place * ROW + 20;
       const x = this.place(message.service);
-      const [from, to] = message.asked ? [FIRST, x - 2] : [x, FIRST + 2];
+      const [from, to] = message.asked ? [FIRST, x - 1] : [x, FIRST + 1];
       const middle = x - this.column / 2;
       const note = said(message);
       const kind = BAD.has(message.type) ? "somrs-msg-bad" : GOOD.has(message.type) ? "somrs-msg-good" : "";
       const start = this.messages[0].at;
       return `<g class="somrs-msg ${kind}" id="${this.name(number)}" data-n="${number}" role="option" aria-selected="false" aria-label="${escaped(saidOf(message, start))}">
         <rect class="somrs-msg-row" x="0" y="${y - 20}" width="${this.width()}" height="${ROW}"/><text class="somrs-msg-time" x="${GUTTER - 8}" y="${y + 4}">${since(message.at - start)}</text>
-        <path d="M${from} ${y}H${to}" marker-end="url(#somrs-arrow)"/><text class="somrs-msg-type" x="${middle}" y="${y - 5}">${escaped(message.type)}</text>
+        <path d="M${from} ${y}H${to}"/><path class="somrs-tip" d="M${to} ${y}l${message.asked ? -9 : 9} -4.5v9z"/>
+        <text class="somrs-msg-type" x="${middle}" y="${y - 6}">${escaped(message.type)}</text>
         ${note ? `<text class="somrs-msg-note" x="${middle}" y="${y + 12}">${escaped(fitting(note, this.column - 22, 5.9))}</text>` : ""}</g>`;
     },
     name(number) {

@@ -87,9 +87,7 @@ export default {
       this.facts = facts(this.steps);
       const { width, height } = made;
       this.$refs.drawing.innerHTML = this.drawn
-        ? `<svg viewBox="${-EDGE} ${-EDGE} ${width + 2 * EDGE} ${height + 2 * EDGE}">
-            <defs><marker id="somrs-tip" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" markerHeight="7" orient="auto"><path d="M0 0L10 5L0 10z"/></marker></defs>
-            ${made.paths.map((path) => edge(path, made.right)).join("")}${this.steps.map((step, index) => node(step, made.places.get(step.step), index)).join("")}<g class="somrs-says"></g></svg>`
+        ? `<svg viewBox="${-EDGE} ${-EDGE} ${width + 2 * EDGE} ${height + 2 * EDGE}">${made.paths.map((path) => edge(path, made.right)).join("")}${this.steps.map((step, index) => node(step, made.places.get(step.step), index)).join("")}<g class="somrs-says"></g></svg>`
         : "";
       this.steps.forEach((step) => this.mark(step));
       this.size();
@@ -231,7 +229,9 @@ function facts(steps) {
 
 function edge(path, right) {
   const drawn = curve(path.points, right);
-  return `<g class="somrs-edge" data-edge="${escaped(`${path.from} ${path.to}`)}" data-from="${escaped(path.from)}" data-to="${escaped(path.to)}"><path d="${drawn}" marker-end="url(#somrs-tip)"/><path class="somrs-edge-near" d="${drawn}"/></g>`;
+  const [x, y] = path.points.at(-1);
+  const tip = right ? `M${x} ${y}l-9 -4.5v9z` : `M${x} ${y}l-4.5 -9h9z`;
+  return `<g class="somrs-edge" data-edge="${escaped(`${path.from} ${path.to}`)}" data-from="${escaped(path.from)}" data-to="${escaped(path.to)}"><path d="${drawn}"/><path class="somrs-tip" d="${tip}"/><path class="somrs-edge-near" d="${drawn}"/></g>`;
 }
 
 function node(step, [x, y], index) {

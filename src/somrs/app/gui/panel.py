@@ -1,0 +1,41 @@
+"""A part of a page with a title, that can be folded away; it stays so in this browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from nicegui import app, ui
+from nicegui.events import GenericEventArguments
+
+FOLDED = "folded"
+"""In the browser's settings: the keys of panels that are folded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """`note` stands beside the title, and is seen when the panel is folded, too."""
+
+    element: ui.element
+    note: ui.label
+
+
+@contextmanager
+def panel(title: str, icon: str, key: str, classes: str = "") -> Iterator[Panel]:
+    """What is made inside is what can be folded. `key` names it among all panels of this browser."""
+    folded = key in app.storage.user.get(FOLDED, ())
+    with ui.element("details").classes(f"somrs-sheet somrs-panel {classes}").props("" if folded else "open") as element:
+        with ui.element("summary").classes("somrs-panel-head"):
+            ui.icon(icon).props('aria-hidden="true"')
+            ui.label(title).props('role="heading" aria-level="2"').classes("somrs-panel-title")
+            note = ui.label().classes("somrs-panel-note")
+            ui.icon("expand_more").classes("somrs-panel-turn").props('aria-hidden="true"')
+        with ui.element("div").classes("somrs-panel-body"):
+            yield Panel(element, note)
+
+    def turned(event: GenericEventArguments) -> None:
+        kept = [one for one in app.storage.user.get(FOLDED, ()) if one != key]
+        app.storage.user[FOLDED] = kept if event.args else [*kept, key]
+
+    element.on("toggle", turned, js_handler="(event) => emit(event.target.open)")

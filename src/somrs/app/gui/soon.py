@@ -1,0 +1,31 @@
+"""Changing a page not for every piece of news, but for all that come within a moment."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from nicegui import background_tasks, ui
+
+PAUSE = 0.2
+"""Seconds; what happens within is one change of the page."""
+
+
+class Soon:
+    """Called as often as one likes, it calls the action a moment after the first time, in the page of now, and then is ready again."""
+
+    def __init__(self, action: Callable[[], None], pause: float = PAUSE) -> None:
+        self._action, self._pause = action, pause
+        self._client = ui.context.client
+        self._asked = False
+
+    def __call__(self) -> None:
+        if not self._asked:
+            self._asked = True
+            background_tasks.create(self._act(), name="change the page", context=self._client)
+
+    async def _act(self) -> None:
+        await asyncio.sleep(self._pause)
+        self._asked = False
+        if not self._client.is_deleted:
+            self._action()
