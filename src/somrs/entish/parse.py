@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import heapq
+import itertools
 import json
 import math
 import re
@@ -323,8 +325,21 @@ def _expected(error: UnexpectedInput) -> str:
     return f"expected {', '.join(most)} or {last}" if most else f"expected {last}" if last else ""
 
 
+CLOSEST = 100
+"""Of more names than so many, those are compared that have most pairs of letters in common."""
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """A hint that names the known names closest to `name`; empty when none is close."""
     candidates = {candidate.casefold(): candidate for candidate in known}
+    if len(candidates) > CLOSEST:
+        # To compare all letter by letter takes long when there are thousands of names, as on large maps.
+        wanted = _pairs(name.casefold())
+        closest = heapq.nlargest(CLOSEST, candidates, key=lambda candidate: len(wanted & _pairs(candidate)))
+        candidates = {candidate: candidates[candidate] for candidate in closest}
     close = difflib.get_close_matches(name.casefold(), candidates, n=3, cutoff=0.6)
     return f"did you mean {' or '.join(candidates[c] for c in close)}?" if close else ""
+
+
+def _pairs(word: str) -> set[str]:
+    return {first + second for first, second in itertools.pairwise(word)}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
+from heapq import nsmallest
+from operator import itemgetter
 
 from msgspec import Struct
 
@@ -69,8 +71,8 @@ def complete(text: str, at: int, ontology: Ontology, map: Map, variables: Mappin
 
 def fitting(ontology: Ontology, map: Map, slot: Slot, typed: str = "") -> list[Object]:
     """The objects that may stand there, the likeliest first; with `typed`, those whose name or label has it in it."""
-    ranked = _objects(typed.casefold(), ontology, map, slot)
-    return [map.objects[one.item.text] for one in sorted(ranked, key=lambda one: (one.match, one.preference))]
+    found = sorted(_objects(typed.casefold(), ontology, map, slot), key=itemgetter(0, 1))
+    return [map.objects[name] for _, _, name in found]
 
 
 class _Offering:
@@ -87,7 +89,7 @@ class _Offering:
                 yield from self.functions(1)
                 yield from self.known_variables(1)
                 yield from self.prefixed_relations(2)
-                yield from self.words({"NOT": "does not hold"}, "keyword", 3)
+                yield from self.words({} if self.cursor.negated else {"NOT": "does not hold"}, "keyword", 3)
             case Spot.TERM:
                 yield from self.objects(Slot(), 0)
                 yield from self.functions(0)
@@ -125,10 +127,9 @@ class _Offering:
 
     def objects(self, slot: Slot, group: int) -> Iterator[_Ranked]:
         after = "" if self.cursor.inside else " "
-        for one in _objects(self.typed, self.ontology, self.map, slot):
-            object = self.map.objects[one.item.text]
-            item = Completion(text=object.name, kind="object", detail=described(object), after=after)
-            yield _Ranked(item, one.match, group + one.preference, one.preference)
+        for match, preference, name in nsmallest(MOST, _objects(self.typed, self.ontology, self.map, slot), key=itemgetter(0, 1)):
+            item = Completion(text=name, kind="object", detail=described(self.map.objects[name]), after=after)
+            yield _Ranked(item, match, group + preference, preference)
 
     def known_variables(self, group: int) -> Iterator[_Ranked]:
         fits = self.cursor.slot.type
@@ -153,7 +154,7 @@ class _Offering:
                 continue
             if _may_be(self.cursor.owner, relation.joins[0], self.ontology):
                 detail = relation.doc or f"joins it with: {relation.joins[1]}"
-                wished = 0 if relation.name in _brought_about(self.ontology) else 1
+                wished = 0 if relation.name in brought_about(self.ontology) else 1
                 yield _Ranked(Completion(text=relation.name, kind="relation", detail=detail, after=" "), match, 0, wished)
 
     def prefixed_relations(self, group: int) -> Iterator[_Ranked]:
@@ -213,10 +214,10 @@ class _Offering:
 
     def units(self) -> Iterator[_Ranked]:
         own = self.cursor.attribute.unit if self.cursor.attribute is not None else None
-        for unit in dict.fromkeys([*([own] if own else []), *UNITS]):
-            if own is None or unit == own or convertible(unit, own):
-                shown = "%" if unit == "percent" else unit
-                yield from self.words({shown: "its own unit" if unit == own else "a unit"}, "unit", 0 if unit == own else 1)
+        if own is None:
+            yield from self.words(dict.fromkeys(UNITS, "a unit"), "unit", 0)
+        for number, unit in enumerate(units_of(self.cursor.attribute)):
+            yield from self.words({unit: "a unit" if number else "its own unit"}, "unit", min(number, 1))
 
     def types(self) -> Iterator[_Ranked]:
         for name in self.ontology.types:
@@ -233,9 +234,9 @@ class _Offering:
     def operators(self, group: int) -> Iterator[_Ranked]:
         if self.typed or not self.cursor.comparable:
             return
-        kind = self.cursor.attribute.kind if self.cursor.attribute is not None else Kind.NUMBER
         signs = {"=": "is", "!=": "is not"}
-        if kind is Kind.NUMBER:
+        number = self.cursor.attribute is None or self.cursor.attribute.kind is Kind.NUMBER
+        if number and self.cursor.spot is not Spot.RELATION:
             signs |= {"<": "is less than", "<=": "is at most", ">": "is more than", ">=": "is at least"}
         yield from self.words(signs, "operator", group)
 
@@ -244,8 +245,8 @@ class _Offering:
             yield from self.words({"AND": "both hold", "OR": "one of them holds"}, "keyword", group)
 
 
-def _objects(typed: str, ontology: Ontology, map: Map, slot: Slot) -> Iterator[_Ranked]:
-    """The objects that may stand in a place of a relation, or begin an atom, as texts."""
+def _objects(typed: str, ontology: Ontology, map: Map, slot: Slot) -> Iterator[tuple[int, int, str]]:
+    """The objects that may stand in a place of a relation, or begin an atom: how well they match, how likely they are, their names."""
     fits: dict[str, int | None] = {}
     likely = _likely(slot, ontology, map)
     for name, object in map.objects.items():
@@ -255,10 +256,10 @@ def _objects(typed: str, ontology: Ontology, map: Map, slot: Slot) -> Iterator[_
         if preference is None:
             continue
         match = _match(typed, name)
-        if match is None and typed and isinstance(label := object.values.get("Label"), str) and typed in label.casefold():
+        if match is None and (typed in object.type.casefold() or typed in str(object.values.get("Label", "")).casefold()):
             match = 3
         if match is not None:
-            yield _Ranked(Completion(text=name, kind="object"), match, 0, preference)
+            yield match, preference, name
 
 
 class _Likely:
@@ -272,7 +273,7 @@ class _Likely:
 
 
 def _likely(slot: Slot, ontology: Ontology, map: Map) -> _Likely:
-    acted_on = _brought_about(ontology)
+    acted_on = brought_about(ontology)
     if slot.relation is None:
         return _Likely({types[0] for types in acted_on.values()}, ontology)
     named = acted_on.get(slot.relation, ())
@@ -285,7 +286,7 @@ def _likely(slot: Slot, ontology: Ontology, map: Map) -> _Likely:
 
 
 @lru_cache(maxsize=8)
-def _brought_about(ontology: Ontology) -> Mapping[str, tuple[str, ...]]:
+def brought_about(ontology: Ontology) -> Mapping[str, tuple[str, ...]]:
     """The relations and attributes that services change, and the types of what they are about."""
     found: dict[str, tuple[str, ...]] = {}
     for service in ontology.services.values():
@@ -301,6 +302,15 @@ def _brought_about(ontology: Ontology) -> Mapping[str, tuple[str, ...]]:
                 case Comparison(Attribute(Variable(name), path)):
                     found.setdefault(path, (types.get(name, ROOT),))
     return found
+
+
+def units_of(attribute: AttributeType | None) -> tuple[str, ...]:
+    """The units in which people write values of the attribute, its own first."""
+    own = attribute.unit if attribute is not None else None
+    if own is None:
+        return ()
+    others = [unit for unit in UNITS if unit != own and convertible(unit, own)]
+    return tuple(dict.fromkeys("%" if unit == "percent" else unit for unit in [own, *others]))
 
 
 def _may_be(one: str, other: str, ontology: Ontology) -> bool:

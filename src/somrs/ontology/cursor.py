@@ -22,6 +22,7 @@ _LEXEME = re.compile(
 )
 _UNIT = re.compile(r"(?<![\w.?])[+-]?\d[\d.]*(?:[eE][+-]?\d+)?\s*(?P<unit>[^\W\d][\w/*^]*|[°%])$")
 _WORD = re.compile(r"(\?[^\W\d]?|[^\W\d])[\w-]*$")
+_NEGATED = re.compile(r"(?<![\w?-])NOT\s*\(?$")
 _REST = re.compile(r"[\w-]*")
 _KEYWORDS = ("AND", "OR", "NOT")
 
@@ -68,7 +69,8 @@ class Cursor(Struct, frozen=True, kw_only=True):
 
     `owner` is the type of the object before the cursor, `object` its name if it is one of the map, `path` the attribute written of it so
     far. `compared` is the path on the other side of the comparison and `attribute` what it leads to. `inside`: `(` within
-    parentheses, `"` within a text. `comparable`, `complete`: a comparison, or AND and OR, can come next."""
+    parentheses, `"` within a text. `comparable`, `complete`: a comparison, or AND and OR, can come next. `negated`: the atom is
+    behind NOT."""
 
     spot: Spot
     start: int
@@ -84,6 +86,7 @@ class Cursor(Struct, frozen=True, kw_only=True):
     inside: str = ""
     comparable: bool = False
     complete: bool = False
+    negated: bool = False
 
 
 def spot(text: str, at: int, ontology: Ontology, map: Map, variables: Mapping[str, str]) -> Cursor:
@@ -108,7 +111,8 @@ def spot(text: str, at: int, ontology: Ontology, map: Map, variables: Mapping[st
     end = end if start < at else at
     known = {**dict.fromkeys(_named(text, start, end)), **variables, **_declared(text, start, ontology)}
     placing = _Placing(ontology, map, {**known, **_inferred(text, known, ontology)})
-    found = placing.at(before[_atom(before, start) : start])
+    begin = _atom(before, start)
+    found = _with(placing.at(before[begin:start]), negated=_NEGATED.search(before[:begin]) is not None)
     typed = before[start:]
     if typed.startswith("?") and found.spot in (Spot.ATOM, Spot.OBJECT, Spot.VALUE, Spot.TERM):
         found = _with(found, spot=Spot.VARIABLE)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from typing import TypeVar
 
 import msgspec
 
+from somrs.app.desk.choices import Placings, Sayable, Things, placings, sayable, things
 from somrs.app.desk.context import Context
 from somrs.app.desk.operations import operation
-from somrs.entish.parse import read
-from somrs.errors import FormulaError
+from somrs.app.desk.refusals import NotFound
+from somrs.entish.parse import nearest, read
+from somrs.errors import FormulaError, UsageError
 from somrs.ontology.check import mistakes
 from somrs.ontology.completion import Completions, complete
 from somrs.ontology.objects import Map
-from somrs.ontology.types import Ontology
+from somrs.ontology.types import ROOT, Ontology
 
 _PLACE = re.compile(r'[^\W\d][\w-]*(?:\.[^\W\d][\w-]*)*|\?[^\W\d][\w-]*|"(?:[^"\\\n]|\\.)*"|[<>!]=|[\d.]+|\S')
 _PARTS = re.compile(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|\?[^\W\d][\w-]*|[^\W\d][\w-]*|[()]')
@@ -62,6 +66,40 @@ class FormulasDesk:
     async def complete(self, body: CompleteFormula) -> Completions:
         """What can come at a place in a formula, the likeliest first; the rest of the formula may be wrong, or not there yet."""
         return complete(body.text, body.cursor, self._context.ontology, self._context.map, body.variables)
+
+    @operation("GET", "/formulas/things")
+    async def things(self, typed: str = "", type: str = ROOT, relation: str | None = None, place: int = 0, limit: int = 40) -> Things:
+        """Objects to choose from: of a type, or those that fit a place of a relation, counted from 0.
+
+        With `typed`, those that have it in their name, their label or their type's name.
+        """
+        if relation is not None:
+            known = _known(relation, self._context.ontology.relations, "relation")
+            if not 0 <= place < len(known.joins):
+                raise UsageError(f"{relation} joins {len(known.joins)} objects; there is no place {place}, they are counted from 0")
+            type = known.joins[place]
+        return things(self._context.ontology, self._context.map, typed=typed, type_name=type, relation=relation, place=place, limit=limit)
+
+    @operation("GET", "/formulas/things/{name}")
+    async def sayable(self, name: str) -> Sayable:
+        """What can be said of an object: the relations that it can be in, and the attributes that it can have."""
+        return sayable(_known(name, self._context.map.objects, "object"), self._context.ontology, self._context.map)
+
+    @operation("GET", "/formulas/things/{name}/at/{target}")
+    async def placings(self, name: str, target: str) -> Placings:
+        """What it means to have an object brought to another."""
+        objects = self._context.map.objects
+        return placings(_known(name, objects, "object"), _known(target, objects, "object"), self._context.ontology)
+
+
+Known = TypeVar("Known")
+
+
+def _known(name: str, all: Mapping[str, Known], what: str) -> Known:
+    found = all.get(name)
+    if found is None:
+        raise NotFound(f"there is no {what} {name}" + (f"; {hint}" if (hint := nearest(name, all)) else ""))
+    return found
 
 
 def checked(text: str, ontology: Ontology, map: Map, variables: dict[str, str]) -> Checked:
