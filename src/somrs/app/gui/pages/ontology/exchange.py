@@ -1,0 +1,114 @@
+"""Files: definitions taken over from YAML or OWL, with their problems and what would come of them shown before; and written to them."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from nicegui import events, ui
+
+from somrs.app.desk.desk import Desk
+from somrs.app.desk.ontology import Imported, ImportOntology
+from somrs.app.gui.pages.ontology.consequences import show
+from somrs.app.gui.pages.ontology.pieces import Word, cell, note, row, table
+from somrs.app.gui.shell import author, tell
+from somrs.errors import ModelError, Problem, SomrsError
+
+MOST_BYTES = 20_000_000
+
+KINDS = {".yaml": "yaml", ".yml": "yaml", ".ttl": "owl", ".owl": "owl", ".rdf": "owl", ".xml": "owl"}
+"""What a file is, by how its name ends."""
+
+
+def export_menu() -> None:
+    """A button with the files that the ontology can be written to."""
+    files = (
+        ("YAML: what is beyond the upper ontology", "/api/ontology/export.yaml"),
+        ("YAML: all of it", "/api/ontology/export.yaml?whole=true"),
+        ("OWL 2 with SHACL (Turtle)", "/api/ontology/export.ttl"),
+    )
+    with ui.button("Export", icon="download").props("flat dense no-caps"), ui.menu().props("auto-close"):
+        for label, address in files:
+            ui.menu_item(label).props(f'href="{address}" download tag=a')
+
+
+class Import:
+    """The dialog that takes a file over."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._text, self._file = "", ""
+        with ui.dialog() as self._dialog, ui.card().classes("somrs-onto-dialog").props('role="dialog" aria-label="Import a file"'):
+            Word("h2", "Import definitions")
+            note("A YAML file (ontology or map file) or an OWL file (Turtle, RDF/XML). Nothing is changed before you say so.")
+            ui.upload(label="Choose or drop a file", auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._take).props(
+                'accept=".yaml,.yml,.ttl,.owl,.rdf,.xml" flat bordered hide-upload-btn'
+            ).classes("somrs-onto-upload")
+            self._body = ui.element("div").classes("somrs-onto-dialog-body").props('aria-live="polite"')
+            with ui.row().classes("somrs-onto-buttons"):
+                ui.button("Go back", on_click=self._dialog.close).props("flat no-caps")
+                self._take_over = ui.button("Take over", on_click=self._carry_out).props("unelevated no-caps")
+                self._take_over.visible = False
+        self._dialog.on("hide", self._dialog.delete)
+        self._dialog.open()
+
+    async def _take(self, event: events.UploadEventArguments) -> None:
+        self._file = event.file.name
+        self._take_over.visible = False
+        self._body.clear()
+        try:
+            self._text = (await event.file.read()).decode()
+        except UnicodeDecodeError:
+            self._say(
+                [Problem(file=self._file, line=None, subject="file", rule="encoding", message="is no text in UTF-8; save it as such")]
+            )
+            return
+        try:
+            found = await self._run(dry=True)
+        except ModelError as error:
+            self._say(error.problems)
+        except SomrsError as error:
+            self._refused(str(error))
+        else:
+            with self._body:
+                show(found.consequences)
+            self._take_over.visible = not found.consequences.broken
+
+    def _run(self, *, dry: bool) -> Awaitable[Imported]:
+        ending = self._file[self._file.rfind(".") :].lower()
+        desk: Any = self._desk.ontology
+        bring: Callable[..., Awaitable[Imported]] = desk.import_owl if KINDS.get(ending) == "owl" else desk.import_yaml
+        return bring(ImportOntology(text=self._text, file=self._file, author=author()), dry=dry)
+
+    async def _carry_out(self) -> None:
+        try:
+            done = await self._run(dry=False)
+        except SomrsError as error:
+            self._refused(str(error))
+            return
+        tell(f"{self._file} is taken over, in version {done.version}")
+        self._dialog.close()
+
+    def _refused(self, text: str) -> None:
+        self._body.clear()
+        with self._body, ui.element("div").classes("somrs-onto-banner somrs-onto-bad").props('role="alert"'):
+            ui.icon("error")
+            ui.label(text).classes("somrs-onto-pre")
+
+    def _say(self, problems: list[Problem]) -> None:
+        """Problems where they are: each with its line, and what stands there."""
+        lines = self._text.splitlines()
+        self._body.clear()
+        with self._body, ui.element("div").props('role="alert"'):
+            with Word("h3", "").classes("somrs-onto-heading somrs-onto-bad"):
+                ui.icon("error")
+                Word("span", f"{len(problems)} {'problem' if len(problems) == 1 else 'problems'}: nothing was taken over")
+            with table("Line", "What is there", "What is wrong"):
+                for one in problems:
+                    with row():
+                        Word("td", str(one.line or ""))
+                        with cell():
+                            if one.line is not None and one.line <= len(lines):
+                                Word("code", lines[one.line - 1].strip()[:160], "somrs-formula")
+                        with cell():
+                            ui.label(f"{one.subject}: {one.message}").classes("somrs-onto-pre" if "\n" in one.message else "")

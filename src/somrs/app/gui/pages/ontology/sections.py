@@ -1,0 +1,106 @@
+"""The five kinds of definitions, as the page names them, and how one of them is put into words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from urllib.parse import quote
+
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, Kind, ObjectType, Ontology, Part, RelationType, Value
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """`key`: what files and the ontology call it; `one`: a single definition of it; `label`: its tab."""
+
+    key: str
+    one: str
+    label: str
+    icon: str
+    struct: type[Definition]
+
+    def among(self, ontology: Ontology) -> Mapping[str, Definition]:
+        """The definitions of this kind, by name."""
+        found: Mapping[str, Definition] = getattr(ontology, self.key)
+        return found
+
+    @property
+    def word(self) -> str:
+        """The name in links: `/ontology?type=Jar`."""
+        return self.one.split()[0]
+
+    def link(self, name: str) -> str:
+        return f"/ontology?{self.word}={quote(name)}"
+
+
+TYPES = Section("types", "type", "Types", "category", ObjectType)
+ATTRIBUTES = Section("attributes", "attribute", "Attributes", "tune", AttributeType)
+RELATIONS = Section("relations", "relation", "Relations", "link", RelationType)
+FUNCTIONS = Section("functions", "function", "Functions", "functions", FunctionType)
+SERVICES = Section("services", "service type", "Services", "build", ServiceType)
+
+SECTIONS = (TYPES, ATTRIBUTES, RELATIONS, FUNCTIONS, SERVICES)
+SECTION = {section.key: section for section in SECTIONS}
+
+
+def section_of(definition: Definition) -> Section:
+    return next(section for section in SECTIONS if isinstance(definition, section.struct))
+
+
+def number(value: float) -> str:
+    """As people write it: 4, not 4.0."""
+    return f"{value:.12g}"
+
+
+def limits(minimum: float | None, maximum: float | None, unit: str | None = None) -> str:
+    """`at least 0 kg`, `0 to 100 percent`; empty without limits."""
+    behind = f" {unit}" if unit else ""
+    if minimum is not None and maximum is not None:
+        return f"{number(minimum)} to {number(maximum)}{behind}"
+    if minimum is not None:
+        return f"at least {number(minimum)}{behind}"
+    return f"at most {number(maximum)}{behind}" if maximum is not None else ""
+
+
+def value_text(value: Value, attribute: AttributeType | None = None) -> str:
+    """A value with its unit."""
+    match value:
+        case bool():
+            return "yes" if value else "no"
+        case str():
+            return value
+        case _:
+            return f"{number(value)} {attribute.unit}" if attribute is not None and attribute.unit else number(value)
+
+
+def kind_text(attribute: AttributeType) -> str:
+    """What its values are: `number in kg, at least 0`, `one of Red, Blue`."""
+    match attribute.kind:
+        case Kind.NUMBER:
+            said = [f"number in {attribute.unit}" if attribute.unit else "number", limits(attribute.minimum, attribute.maximum)]
+            return ", ".join(part for part in said if part)
+        case Kind.ENUMERATION:
+            return f"one of {', '.join(attribute.values)}"
+        case Kind.COMPLEX:
+            return f"made of {', '.join(attribute.attributes)}"
+        case Kind.TRUTH:
+            return "yes or no"
+        case Kind.TEXT:
+            return "text"
+
+
+def part_text(part: Part) -> str:
+    """How many of the sub-objects there are."""
+    if part.maximum is None:
+        return f"at least {part.minimum}" if part.minimum else "any number"
+    return f"exactly {part.minimum}" if part.minimum == part.maximum else f"{part.minimum} to {part.maximum}"
+
+
+def constraint_text(constraint: Constraint, unit: str | None = None) -> str:
+    """What the rule says of an attribute; a formula speaks for itself."""
+    if constraint.formula is not None:
+        return constraint.formula
+    said = limits(constraint.minimum, constraint.maximum, unit)
+    among = f"one of {', '.join(value_text(value) for value in constraint.values)}" if constraint.values else ""
+    return f"{constraint.attribute}: {', '.join(part for part in (said, among) if part)}"

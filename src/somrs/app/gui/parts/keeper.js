@@ -1,0 +1,35 @@
+// Keeps what is written in forms in this browser tab, letter by letter: so nothing is lost when the page is loaded again, whether because
+// the server was away for long or because somebody pressed the wrong key. It shows nothing.
+
+export default {
+  template: `<span hidden></span>`,
+  props: { shelf: String },
+  emits: ["found"],
+  mounted() {
+    const found = this.names().map((name) => JSON.parse(sessionStorage.getItem(name)));
+    if (found.length) this.$emit("found", found);
+  },
+  methods: {
+    names() {
+      return Object.keys(sessionStorage).filter((name) => name.startsWith(`${this.shelf} `));
+    },
+    keep(key, draft) {
+      sessionStorage.setItem(`${this.shelf} ${key}`, JSON.stringify(draft));
+    },
+    forget(key) {
+      sessionStorage.removeItem(`${this.shelf} ${key}`);
+    },
+    put(key, path, value) {
+      // One field: what the server may not hear of.
+      const name = `${this.shelf} ${key}`;
+      const draft = JSON.parse(sessionStorage.getItem(name));
+      if (!draft) return;
+      const steps = path.split(".");
+      const last = steps.pop();
+      const holder = steps.reduce((inner, step) => inner?.[step], draft.form);
+      if (holder === undefined || holder[last] === value) return;
+      holder[last] = value;
+      sessionStorage.setItem(name, JSON.stringify(draft));
+    },
+  },
+};

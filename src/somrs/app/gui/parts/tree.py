@@ -1,0 +1,55 @@
+"""A tree of names that is found in by typing, walked by arrow keys, and rearranged by dragging: what Quasar's own tree does not do."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Sequence
+from typing import NotRequired, TypedDict
+
+from nicegui.element import Element
+from nicegui.events import GenericEventArguments
+
+
+class Node(TypedDict):
+    """`problem`: what is wrong with it, in a line; `count`: how many of it there are; `draft`: something was written and not saved."""
+
+    id: str
+    label: str
+    parent: str | None
+    count: NotRequired[int]
+    problem: NotRequired[str]
+    draft: NotRequired[bool]
+
+
+class Tree(Element, component="tree.js"):
+    """`pick` hears which node was chosen; `move`, if given, which node is to go below which."""
+
+    def __init__(
+        self,
+        name: str,
+        placeholder: str,
+        pick: Callable[[str], Awaitable[None] | None],
+        move: Callable[[str, str], Awaitable[None] | None] | None = None,
+        nodes: Sequence[Node] = (),
+    ) -> None:
+        super().__init__()
+        self._props.update({"nodes": list(nodes), "selected": None, "name": name, "placeholder": placeholder, "movable": move is not None})
+
+        def picked(event: GenericEventArguments) -> Awaitable[None] | None:
+            return pick(str(event.args))
+
+        def moved(event: GenericEventArguments) -> Awaitable[None] | None:
+            assert move is not None
+            return move(str(event.args["id"]), str(event.args["to"]))
+
+        self.on("pick", picked)
+        if move is not None:
+            self.on("move", moved)
+
+    def show(self, nodes: Sequence[Node]) -> None:
+        """These nodes from now on; what is open and what is searched for stay."""
+        if self._props["nodes"] != nodes:
+            self._props["nodes"] = list(nodes)
+
+    def select(self, id: str | None) -> None:
+        if self._props["selected"] != id:
+            self._props["selected"] = id
