@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import yaml
 
+from somrs.ontology.naming import find, named
 from somrs.ontology.nodes import Dumper, Lines
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceKind, ServiceType
@@ -70,9 +72,12 @@ def _nested(values: dict[str, Value]) -> dict[str, Any]:
     return tree
 
 
-def dump_ontology(ontology: Ontology, without: Ontology | None = None, name: str | None = None) -> str:
-    """The ontology as YAML text, leaving out what `without` has already."""
+def dump_ontology(ontology: Ontology, without: Ontology | None = None, name: str | None = None, *, whole: bool = False) -> str:
+    """The ontology as YAML text, leaving out what `without` has already, unless it is to be the `whole`; what it has otherwise, or not,
+    is said not to be taken over from there."""
     text: dict[str, Any] = {"ontology": name} if name else {}
+    if without is not None and (other := [*_otherwise(ontology, without)]):
+        text["without"] = other
     for section, entry in (
         ("attributes", _attribute),
         ("relations", _relation),
@@ -80,11 +85,19 @@ def dump_ontology(ontology: Ontology, without: Ontology | None = None, name: str
         ("types", _type),
         ("services", _service),
     ):
-        known = getattr(without, section) if without is not None else {}
+        known = getattr(without, section) if without is not None and not whole else {}
         entries = {d.name: entry(d) for d in getattr(ontology, section).values() if known.get(d.name) != d}
         if entries:
             text[section] = entries
     return _yaml(text)
+
+
+def _otherwise(ontology: Ontology, other: Ontology) -> Iterator[str]:
+    """What the other has that this one has otherwise, or not at all."""
+    for definition in other:
+        what = named(definition)
+        if find(ontology, what) != definition:
+            yield f"{what.section} {what.name}"
 
 
 def _attribute(attribute: AttributeType) -> dict[str, Any]:

@@ -16,18 +16,23 @@ from typing import Any
 from pydantic import ValidationError
 
 from somrs.entish import Name, Relation
-from somrs.entish.parse import parse
+from somrs.entish.parse import nearest, parse
 from somrs.errors import FormulaError, ModelError, Problem
 from somrs.ontology.conformance import Violation, violations
 from somrs.ontology.consistency import ontology_violations
+from somrs.ontology.naming import Named, Section, revised
 from somrs.ontology.nodes import Path, Source
 from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.relied import lost
 from somrs.ontology.schema import ENTRIES, RESERVED
 from somrs.ontology.structure import definition, flat, structure_problems
 from somrs.ontology.types import PART_OF, AttributeType, Definition, Kind, Ontology, Value
 from somrs.ontology.units import converted
 
 NAME = re.compile(r"[^\W\d]\w*(?:-\w+)*")
+MAP_KEYS = frozenset(("map", "objects", "facts"))
+"""The keys of a file that say what there is."""
+
 _FACT = re.compile(rf"({NAME.pattern})\s+({NAME.pattern})\s+({NAME.pattern})")
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)\s*")
 _POSITION = ("PositionX", "PositionY", "PositionZ")
@@ -59,6 +64,16 @@ def load_text(text: str, file: str = "text", base: Ontology | None = None) -> Lo
     return _Reading(base if base is not None else upper()).finish([Source(file, text)])
 
 
+def load_definitions(text: str, file: str, base: Ontology) -> Ontology:
+    """The base with the definitions of a file's text added, or in place of those of the same names, and without what it says is not there.
+    A map in it is left out. Raises ModelError with all that is wrong."""
+    source = Source(file, text)
+    if isinstance(source.data, dict):
+        for key in MAP_KEYS & source.data.keys():
+            del source.data[key]
+    return _Reading(base, replacing=True).finish([source]).ontology
+
+
 @dataclass(slots=True)
 class _Place:
     """Where an object, a fact or a definition was read."""
@@ -81,6 +96,8 @@ class _Reading:
     """One `load` under way."""
 
     base: Ontology
+    replacing: bool = False
+    """Whether definitions may take the place of others in the base."""
     problems: list[Problem] = field(default_factory=list)
     broken: set[str] = field(default_factory=set)
     """Names whose definition has a problem already; what others say about them is not reported."""
@@ -125,10 +142,15 @@ class _Reading:
     def finish(self, sources: list[Source]) -> Loaded:
         """Everything the sources say, checked."""
         good = [source for source in sources if self._structure(source)]
+        given = self.base
+        for source in good:
+            self._without(source)
         for source in good:
             self._definitions(source)
         ontology = self.base.extended(self.definitions.values())
         for violation in ontology_violations(ontology, self.definitions.values()):
+            self._report(violation)
+        for violation in lost(given, ontology):
             self._report(violation)
         for source in good:
             self._map(source, ontology)
@@ -171,6 +193,23 @@ class _Reading:
 
     # Ontologies
 
+    def _without(self, source: Source) -> None:
+        """Leave out of the base what the source does not want, or defines anew."""
+        entries = source.data.get("without")
+        for index, text in enumerate(entries if isinstance(entries, list) else ()):
+            section, _, name = str(text).partition(" ")
+            place = _Place(source, ("without", index))
+            if section not in ENTRIES:
+                message = f"{text!r} names no definition; write a section and a name, such as types Jar"
+                self._problem(place, "without", "structure", message)
+            elif name not in getattr(self.base, section):
+                hint = nearest(name, getattr(self.base, section)) or "leave it out here"
+                self._problem(place, name, "unknown-name", f"is not among the {section} that are there; {hint}")
+            else:
+                what = Named(section=Section(section), name=name)
+                self.base = revised(self.base, (what,), ())
+                self.places.setdefault(f"{section} {name}", place)
+
     def _definitions(self, source: Source) -> None:
         for section, model in ENTRIES.items():
             entries = source.data.get(section)
@@ -192,8 +231,10 @@ class _Reading:
             other = self.places[key]
             message = f"is defined in {other.source.file}:{other.line()} already; give this one another name"
             self._problem(place, name, "duplicate", message)
-        elif there is not None and there != definition:
-            message = "is in the ontology already and means something else there; give this one another name"
+        elif there is not None and there != definition and not self.replacing:
+            message = (
+                f"is in the ontology already and means something else there; give this one another name, or write {key} under without:"
+            )
             self._problem(place, name, "duplicate", message)
         else:
             self.definitions[key] = definition
@@ -209,7 +250,7 @@ class _Reading:
     # Maps
 
     def _map(self, source: Source, ontology: Ontology) -> None:
-        if not {"map", "objects", "facts"} & source.data.keys():
+        if not MAP_KEYS & source.data.keys():
             return
         self.has_map = True
         self.map_file = self.map_file or source

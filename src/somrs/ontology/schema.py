@@ -136,6 +136,7 @@ class File(_Entry):
 
     uses: list[str] = Field([], description="Other files that this one builds on, relative to it")
     ontology: str | None = Field(None, description="The ontology's name")
+    without: list[str] = Field([], description="What is not taken over from the upper ontology, or is defined anew here: types Jar")
     attributes: dict[str, AttributeEntry] = {}
     relations: dict[str, RelationEntry] = {}
     functions: dict[str, FunctionEntry] = {}

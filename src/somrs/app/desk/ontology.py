@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import msgspec
 
 from somrs.app.desk.context import Context
 from somrs.app.desk.operations import Document, operation
+from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dump import dump_ontology
-from somrs.ontology.files import upper
-from somrs.ontology.naming import Named
+from somrs.ontology.files import load_definitions, upper
+from somrs.ontology.naming import Named, named
 from somrs.ontology.objects import Change
+from somrs.ontology.relied import relied
+from somrs.ontology.types import Ontology
+from somrs.protocol.directory import Offer
 from somrs.protocol.knowledge import BrokenRule, Define, Defined, Definitions, Events, ReadEvents, Revision, Undo, by_kind
+from somrs.repository.outcome import applied, revision
 
 YAML = "application/yaml"
 
@@ -75,7 +82,7 @@ class OntologyDesk:
         ontology, now = self._context.ontology, self._context.version
         if version is not None and version != now:
             ontology, now = await self._context.client.ontology(version), version
-        return OntologySeen(version=now, definitions=by_kind(ontology))
+        return OntologySeen(version=now, definitions=by_kind(ontology), relied=relied(ontology))
 
     @operation("POST", "/ontology/changes")
     async def change(self, body: Define) -> Defined:
@@ -108,14 +115,38 @@ class OntologyDesk:
     @operation("GET", "/ontology/export.yaml")
     async def export_yaml(self, whole: bool = False) -> Document:
         """The ontology as a file: what it has beyond the upper ontology, or the whole of it."""
-        text = dump_ontology(self._context.ontology, without=None if whole else upper(), name="ontology")
+        text = dump_ontology(self._context.ontology, upper(), "ontology", whole=whole)
         return Document(content=text.encode(), media_type=YAML, name="ontology.yaml")
 
     @operation("POST", "/ontology/import.yaml")
     async def import_yaml(self, body: ImportOntology, dry: bool = False) -> Imported:
         """Take over the definitions of a file; `dry`: only say what would come of it."""
-        raise NotImplementedError
+        return await self.taken_over(load_definitions(body.text, body.file, self._context.ontology), body, dry)
+
+    async def taken_over(self, ontology: Ontology, wanted: ImportOntology, dry: bool) -> Imported:
+        """Have the ontology be this one, that a file says; `dry`: only say what would come of it."""
+        change = revision(self._context.ontology, ontology) or Revision()
+        there = set(map(named, change.after.each()))
+        define = Define(
+            definitions=change.after,
+            removed=tuple(what for what in map(named, change.before.each()) if what not in there),
+            author=wanted.author,
+            expected_version=wanted.expected_version,
+        )
+        consequences = await self._consequences(define)
+        return Imported(consequences=consequences, version=None if dry else await self._context.client.define(define))
 
     async def _consequences(self, change: Define | Undo) -> Consequences:
         found = await self._context.client.consider(change)
-        return Consequences(**{name: getattr(found, name) for name in found.__struct_fields__})
+        offers = tuple(broken_offers(self._context.ontology, found.revision, await self._context.client.services()))
+        return Consequences(**{name: getattr(found, name) for name in found.__struct_fields__}, offers=offers)
+
+
+def broken_offers(ontology: Ontology, change: Revision | None, offers: Iterable[Offer]) -> Iterator[OfferBroken]:
+    """The services on offer that could be planned with in the ontology, and could not after the change, with the reason."""
+    after = applied(ontology, change) if change is not None else ontology
+    for offer in offers if change is not None else ():
+        before = set(map(str, ontology_violations(ontology, (offer.service_type,))))
+        broken = [violation for violation in ontology_violations(after, (offer.service_type,)) if str(violation) not in before]
+        if broken:
+            yield OfferBroken(service=offer.service, provider=offer.provider, problem=broken[0].message)
