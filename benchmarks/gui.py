@@ -1,0 +1,238 @@
+"""What the windows cost their server: poses of 50 robots at 20 Hz, for one, two and four who look.
+
+The real server of the windows, as a process of its own. The poses come from the real simulator, in which 50 robots drive to and fro, and,
+as that may not keep 20 Hz beside all else on two cores, from a program that speaks the robot link and plays 50 robots of which every one
+moved in every tick. CPU is the server's alone, from /proc. Run it as `python benchmarks/gui.py`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+import os
+import random
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import ExitStack, asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import aiohttp
+
+from somrs.app.client import Addresses
+from somrs.app.system import free_ports
+from somrs.devices.simulator.lines import Answer, Ask, Follow, Mover, Poses, Welcome, Work, read_by_server, written
+from somrs.devices.simulator.link import RobotGaveUp, RobotLink
+
+ROBOTS = 50
+RATE = 20.0
+VIEWERS = (1, 2, 4)
+ROUNDS = 3
+ROUND_TIME = 5.0
+WARM_UP = 1.0
+HEADER = struct.Struct("<ddII")
+
+
+def hall() -> str:
+    """A site: a hall of 42 by 42 m with robots in rows."""
+    floor = "{type: Floor, at: [21, 21, -0.1], Shape: {Form: Box, Width: 42, Depth: 42, Height: 0.1}}"
+    storey = f"{{type: Storey, parts: {{Floor1: {floor}}}}}"
+    lines = ["map: Hall", "objects:", f"  Building1: {{type: Building, parts: {{Storey1: {storey}}}}}"]
+    for i in range(ROBOTS):
+        x, y = home(i)
+        lines.append(f"  Robot{i}: {{type: PioneerP3DX, at: [{x}, {y}, 0], Price: 10 EUR, Speed: 0.8}}")
+        lines.append(f"  Jar{i}: {{type: Jar, at: [{x + 3}, {y + 3}, 0]}}")
+    return "\n".join(lines) + "\n"
+
+
+def home(robot: int) -> tuple[float, float]:
+    return 2.0 + 4 * (robot % 10), 2.0 + 8 * (robot // 10)
+
+
+class Processes:
+    """A Repository, a Registry, and the windows of a site, without devices; where the simulator is, is for others to say."""
+
+    def __init__(self, folder: Path, simulator: str) -> None:
+        ports = free_ports("127.0.0.1", 4)
+        self.folder = folder
+        self.addresses = Addresses(
+            repository=f"http://127.0.0.1:{ports[0]}/repository",
+            registry=f"http://127.0.0.1:{ports[1]}/registry",
+            task_manager=f"http://127.0.0.1:{ports[2]}/task-manager",
+            simulator=simulator,
+            gui=f"http://127.0.0.1:{ports[3]}",
+        )
+        self._ports = ports
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Processes:
+        (self.folder / "hall.yaml").write_text(hall())
+        self.addresses.write(self.folder)
+        self.start("repository", self._ports[0], "--site", str(self.folder / "hall.yaml"))
+        self.start("registry", self._ports[1])
+        self.gui = self.start("gui", self._ports[3])
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stack.close()
+
+    def start(self, program: str, port: int, *more: str) -> int:
+        """Start a program, and return its process when it is ready."""
+        line = [sys.executable, "-m", "somrs.app.cli", "run", program, "--data", str(self.folder), "--port", str(port), *more]
+        process = subprocess.Popen(line, stdout=subprocess.PIPE)
+        self._stack.callback(process.wait)
+        self._stack.callback(process.terminate)
+        assert process.stdout is not None
+        if not process.stdout.readline():
+            raise SystemExit(f"{program} did not start")
+        return process.pid
+
+
+def spent(process: int) -> float:
+    """Seconds of CPU that the process has used."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@dataclass(slots=True)
+class Seen:
+    """What one who looks was sent."""
+
+    ticks: float = 0
+    moved: float = 0
+    bytes: float = 0
+
+
+async def look(url: str, seen: Seen) -> None:
+    async with aiohttp.ClientSession() as session, session.ws_connect(f"{url}/api/poses", compress=15) as socket:
+        async for message in socket:
+            if message.type is aiohttp.WSMsgType.BINARY:
+                seen.ticks += 1
+                seen.moved += HEADER.unpack_from(message.data)[3]
+                seen.bytes += len(message.data)
+
+
+@contextmanager
+def looking(url: str, viewers: int) -> Iterator[list[Seen]]:
+    seen = [Seen() for _ in range(viewers)]
+    tasks = [asyncio.create_task(look(url, one)) for one in seen]
+    yield seen
+    for task in tasks:
+        task.cancel()
+
+
+async def measured(processes: Processes, title: str) -> None:
+    """Print what each number of viewers costs the server of the windows."""
+    assert processes.addresses.gui is not None
+    shares: dict[int, list[float]] = {viewers: [] for viewers in (0, *VIEWERS)}
+    received: dict[int, list[Seen]] = {viewers: [] for viewers in VIEWERS}
+    for _ in range(ROUNDS):
+        for viewers, found in shares.items():
+            with looking(processes.addresses.gui, viewers) as seen:
+                await asyncio.sleep(WARM_UP)
+                before, began = spent(processes.gui), time.monotonic()
+                start = [(one.ticks, one.moved, one.bytes) for one in seen]
+                await asyncio.sleep(ROUND_TIME)
+                took = time.monotonic() - began
+                found.append((spent(processes.gui) - before) / took)
+                for one, (ticks, moved, size) in zip(seen, start, strict=True):
+                    received[viewers].append(Seen((one.ticks - ticks), (one.moved - moved), (one.bytes - size)))
+    print(f"\n{title:44} {'of a core':>10} {'each more':>10} {'ticks/s':>8} {'moved':>6} {'kB/s':>6}")
+    before_share, before_viewers = 0.0, 0
+    for viewers, found in shares.items():
+        share = sum(found) / len(found)
+        more = f"{(share - before_share) / (viewers - before_viewers):10.2%}" if viewers else f"{'':10}"
+        sent = received.get(viewers, [])
+        ticks = sum(one.ticks for one in sent) / max(1, len(sent)) / ROUND_TIME
+        moved = sum(one.moved for one in sent) / max(1, sum(one.ticks for one in sent))
+        size = sum(one.bytes for one in sent) / max(1, len(sent)) / ROUND_TIME / 1000
+        print(f"  {f'{viewers} who look':42} {share:10.2%} {more} {ticks:8.1f} {moved:6.1f} {size:6.1f}", flush=True)
+        before_share, before_viewers = share, viewers
+
+
+# The robots
+
+
+async def drive(address: str, robot: int) -> None:
+    """Have a robot drive around a square until cancelled."""
+    host, _, port = address.rpartition(":")
+    x, y = home(robot)
+    async with RobotLink(host, int(port), f"Robot{robot}", rate=0) as link:
+        while True:
+            for px, py in ((x + 1.5, y), (x + 1.5, y + 4.5), (x, y + 4.5), (x, y)):
+                with contextlib.suppress(RobotGaveUp):
+                    await link.drive_to(px, py)
+
+
+async def real() -> None:
+    (port,) = free_ports("127.0.0.1", 1)
+    address = f"127.0.0.1:{port}"
+    with tempfile.TemporaryDirectory() as folder, Processes(Path(folder), address) as processes:
+        processes.start("simulator", port, "--speed", "1")
+        driving = [asyncio.create_task(drive(address, robot)) for robot in range(ROBOTS)]
+        await measured(processes, "the real simulator, at real time")
+        for task in driving:
+            task.cancel()
+        await asyncio.wait(driving)
+
+
+@asynccontextmanager
+async def player() -> AsyncIterator[str]:
+    """Speaks the operator's part of the robot link, and tells of robots that move all the time."""
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(written(Welcome(time=0.0)))
+        with contextlib.suppress(asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):  # the last, at the end of all
+            await reader.readuntil(b"\n")
+            while not isinstance(asked := read_by_server(await reader.readuntil(b"\n")), Ask) or not isinstance(asked.question, Follow):
+                pass
+            writer.write(written(Answer(id=asked.id)))
+            await play(writer)
+        writer.close()
+
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    async with server:
+        host, port = server.sockets[0].getsockname()
+        yield f"{host}:{port}"
+
+
+async def play(writer: asyncio.StreamWriter) -> None:
+    movers = tuple(Mover(name=f"Robot{i}", numbers=9) for i in range(ROBOTS))
+    robots = {mover.name: Work(doing="DriveTo") for mover in movers}
+    everyone, began, tick = tuple(range(ROBOTS)), time.monotonic(), 0
+    while True:
+        clock = time.monotonic()
+        values = []
+        for i in range(ROBOTS):
+            x, y = home(i)
+            turn = 0.5 * clock + i
+            pose = (x + math.cos(turn), y + math.sin(turn), 0.0, turn % math.tau - math.pi)
+            arm = (math.sin(turn), 0.57 + 0.2 * random.random(), 0.3, 0.0, 0.05)
+            values += [round(value, 4) for value in (*pose, *arm)]
+        line = Poses(time=clock, clock=clock, movers=movers if not tick else None, moved=everyone, values=tuple(values), robots=robots)
+        writer.write(written(line))
+        await writer.drain()
+        tick += 1
+        robots = {}
+        await asyncio.sleep(max(0.0, began + tick / RATE - time.monotonic()))
+
+
+async def played() -> None:
+    async with player() as address:
+        with tempfile.TemporaryDirectory() as folder, Processes(Path(folder), address) as processes:
+            await measured(processes, "played: every robot moved in every tick")
+
+
+def main() -> None:
+    print(f"The server's CPU for poses of {ROBOTS} robots at {RATE:.0f} Hz; {ROUNDS} rounds of {ROUND_TIME:.0f} s each")
+    asyncio.run(played())
+    asyncio.run(real())
+
+
+if __name__ == "__main__":
+    main()
