@@ -40,12 +40,12 @@ def undone(event: Event, contents: Contents) -> Outcome:
 def _definitions(event: Event, revision: Revision, contents: Contents) -> tuple[Define, list[Violation]]:
     """The change of the ontology that undoes the event, and what stands in its way."""
     renamer = Renamer(event.renamed, contents.ontology)
-    before = {renamer.named(named(one)): one for one in revision.before.each()}
+    # What made room for something that got its name comes back once that has its own name again.
+    targets = {Named(section=renaming.section, name=renaming.to) for renaming in event.renamed}
+    targets -= {Named(section=renaming.section, name=renaming.name) for renaming in event.renamed}
+    restored: list[Definition] = [one for one in revision.before.each() if named(one) in targets]
+    before = {renamer.named(named(one)): one for one in revision.before.each() if named(one) not in targets}
     after = {named(one): one for one in revision.after.each()}
-    if len(before) < len([*revision.before.each()]):
-        message = "gave a definition the name that another one had, which went; put back what went by hand"
-        return Define(), [_stands(event, Named(section=Section.TYPES, name=""), message)]
-    restored: list[Definition] = []
     broken: list[Violation] = []
     for what in {**before, **after}:
         old, new, now = before.get(what), after.get(what), find(contents.ontology, what)
@@ -72,7 +72,7 @@ def _changed_since(what: Named, was_gone: bool, is_gone: bool, contents: Content
 
 def _stands(event: Event, what: Named, message: str) -> Violation:
     said = f"version {event.version} cannot be undone: {message}"
-    return Violation(subject=what.name or f"version {event.version}", rule="changed-since", message=said, section=what.section)
+    return Violation(subject=what.name, rule="changed-since", message=said, section=what.section)
 
 
 # Of the map
