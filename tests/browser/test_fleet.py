@@ -1,0 +1,163 @@
+"""The Fleet page: devices as they come, work, break and go; questions to people."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import time
+import urllib.request
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from somrs.app.client import Client
+from somrs.devices.questions import Questions
+from somrs.ontology.services import ServiceType
+from somrs.protocol.bodies import Body
+from somrs.protocol.directory import Offer, Publish, Published, Retract, Retracted
+
+from .conftest import Running, shoot
+
+Open = Callable[..., Page]
+WORK_TIME = 60_000
+"""Milliseconds for a robot to carry something."""
+
+
+def device(page: Page, name: str) -> Locator:
+    return page.get_by_role("article", name=name)
+
+
+def fleet(system: Running) -> dict[str, dict[str, Any]]:
+    """The devices by name, as the API has them."""
+    with urllib.request.urlopen(f"{system.url}/api/fleet") as answer:
+        return {one["name"]: one for one in json.load(answer)["devices"]}
+
+
+def state_task(system: Running, effect: str) -> str:
+    asked = urllib.request.Request(f"{system.url}/api/tasks", data=json.dumps({"effect": effect}).encode(), method="POST")
+    with urllib.request.urlopen(asked) as answer:
+        return str(json.load(answer)["task"])
+
+
+def ask(system: Running, body: Body, expected: type[Any]) -> None:
+    async def asking() -> None:
+        async with Client(system.addresses) as client:
+            await client.ask(system.addresses.registry, body, expected)
+
+    with ThreadPoolExecutor(1) as beside:  # Playwright's own event loop runs in this thread
+        beside.submit(asyncio.run, asking()).result()
+
+
+@pytest.mark.parametrize(("size", "dark"), [("1280", False), ("820", True)])
+def test_every_device_is_there_with_what_it_offers(system: Running, window: Open, size: str, dark: bool) -> None:
+    page = window(f"{system.url}/fleet", size, dark=dark)
+    for name, price in (("Robot1", "10 EUR"), ("Robot2", "25 EUR")):
+        card = device(page, name)
+        expect(card).to_contain_text("PioneerP3DX")
+        expect(card.get_by_role("listitem")).to_contain_text(["TransferObject"])
+        expect(card.get_by_role("listitem")).to_contain_text([price])
+        expect(card.get_by_role("progressbar", name="Battery")).to_have_attribute("aria-valuenow", "100")
+    expect(page.get_by_role("status").first).to_contain_text("2 on offer")
+    assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    shoot(page, f"fleet-{size}-{'dark' if dark else 'light'}")
+
+
+def test_a_robot_at_work_shows_its_step_and_then_what_it_has_done(system: Running, window: Open) -> None:
+    """Whatever the other tests had it do: one more is done."""
+    before = {name: one["services"][0]["tally"]["completed"] for name, one in fleet(system).items()}
+    page = window(f"{system.url}/fleet")
+    expect(device(page, "Robot1")).to_be_visible()
+    task = state_task(system, "Jar003 isOn Table001")
+    busy = page.get_by_role("article").filter(has_text="Jar003 isOn Table001")
+    expect(busy).to_contain_text("TransferObject: Jar003 and Table001", timeout=WORK_TIME)
+    expect(busy.get_by_text("Busy", exact=True)).to_be_visible(timeout=WORK_TIME)
+    name = busy.get_attribute("aria-label") or ""
+    link = busy.get_by_role("link", name=re.compile("TransferObject: Jar003"))
+    assert (link.get_attribute("href") or "").endswith(f"/tasks/{task}")
+    shoot(page, "fleet-at-work")
+    done = before[name] + 1
+    expect(device(page, name).get_by_role("listitem")).to_contain_text(f"{done} of ", timeout=WORK_TIME)
+    if done < 5:
+        expect(device(page, name).get_by_role("listitem")).not_to_contain_text("%")
+    expect(device(page, name).get_by_text("Busy", exact=True)).to_have_count(0)
+    assert fleet(system)[name]["load"] > 0
+
+
+def test_a_fault_is_made_and_mended_by_keyboard_and_both_windows_see_it(system: Running, window: Open) -> None:
+    one, other = window(f"{system.url}/fleet"), window(f"{system.url}/fleet", "820", dark=True)
+    expect(device(other, "Robot2")).to_be_visible()
+    menu = one.get_by_role("button", name="Faults of Robot2")
+    menu.focus()
+    one.keyboard.press("Enter")
+    item = one.get_by_role("listitem").or_(one.get_by_role("menuitem")).filter(has_text="Jam the gripper")
+    expect(item).to_be_visible()
+    shoot(one, "fleet-faults")
+    item.focus()
+    one.keyboard.press("Enter")
+    for page in (one, other):
+        expect(device(page, "Robot2").get_by_text("Gripper stuck")).to_be_visible()
+        expect(page.get_by_role("status").first).to_contain_text("1 with a fault")
+    assert fleet(system)["Robot2"]["simulated"]["faults"] == ["gripper"]
+    menu.click()
+    one.get_by_text("Free the gripper").click()
+    for page in (one, other):
+        expect(device(page, "Robot2").get_by_text("Gripper stuck")).to_have_count(0)
+    assert fleet(system)["Robot2"]["simulated"]["faults"] == []
+
+
+def test_who_joins_is_shown_at_once_and_who_leaves_is_not_dropped_in_silence(system: Running, window: Open) -> None:
+    page = window(f"{system.url}/fleet")
+    expect(device(page, "Robot1")).to_be_visible()
+    kind = ServiceType(name="Whistle", effect="?Provider isAt ?Place")
+    offer = Offer(
+        service="Visitor.Whistle", provider="Visitor", provider_type="MobileRobot", address="http://127.0.0.1:9", service_type=kind
+    )
+    ask(system, Publish(provider="Visitor", offers=(offer,), lease=60.0), Published)
+    expect(device(page, "Visitor").get_by_text("Ready")).to_be_visible()
+    expect(device(page, "Visitor")).to_contain_text("nothing done yet")
+    log = page.get_by_role("log")
+    expect(log).to_contain_text("Visitor joined")
+    ask(system, Retract(provider="Visitor"), Retracted)
+    expect(device(page, "Visitor").get_by_text("Gone")).to_be_visible()
+    expect(device(page, "Visitor")).to_contain_text("It withdrew its services at")
+    expect(log).to_contain_text("Visitor withdrew its services")
+    expect(page.get_by_role("status").first).to_contain_text("1 gone lately")
+    shoot(page, "fleet-gone")
+
+
+def test_a_question_is_answered_where_it_is_shown(system: Running, window: Open) -> None:
+    """The person's program is the test: it refuses the first answer, and takes the second."""
+    page = window(f"{system.url}/fleet")
+    expect(page.get_by_text("Nobody is asked anything.")).to_be_visible()
+    questions = Questions(system.data)
+    number = questions.ask("Person001", "Jar002", "Where is Jar002 now?", 60.0)
+    asked = page.get_by_role("region", name=f"Question {number}")
+    expect(asked).to_contain_text("Where is Jar002 now?")
+    expect(asked).to_contain_text("s left")
+    shoot(page, "fleet-question")
+    asked.get_by_label("What is so").fill("Jar002 isOn Tabel001")
+    asked.get_by_role("button", name="Answer").click()
+    _judge(page, questions, number, "Jar002 isOn Tabel001", problem="there is no Tabel001; did you mean Table001?")
+    expect(page.get_by_text("did you mean Table001?")).to_be_visible()
+    expect(asked.get_by_label("What is so")).to_have_value("Jar002 isOn Tabel001")
+    asked.get_by_label("What is so").fill("Jar002 isOn Table001")
+    asked.get_by_label("What is so").press("Enter")
+    _judge(page, questions, number, "Jar002 isOn Table001")
+    expect(asked).to_have_count(0)
+    questions.close()
+
+
+def _judge(page: Page, questions: Questions, number: int, expected: str, problem: str = "") -> None:
+    until = time.monotonic() + 10
+    while (question := questions.read(number)) is None or question.answer is None:
+        assert time.monotonic() < until, "no answer came"
+        page.wait_for_timeout(50)
+    assert question.answer == expected
+    if problem:
+        questions.reject(number, problem)
+    else:
+        questions.end(number, "taken")
