@@ -122,8 +122,9 @@ export default {
     show(name) { if (!this.plan.reveal(name)) this.say(`${name} has no place on the map.`); this.after(); },
     settled(name, version) { this.plan.settle(name, version); },
     back(name) { this.plan.back(name); },
-    place(type) {
+    place(type, values = {}) {
       this.placing = type ?? false;
+      this.values = values;
       this.plan.ghost = null;
       this.turned = 0;
       if (type) this.$refs.svg.focus({ preventScroll: true });
@@ -235,7 +236,7 @@ export default {
     hover(at) {
       this.where = at ? `x ${at.x.toFixed(2)} m, y ${at.y.toFixed(2)} m` : "";
       if (this.placing && at) {
-        this.plan.ghost = { at: { ...this.snapped(at), turned: this.turned }, form: this.plan.model.formOfType(this.placing) };
+        this.plan.ghost = { at: { ...this.snapped(at), turned: this.turned }, form: this.plan.model.formOfType(this.placing, this.values) };
         this.plan.target = this.plan.model.targetAt(at.x, at.y, this.plan.storey);
         this.plan.draw();
       }

@@ -5,15 +5,15 @@ It reads the map and its news from the API by itself, so a page only says what t
     plan = FloorPlan(mode="edit")
     plan.on_select(lambda at: ...)
 
-Modes: in `view`, things are only chosen. In `pick`, a thing (or a robot) is dragged to where it should be; it stays where it is, and the page
-hears `dropped`. In `edit`, objects are moved and turned, by mouse, finger or keys; the page hears `moved`, changes the map, and says
-`settled(name, version)`, or `back(name)` when that was refused.
+Modes: in `view`, things are only chosen. In `pick`, a thing (or a robot) is dragged to where it should be; it stays where it is, and
+the page hears `dropped`. In `edit`, objects are moved and turned, by mouse, finger or keys; the page hears `moved`, changes the map, and
+says `settled(name, version)`, or `back(name)` when that was refused.
 
 Events, each with a dict:
 - `select {name}`: what was chosen, None for nothing. Say so with `choose`, also for what was chosen elsewhere.
-- `moved {name, x, y, turned, target, version}`: where to (metres, radians), what would be below it (a thing only), and of which version the
-  map was when it was taken. `unanswered {names}`: they went back, for nobody said whether they may stay.
-- `dropped {thing, target, x, y}` and `picked {name, x, y, target}`, in `pick`. `target`: the highest support, place or floor there, or None.
+- `moved {name, x, y, turned, target, version}`: where to (metres, radians), what would be below it (a thing only), and of which version
+  the map was when it was taken. `unanswered {names}`: they went back, for nobody said whether they may stay.
+- `dropped {thing, target, x, y}` and `picked {name, x, y, target}`, in `pick`. `target`: the highest support, place or floor there.
 - `placed {type, x, y, turned, target, storey}`: where something new goes, after `place(type)`; `stopped {}`: nowhere.
 - `open {name}` (Enter, double click), `remove {name}` (Delete), `undo {}` (Ctrl+Z).
 - `storey {name}`: which one is shown; `loaded {version, objects}`: a map was read.
@@ -99,9 +99,9 @@ class FloorPlan(Element, component="floorplan.js", dependencies=["floorplan_*.js
         """What was moved may not stay there."""
         self.run_method("back", name)
 
-    def place(self, type_name: str | None) -> None:
-        """Have people click where a new object of the type goes; None stops that."""
-        self.run_method("place", type_name)
+    def place(self, type_name: str | None, values: Mapping[str, object] | None = None) -> None:
+        """Have people click where a new object of the type goes; None stops that. `values`: what it has beside the type's defaults."""
+        self.run_method("place", type_name, dict(values or {}))
 
     def focus(self) -> None:
         self.run_method("focus")

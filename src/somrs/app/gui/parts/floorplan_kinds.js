@@ -15,7 +15,7 @@ const KINDS = [
   { id: "window", types: ["Window"], title: "Window", layer: "walls", moves: "fixed", label: 6, from: 80 },
   { id: "stairs", types: ["Stairs"], title: "Stairs", layer: "walls", moves: "fixed", label: 30, from: 40 },
   { id: "pillar", types: ["Pillar"], title: "Pillar", layer: "walls", moves: "fixed", label: 4, from: 80 },
-  { id: "wall", types: ["Wall", "BuildingElement"], title: "Wall", layer: "walls", moves: "fixed", label: 3, from: 420 },
+  { id: "wall", types: ["Wall", "BuildingElement"], title: "Wall", layer: "walls", moves: "fixed", label: 3, from: 900 },
   { id: "support", types: ["Support"], title: "Furniture to put things on", layer: "furniture", moves: "free", label: 50, from: 26, carries: 3 },
   { id: "chair", types: ["Chair"], title: "Chair", layer: "furniture", moves: "free", label: 30, from: 34 },
   { id: "plant", types: ["Plant"], title: "Plant", layer: "furniture", moves: "free", label: 30, from: 30 },

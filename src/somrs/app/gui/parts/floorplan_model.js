@@ -120,9 +120,9 @@ export class Model {
     return formOf((path) => this.value(name, path));
   }
 
-  // The form that a new object of the type would have.
-  formOfType(type) {
-    return formOf((path) => this.default(type, path));
+  // The form that a new object of the type would have, with these values.
+  formOfType(type, values = {}) {
+    return formOf((path) => values[path] ?? this.default(type, path));
   }
 
   factsAbout(name) {

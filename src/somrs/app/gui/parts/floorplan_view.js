@@ -2,7 +2,9 @@
 
 const LEAST = 0.5; // pixels a metre
 const MOST = 2500;
-const MARGIN = 28; // pixels around what is fitted in
+const MARGIN = 20; // pixels around what is fitted in
+const TOOLS = 40; // on the right, pixels
+const FOOT = 26; // below: the scale bar, pixels
 
 export class View {
   constructor() {
@@ -48,10 +50,10 @@ export class View {
   fit(box) {
     if (!box) return;
     const [w, h] = [Math.max(box.right - box.left, 0.5), Math.max(box.top - box.bottom, 0.5)];
-    const [width, height] = [Math.max(this.width - 2 * MARGIN, 40), Math.max(this.height - 2 * MARGIN - 24, 40)];
+    const [width, height] = [Math.max(this.width - 2 * MARGIN - TOOLS, 40), Math.max(this.height - 2 * MARGIN - FOOT, 40)];
     this.scale = Math.min(MOST, Math.max(LEAST, Math.min(width / w, height / h)));
-    this.x = (box.left + box.right) / 2;
-    this.y = (box.bottom + box.top) / 2 - 12 / this.scale; // the scale bar is below
+    this.x = (box.left + box.right) / 2 + TOOLS / 2 / this.scale;
+    this.y = (box.bottom + box.top) / 2 - FOOT / 2 / this.scale;
   }
 
   // Have the point in view, away from the edges; whether the plan had to be moved for it.

@@ -1,0 +1,100 @@
+"""Values as people write them into fields, and back."""
+
+from __future__ import annotations
+
+import re
+
+from somrs.errors import InputError
+from somrs.ontology.conformance import value_problem
+from somrs.ontology.types import AttributeType, Constraint, Kind, Ontology, Value
+from somrs.ontology.units import converted
+
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
+SHOWN = {"rad": "°", "percent": "%"}
+"""Units that people read otherwise than they are stored."""
+WRITTEN = {"°": "deg", "%": "percent", "€": "EUR"}
+
+
+def unit(attribute: AttributeType) -> str:
+    """The unit that a field shows, and that a number without one is taken in."""
+    return SHOWN.get(attribute.unit or "", attribute.unit or "")
+
+
+def text_of(value: Value | None, attribute: AttributeType) -> str:
+    """A value as a field shows it, without its unit."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return value
+    found = converted(value, "rad", "deg") if attribute.unit == "rad" else value
+    return f"{found:.10g}"
+
+
+def read(text: str, attribute: AttributeType) -> Value:
+    """What was written as a value of the attribute. Raises InputError, which says what is wrong."""
+    value: Value = text if attribute.kind is not Kind.NUMBER else _number(text, attribute)
+    if problem := value_problem(attribute, value):
+        raise InputError(_in_shown_unit(problem, attribute))
+    return value
+
+
+def _number(text: str, attribute: AttributeType) -> float:
+    found = _NUMBER.match(text)
+    own = unit(attribute)
+    if found is None:
+        raise InputError(f"{attribute.name} is a number{f' in {own}' if own else ''}, not {text!r}")
+    number, written = float(found[1].replace(",", ".")), found[2]
+    if not attribute.unit:
+        if written:
+            raise InputError(f"{attribute.name} is a number without a unit; leave {written!r} out")
+        return number
+    asked = WRITTEN.get(written or own, written or own)
+    value = converted(number, asked, attribute.unit)
+    if value is None:
+        raise InputError(f"{attribute.name} is a number in {own}, and {text.strip()!r} cannot be expressed in it")
+    return round(value, 12)
+
+
+def _in_shown_unit(problem: str, attribute: AttributeType) -> str:
+    if attribute.kind is Kind.NUMBER and attribute.unit and attribute.unit != "rad":
+        return f"{problem} ({unit(attribute)})"
+    return problem
+
+
+def limits(path: str, attribute: AttributeType, type_name: str, ontology: Ontology) -> str:
+    """The range of a number, as far as attribute and type set one: `0 to 5 kg`."""
+    rules = [one for ancestor in ontology.ancestors(type_name) for one in ontology.types[ancestor].constraints if one.attribute == path]
+    rules.append(Constraint(minimum=attribute.minimum, maximum=attribute.maximum))
+    low = max((one.minimum for one in rules if one.minimum is not None), default=None)
+    high = min((one.maximum for one in rules if one.maximum is not None), default=None)
+    shown = unit(attribute)
+    match low, high:
+        case None, None:
+            return ""
+        case None, _:
+            return f"at most {text_of(high, attribute)} {shown}".rstrip()
+        case _, None:
+            return f"at least {text_of(low, attribute)} {shown}".rstrip()
+    return f"{text_of(low, attribute)} to {text_of(high, attribute)} {shown}".rstrip()
+
+
+def in_limits(path: str, value: Value, type_name: str, ontology: Ontology) -> str:
+    """What a type's own ranges and lists have against the value; empty when nothing."""
+    if isinstance(value, bool):
+        return ""
+    for ancestor in ontology.ancestors(type_name):
+        for rule in ontology.types[ancestor].constraints:
+            if rule.attribute != path:
+                continue
+            attribute = ontology.attributes_of(type_name)[path]
+            meaning = f": {rule.doc}" if rule.doc else ""
+            if isinstance(value, int | float):
+                if rule.minimum is not None and value < rule.minimum:
+                    return f"at least {text_of(rule.minimum, attribute)} {unit(attribute)}{meaning}"
+                if rule.maximum is not None and value > rule.maximum:
+                    return f"at most {text_of(rule.maximum, attribute)} {unit(attribute)}{meaning}"
+            if rule.values and value not in rule.values:
+                return f"one of {', '.join(map(str, rule.values))}{meaning}"
+    return ""
