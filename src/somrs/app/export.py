@@ -7,7 +7,6 @@ import csv
 import json
 import re
 import sys
-import time
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from enum import Enum, StrEnum
@@ -15,13 +14,14 @@ from pathlib import Path
 from typing import IO
 
 import msgspec
+from msgspec import structs
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from somrs.app.past import Past, past
 from somrs.errors import UsageError
 from somrs.protocol.clients import ContractView, EventKind, MessageView, ReadRecords, Records, TaskEvent, TaskRecord, WorkView
-from somrs.protocol.frp import Outcome, State
+from somrs.protocol.frp import State
 
 PAGE = 100
 """Records that are asked for at once; fewer come when they are long."""
@@ -49,7 +49,7 @@ class Format(StrEnum):
 
 TASK_COLUMNS = (
     "task", "effect", "outcome", "explanation", "submitted_at", "ended_at", "seconds", "client", "precondition", "policy", "deadline",
-    "steps", "work", "completed", "compensated", "stranded", "setbacks", "price", "currency",
+    "priority", "steps", "work", "completed", "compensated", "stranded", "setbacks", "price", "currency",
 )  # fmt: skip
 TIMES = frozenset(("at", "began", "ended", "valid_until", "submitted_at", "ended_at"))
 """Columns that are moments, written as ISO 8601 in UTC."""
@@ -77,9 +77,9 @@ def moment(text: str, now: float) -> float:
         ) from None
 
 
-async def export(out: Path | None, data: Path, format: Format, table: Table, since: str | None, outcome: Outcome | None) -> None:
-    """Write all tasks that are over, the latest first, to a file or to standard output."""
-    wanted = ReadRecords(since=moment(since, time.time()) if since is not None else None, outcome=outcome, limit=PAGE)
+async def export(out: Path | None, data: Path, format: Format, table: Table, which: ReadRecords | None = None) -> None:
+    """Write the tasks that are over, or which of them are asked for, the latest first, to a file or to standard output."""
+    wanted = structs.replace(which or ReadRecords(), limit=PAGE)
     if out is not None and not out.parent.is_dir():
         raise UsageError(f"{out}: there is no folder {out.parent}; make it first")
     async with past(data) as archive:

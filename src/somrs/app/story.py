@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from typing import Any
+from urllib.parse import unquote
 
 import msgspec
 from rich.console import Console, Group, RenderableType
@@ -59,15 +60,16 @@ def tell(story: Story, console: Console) -> None:
 
 def _facts(story: Story) -> Table:
     seen, record = story.view, story.record
-    facts = [("task", seen.task), ("submitted", show.moment(seen.submitted_at))]
-    if record is not None:
-        facts += [
-            ("ended", show.moment(record.ended_at)),
-            ("by", record.client.removeprefix("urn:so-mrs:client:")),
-            ("policy", record.policy.value),
-            *([("from", record.precondition)] if record.precondition else []),
-            *([("deadline", f"{record.deadline:g} s")] if record.deadline is not None else []),
-        ]
+    facts = [
+        ("task", seen.task),
+        ("submitted", show.moment(seen.submitted_at)),
+        *([("ended", show.moment(record.ended_at))] if record is not None else []),
+        ("by", unquote(seen.client.removeprefix("urn:so-mrs:client:"))),
+        ("policy", seen.policy.value),
+        *([("priority", f"{seen.priority}")] if seen.priority else []),
+        *([("from", seen.precondition)] if seen.precondition else []),
+        *([("deadline", f"{seen.deadline:g} s")] if seen.deadline is not None else []),
+    ]
     made = Table.grid(padding=(0, 2))
     for fact in facts:
         made.add_row(*fact)

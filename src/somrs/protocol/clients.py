@@ -366,8 +366,8 @@ class ReadRecords(Struct, frozen=True, kw_only=True, tag=True):
     """Tasks that are over, the latest first, up to `limit`: those that ended at `since` or later, with this `outcome`, whose id is
     `task` or begins so (without `urn:uuid:`, if one likes), with this `text` in what was wished for, whatever its case, and in which
     this `service`, or a service of this device, did something. `behind`: those behind this one in that order. `brief`: without
-    contracts, events and messages; `without` names those of these parts that are left out. `after`: of a record's steps, work, contracts, events and messages, in this order, those behind
-    the first so many."""
+    contracts, events and messages; `without`: without these of a record's parts. `after`: of its steps, work, contracts, events and
+    messages, in this order, those behind the first so many."""
 
     since: float | None = None
     outcome: Outcome | None = None

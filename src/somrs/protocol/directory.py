@@ -7,6 +7,9 @@ from msgspec import Struct
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
 
+AT_ONCE = "AtOnce"
+"""The attribute of a service whose device performs several services at the same time: so many. Without it, one at a time."""
+
 
 class Offer(Struct, frozen=True, kw_only=True):
     """One service of one device. `service` is its name in the whole system (`Robot1.TransferObject`), `provider` the

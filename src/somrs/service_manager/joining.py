@@ -11,7 +11,7 @@ from somrs.ontology.objects import Object, ObjectAdded
 from somrs.ontology.services import ServiceType
 from somrs.protocol.bodies import Body
 from somrs.protocol.component import Ask, Effect, Send, Wake
-from somrs.protocol.directory import Offer, Publish, Published, Renew, Retract
+from somrs.protocol.directory import AT_ONCE, Offer, Publish, Published, Renew, Retract
 from somrs.protocol.envelope import Header, Message, message_id
 from somrs.protocol.frp import Fault
 from somrs.protocol.knowledge import (
@@ -176,7 +176,7 @@ class Joining:
             provider_type=self._object_type,
             address=self._address,
             service_type=self._types[capability.type_name],
-            attributes=capability.attributes,
+            attributes={**capability.attributes, **({AT_ONCE: self._profile.capacity} if self._profile.capacity != 1 else {})},
         )
 
     def _trouble(self, text: str) -> list[Effect]:

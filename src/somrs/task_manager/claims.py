@@ -2,8 +2,8 @@
 
 From the moment when a task takes a plan until it ends, nobody else changes what its plan changes or relies on, and nobody relies on what
 it changes: that may be another way by then. Who needs something that another has waits until that one has ended. Whoever waits has
-nothing, not even what it had before, so nobody waits for one that waits for it; of those that wait, the one that was submitted first
-comes first.
+nothing, not even what it had before, so nobody waits for one that waits for it; of those that wait, the one with the highest priority
+comes first, then the one that was submitted first. What is under way is not interrupted, whatever the priority of those that wait for it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Held:
 class _Waiting:
     claim: Claim
     then: Then | None
-    """None: it was called, and makes its plan; until it has that, its claim is respected by whoever came later."""
+    """None: it was called, and makes its plan; until it has that, its claim is respected by whoever comes behind it."""
 
 
 @dataclass(slots=True)
@@ -59,19 +59,24 @@ class Claims:
     """Of all tasks that are under way, by task."""
 
     _wishes: dict[str, str] = field(default_factory=dict)
-    """What each wants, in the order in which they were submitted."""
+    """What each wants, in the order in which they come first: by priority, and then as they were submitted."""
+    _priorities: dict[str, int] = field(default_factory=dict)
     _held: dict[str, Claim] = field(default_factory=dict)
     _waiting: dict[str, _Waiting] = field(default_factory=dict)
     _freed: bool = False
     """Something is free that was not when it was looked last."""
 
-    def enter(self, task: str, wish: str) -> None:
+    def enter(self, task: str, wish: str, priority: int = 0) -> None:
         """The task was submitted."""
-        self._wishes[task] = wish
+        behind = [other for other in reversed(self._wishes) if self._priorities[other] < priority]
+        self._wishes[task], self._priorities[task] = wish, priority
+        for other in reversed(behind):
+            self._wishes[other] = self._wishes.pop(other)
 
     def leave(self, task: str) -> None:
         """It is over."""
         self._wishes.pop(task, None)
+        self._priorities.pop(task, None)
         self._held.pop(task, None)
         self._waiting.pop(task, None)
         self._freed = True
@@ -80,7 +85,7 @@ class Claims:
         return self._wishes.get(task, "")
 
     def conflicts(self, task: str, claim: Claim) -> dict[str, frozenset[str]]:
-        """Who has, or waits for longer for, what the claim asks for; empty when it can be had."""
+        """Who has what the claim asks for, or waits for it and comes first; empty when it can be had."""
         return {other: met for other, its in self._before(task) if (met := claim.meets(its))}
 
     def holders(self, task: str, claim: Claim) -> list[str]:

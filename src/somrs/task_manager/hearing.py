@@ -152,6 +152,7 @@ class Hearing:
         for pursuit in self._owner.pursuits:
             pursuit.upset(f"{member.offer.service} reported while it was planned")
         if situation is not None:
+            member.reporting = True
             self._put_on_map(member, situation, partial(self._settled, member, situation, trouble), now)
         else:
             self._over(member, None, trouble, now)
@@ -175,6 +176,7 @@ class Hearing:
 
     def _over(self, member: Member, situation: str | None, trouble: str | None, now: float) -> None:
         """What became of a participant's work is known; what comes of that, `proceed` finds."""
+        member.reporting = False
         work = self._owner.ledger.of(member)
         compensated = member.state in (State.COMPENSATED, State.STRANDED)
         called_off = member.state is State.STOPPED and self._owner.ending

@@ -77,6 +77,7 @@ class TaskManager:
         else:
             self._handle(event, now)
         self._claims.wake(now)
+        self._setting.turns.wake(now)
         self._watching.tell()
         for id in [id for id, transaction in self._open.items() if transaction.outcome is not None]:
             del self._open[id]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 from msgspec import structs
 
@@ -60,6 +61,8 @@ class Member:
     """The version of the map when it was given up."""
     reported: bool = False
     """It said how its work ended."""
+    reporting: bool = False
+    """What it said is on its way to the map."""
     halting: bool = False
     """It was sent home while it undid its work, and may be moving still."""
     left_in: State | None = None
@@ -128,8 +131,13 @@ class Participants:
         return True
 
     def _have_begin(self, member: Member, body: frp.Execute | frp.Compensate, now: float) -> None:
+        self._setting.turns.begins(member.offer.provider, partial(self._is_at_work, member))
         self._order(member, body, now)
         self._watch(member, now)
+
+    def _is_at_work(self, member: Member) -> bool:
+        """Whether its device does what it was told to begin, or what it came to is not on the map yet."""
+        return self._members.get(member.id) is member and (member.state in WORKING or member.halting or member.reporting)
 
     def _order(self, member: Member, body: frp.Execute | frp.Compensate, now: float) -> None:
         """Told again, it is another message: what is still under way of the one before must not be obeyed for longer than that says."""

@@ -36,6 +36,7 @@ class Owner(Protocol):
 
     id: str
     task: Submit
+    submitted_at: float
     setting: Setting
     participants: Participants
     offered: Offered
@@ -288,6 +289,12 @@ class Pursuit:
     def _execute(self, run: StepRun, now: float) -> None:
         assert run.member is not None, "an arranged step is somebody's"
         owner, member = self._owner, run.member
+        rank = (-owner.task.priority, run.start, owner.submitted_at, owner.id)
+        if not owner.setting.turns.takes(member.offer, owner.id, rank, owner.proceed):
+            if not run.waits:
+                run.waits = True
+                self._tell(now, f"waiting for its turn at {member.offer.provider}", run, EventKind.WAIT)
+            return
         try:
             situation = owner.offered.precondition(run)
         except LookupError as error:

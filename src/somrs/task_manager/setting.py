@@ -22,9 +22,13 @@ from somrs.protocol.directory import Offer
 from somrs.protocol.replica import Replica
 from somrs.task_manager.claims import Claims
 from somrs.task_manager.questions import Questions
+from somrs.task_manager.turns import Turns
 
 PRICE = "Price"
 """The attribute of a service whose price is always the same."""
+
+
+MOST_PRIORITY = 1000
 
 
 @dataclass(slots=True, kw_only=True)
@@ -42,6 +46,8 @@ class Setting:
     """What each transaction has to itself."""
     busy: Callable[[str], list[tuple[float, float]]]
     """From when until when a provider is committed to this Task Manager, in any transaction."""
+    turns: Turns = field(default_factory=Turns)
+    """Whose turn it is at each device."""
     touched: dict[str, None] = field(default_factory=dict)
     """The transactions to which something happened, for those who watch them."""
     quotes: dict[str, float] = field(default_factory=dict)
@@ -99,6 +105,8 @@ def wrong_with(task: Submit, replica: Replica) -> str | None:
         return f"a deadline is a number of seconds from now, and {task.deadline:g} is none; leave it out if there is none"
     if not math.isfinite(task.time_value):
         return f"time_value is what a second is worth in the currency of the terms, and {task.time_value:g} is no amount"
+    if abs(task.priority) > MOST_PRIORITY:
+        return f"a priority is a whole number from -{MOST_PRIORITY} to {MOST_PRIORITY}, and {task.priority} is none of them"
     try:
         problem(task, replica, [])
         for handler in task.handlers:

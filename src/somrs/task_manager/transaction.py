@@ -97,7 +97,7 @@ class Transaction:
 
     def start(self, now: float) -> None:
         self.tell(now, f"task: {self.task.effect}")
-        self.setting.claims.enter(self.id, self.task.effect)
+        self.setting.claims.enter(self.id, self.task.effect, self.task.priority)
         if self.latest is not None:
             self._wake("deadline", self.latest)
         self.wish.begin(now)

@@ -49,6 +49,8 @@ class StepRun:
         self.handled: set[str] = set()
         """What was laid down for its failure and has been tried, by its effect."""
         self.start = self.finish = 0.0
+        self.waits = False
+        """It is arranged, and another has its device."""
         self._workflow = workflow
         self._progress = Progress.OPEN
         self._failure: str | None = None
@@ -74,7 +76,7 @@ class StepRun:
 
     def take(self, member: Member, start: float, finish: float) -> None:
         """The service is committed to it, from then until then."""
-        self.member, self.start, self.finish = member, start, finish
+        self.member, self.start, self.finish, self.waits = member, start, finish, False
         self.progress = Progress.ARRANGED
 
     def lose(self, failure: str | None = None) -> None:
