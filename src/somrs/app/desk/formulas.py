@@ -17,17 +17,19 @@ from somrs.errors import FormulaError, UsageError
 from somrs.ontology.check import mistakes
 from somrs.ontology.completion import Completions, complete
 from somrs.ontology.objects import Map
-from somrs.ontology.types import ROOT, Ontology
+from somrs.ontology.types import ROOT, ObjectType, Ontology
 
 _PLACE = re.compile(r'[^\W\d][\w-]*(?:\.[^\W\d][\w-]*)*|\?[^\W\d][\w-]*|"(?:[^"\\\n]|\\.)*"|[<>!]=|[\d.]+|\S')
 _PARTS = re.compile(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|\?[^\W\d][\w-]*|[^\W\d][\w-]*|[()]')
 
 
 class CheckFormula(msgspec.Struct, frozen=True, kw_only=True):
-    """`variables`: types of variables, beside those that the text says."""
+    """`variables`: types of variables, beside those that the text says. `types` count as if they were in the ontology already: what
+    somebody is writing."""
 
     text: str
     variables: dict[str, str] = {}
+    types: tuple[ObjectType, ...] = ()
 
 
 class CompleteFormula(CheckFormula, frozen=True, kw_only=True):
@@ -60,12 +62,15 @@ class FormulasDesk:
     @operation("POST", "/formulas/check")
     async def check(self, body: CheckFormula) -> Checked:
         """Is this a formula, and does it fit the ontology and the map as they are now? All mistakes that can be found."""
-        return checked(body.text, self._context.ontology, self._context.map, body.variables)
+        return checked(body.text, self._ontology(body), self._context.map, body.variables)
 
     @operation("POST", "/formulas/complete")
     async def complete(self, body: CompleteFormula) -> Completions:
         """What can come at a place in a formula, the likeliest first; the rest of the formula may be wrong, or not there yet."""
-        return complete(body.text, body.cursor, self._context.ontology, self._context.map, body.variables)
+        return complete(body.text, body.cursor, self._ontology(body), self._context.map, body.variables)
+
+    def _ontology(self, body: CheckFormula) -> Ontology:
+        return self._context.ontology.extended(body.types) if body.types else self._context.ontology
 
     @operation("GET", "/formulas/things")
     async def things(self, typed: str = "", type: str = ROOT, relation: str | None = None, place: int = 0, limit: int = 40) -> Things:

@@ -55,7 +55,7 @@ export default {
       </div>
     </div>`,
   props: {
-    value: String, label: String, placeholder: String, rows: Number, variables: Object, good: String, disable: Boolean, id: String,
+    value: String, label: String, placeholder: String, rows: Number, variables: Object, types: Array, good: String, disable: Boolean, id: String,
   },
   emits: ["update:value", "checked", "submit"],
   data() {
@@ -131,7 +131,7 @@ export default {
       clearTimeout(this.timer);
       const text = this.text;
       try {
-        const found = await ask("check", { text, variables: this.variables ?? {} });
+        const found = await ask("check", { text, variables: this.variables ?? {}, types: this.types ?? [] });
         if (text !== this.text) return;
         Object.assign(this, { found, checkedText: text, lost: false });
         this.$emit("checked", { ...found, text });
@@ -186,7 +186,7 @@ export default {
       const cursor = this.$refs.area.selectionStart;
       let found;
       try {
-        found = await ask("complete", { text, cursor: counted(text, cursor), variables: this.variables ?? {} });
+        found = await ask("complete", { text, cursor: counted(text, cursor), variables: this.variables ?? {}, types: this.types ?? [] });
       } catch {
         return this.close();
       }

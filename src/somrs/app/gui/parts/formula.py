@@ -4,7 +4,8 @@
                          on_change=changed, on_checked=checked, on_submit=submitted)
 
 - `value` is what is written; set it to write something else. `on_change` hears of each change (`.value`), also of one that Python made.
-- `variables`: types of variables, beside those in the text, as constraints (`Self`) and services (`Provider`) have them.
+- `variables`: types of variables, beside those in the text, as constraints (`Self`) and services (`Provider`) have them; `types` count
+  as if they were in the ontology already: what somebody is writing.
 - `on_checked` hears, a moment after the last change and whenever the map or the ontology changed, what is wrong: a `Report`, whose `text`
   is the text that was checked. `report` is the last one; `ok` says whether the text as it is now was checked and is right.
 - `on_submit` hears Ctrl+Enter.
@@ -16,7 +17,7 @@ It asks `/api/formulas` by itself; what is written in it does not wait for the p
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 
 import msgspec
@@ -25,6 +26,7 @@ from nicegui.elements.mixins.value_element import ValueElement
 from nicegui.events import GenericEventArguments, Handler, ValueChangeEventArguments
 
 from somrs.app.desk.formulas import Checked
+from somrs.ontology.types import ObjectType
 
 
 class Report(Checked, frozen=True, kw_only=True):
@@ -45,6 +47,7 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
         placeholder: str = "",
         rows: int = 1,
         variables: dict[str, str] | None = None,
+        types: Sequence[ObjectType] = (),
         good: str = "",
         on_change: Handler[ValueChangeEventArguments[str]] | None = None,
         on_checked: Callable[[Report], Awaitable[None] | None] | None = None,
@@ -52,6 +55,7 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
     ) -> None:
         super().__init__(value=value, on_value_change=on_change)
         self._props.update({"label": label, "placeholder": placeholder, "rows": rows, "variables": variables or {}, "good": good})
+        self._props["types"] = [msgspec.to_builtins(one) for one in types]
         self.report: Report | None = None
 
         def checked(event: GenericEventArguments) -> Awaitable[None] | None:

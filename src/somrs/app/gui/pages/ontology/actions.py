@@ -10,7 +10,7 @@ from nicegui import ui
 from somrs.app.desk.desk import Desk
 from somrs.app.gui.pages.ontology.changes import changed, summary
 from somrs.app.gui.pages.ontology.consequences import confirmed
-from somrs.app.gui.pages.ontology.pieces import Word
+from somrs.app.gui.pages.ontology.pieces import Word, person, titled
 from somrs.app.gui.pages.ontology.sections import SERVICES, TYPES, Section
 from somrs.app.gui.pages.ontology.seen import Seen
 from somrs.app.gui.shell import author, guarded, tell
@@ -51,7 +51,7 @@ class Actions:
         options: dict[str | None, str] = {} if section is TYPES else {None: "none"}
         options.update({one: one for one in sorted(known.keys() - below)})
         definition = known[name]
-        with ui.dialog() as dialog, ui.card().classes("somrs-onto-dialog somrs-onto-small"):
+        with titled(f"Move {name}") as dialog, ui.card().classes("somrs-onto-dialog somrs-onto-small"):
             Word("h2", f"Move {name}")
             choice = ui.select(options, label="Below", value=definition.parent, with_input=True)
             choice.props("outlined dense autofocus options-dense").classes("somrs-onto-full")
@@ -106,7 +106,7 @@ class Actions:
     async def undo(self, event: Event) -> None:
         """Bring back what an event of the history changed."""
         found = await self._desk.ontology.consider_undo(event.version)
-        said = f"{event.author} changed it: {summary(changed(event.revision, event.renamed))}"
+        said = f"{person(event.author)} changed it: {summary(changed(event.revision, event.renamed))}"
         if await confirmed("Undo", "Undo", found, said=said):
             await self._desk.ontology.undo(event.version, author())
             tell("Undone")
@@ -128,7 +128,7 @@ def last_to_undo(events: tuple[Event, ...]) -> Event | None:
 
 async def _asked(title: str, label: str, value: str) -> str | None:
     """A line that the person writes; None when they go back."""
-    with ui.dialog() as dialog, ui.card().classes("somrs-onto-dialog somrs-onto-small"):
+    with titled(title) as dialog, ui.card().classes("somrs-onto-dialog somrs-onto-small"):
         Word("h2", title)
         field = ui.input(label, value=value).props("outlined dense autofocus").classes("somrs-onto-full")
         field.on("keydown.enter", lambda: dialog.submit(field.value.strip()))

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from somrs.app.desk.ontology import Consequences
 from somrs.app.gui.pages.ontology.changes import Changed, changed, on_map
-from somrs.app.gui.pages.ontology.pieces import Word, cell, note, row, table
+from somrs.app.gui.pages.ontology.pieces import Word, cell, note, row, table, titled
 from somrs.ontology.naming import Renaming
 
 MOST = 100
@@ -18,7 +18,7 @@ MOST = 100
 async def confirmed(title: str, verb: str, found: Consequences, renamed: Sequence[Renaming] = (), said: str = "") -> bool:
     """Show what would come of it, and let the person go on or back. What breaks a rule can only be gone back from."""
     possible = not found.broken
-    with ui.dialog() as dialog, ui.card().classes("somrs-onto-dialog").props(f'role="dialog" aria-label="{title}"'):
+    with titled(title) as dialog, ui.card().classes("somrs-onto-dialog"):
         Word("h2", title)
         if said:
             note(said)

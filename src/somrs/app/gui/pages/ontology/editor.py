@@ -14,7 +14,7 @@ from somrs.app.gui.pages.ontology.changes import FIELDS, differences
 from somrs.app.gui.pages.ontology.consequences import confirmed
 from somrs.app.gui.pages.ontology.drafts import Draft, begun, form_of, merged
 from somrs.app.gui.pages.ontology.fields import Fields
-from somrs.app.gui.pages.ontology.pieces import Word
+from somrs.app.gui.pages.ontology.pieces import Word, person
 from somrs.app.gui.pages.ontology.reading import Mistakes, definition_of, place
 from somrs.app.gui.pages.ontology.seen import Seen
 from somrs.app.gui.parts.keeper import Keeper
@@ -33,6 +33,8 @@ class Ends:
     saved: Callable[[Draft, str, int], Awaitable[None]]
     dropped: Callable[[Draft], Awaitable[None]]
     changed: Callable[[], None]
+    attribute: Callable[[Callable[[str], None]], None]
+    """Have a new attribute made, and hear its name."""
 
 
 class Editor:
@@ -62,7 +64,7 @@ class Editor:
         self._body.clear()
         self._fields = Fields(self.draft, self._keeper, self._changed)
         with self._body:
-            forms.build(self._fields, self._seen.ontology)
+            forms.build(self._fields, self._seen, self._ends.attribute)
         self._fields.keep()
 
     def _changed(self) -> None:
@@ -103,7 +105,7 @@ class Editor:
                     "b", "Somebody else changed this meanwhile." if now is not None else "Somebody else removed or renamed this meanwhile."
                 )
                 for event in theirs:
-                    ui.label(f"{event.author}, {datetime.fromtimestamp(event.at):%H:%M:%S}").classes("somrs-soft")
+                    ui.label(f"{person(event.author)}, {datetime.fromtimestamp(event.at):%H:%M:%S}").classes("somrs-soft")
                 if now is not None:
                     for one in self._theirs(now):
                         ui.label(one)
@@ -184,7 +186,7 @@ class Editor:
             return
         section = self.draft.section
         if self.draft.name != definition.name and self._seen.definition(section, definition.name) is not None:
-            message = f"there is a {section.one} {definition.name} already; give this one another name"
+            message = f"{definition.name} is the name of another {section.one}; take another one"
             self._show([BrokenRule(subject=definition.name, rule="duplicate", message=message, path="name")], own=True)
             return
         change = self._change(definition)
@@ -222,6 +224,6 @@ class Editor:
             for one in homeless:
                 with ui.element("div").classes("somrs-onto-banner somrs-onto-bad"):
                     ui.icon("error")
-                    ui.label(one.message).classes("somrs-onto-pre")
+                    ui.label(one.message).classes("somrs-onto-pre" if "\n" in one.message else "")
         if own:
             self._fields.focus_problem()

@@ -10,7 +10,7 @@ from nicegui import events, ui
 from somrs.app.desk.desk import Desk
 from somrs.app.desk.ontology import Imported, ImportOntology
 from somrs.app.gui.pages.ontology.consequences import show
-from somrs.app.gui.pages.ontology.pieces import Word, cell, note, row, table
+from somrs.app.gui.pages.ontology.pieces import Word, cell, note, row, table, titled
 from somrs.app.gui.shell import author, tell
 from somrs.errors import ModelError, Problem, SomrsError
 
@@ -38,7 +38,7 @@ class Import:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._text, self._file = "", ""
-        with ui.dialog() as self._dialog, ui.card().classes("somrs-onto-dialog").props('role="dialog" aria-label="Import a file"'):
+        with titled("Import definitions") as self._dialog, ui.card().classes("somrs-onto-dialog"):
             Word("h2", "Import definitions")
             note("A YAML file (ontology or map file) or an OWL file (Turtle, RDF/XML). Nothing is changed before you say so.")
             ui.upload(label="Choose or drop a file", auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._take).props(

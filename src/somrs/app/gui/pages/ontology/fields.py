@@ -15,6 +15,7 @@ from somrs.app.gui.pages.ontology.drafts import Draft
 from somrs.app.gui.pages.ontology.pieces import Word, icon_button
 from somrs.app.gui.parts.formula import FormulaField
 from somrs.app.gui.parts.keeper import Keeper
+from somrs.ontology.types import ObjectType
 
 F = TypeVar("F", ui.input, ui.textarea, ui.select)
 
@@ -37,14 +38,11 @@ class Shown(Protocol):
 class Formula:
     """A formula, with what the server found wrong in it when it was to be saved."""
 
-    def __init__(
-        self, label: str, value: str, variables: dict[str, str], hint: str, changed: Callable[[ValueChangeEventArguments[str]], None]
-    ) -> None:
-        with ui.element("div").classes("somrs-onto-full"):
-            self.field = FormulaField(label, value=value, variables=variables, on_change=changed)
-            if hint:
-                ui.label(hint).classes("somrs-onto-hint")
-            self._said = ui.label().classes("somrs-onto-pre somrs-onto-wrong").props('role="alert"')
+    def __init__(self, field: FormulaField, hint: str) -> None:
+        self.field = field
+        if hint:
+            ui.label(hint).classes("somrs-onto-hint")
+        self._said = ui.label().classes("somrs-onto-pre somrs-onto-wrong").props('role="alert"')
         self.error = None
 
     @property
@@ -70,6 +68,7 @@ class Fields:
     def __init__(self, draft: Draft, keeper: Keeper, changed: Callable[[], None]) -> None:
         self.draft, self._keeper, self._changed = draft, keeper, changed
         self._at: dict[str, Shown] = {}
+        self._then: dict[str, Callable[[], None]] = {}
 
     def get(self, path: str) -> Any:
         found: Any = self.draft.form
@@ -81,7 +80,13 @@ class Fields:
         outer, _, last = path.rpartition(".")
         holder: Any = self.get(outer) if outer else self.draft.form
         holder[int(last) if isinstance(holder, list) else last] = value
+        if path in self._then:
+            self._then[path]()
         self._changed()
+
+    def when(self, path: str, then: Callable[[], None]) -> None:
+        """Do this, too, when what is at the path changes."""
+        self._then[path] = then
 
     def keep(self) -> None:
         """All of the draft, after rows came or went."""
@@ -90,12 +95,12 @@ class Fields:
     # What is shown where
 
     def problem(self, path: str, message: str) -> bool:
-        """Show what is wrong in the field at the path, or in the nearest one above it. False if there is none."""
+        """Show what is wrong in the field at the path, the first of its row, or the nearest one above it. False if there is none."""
         while path:
-            element = self._at.get(path)
-            if element is not None and not element.is_deleted:
-                element.error = message if not element.error else f"{element.error}\n{message}"
-                return True
+            for known, element in self._at.items():
+                if (known == path or known.startswith(f"{path}.")) and not element.is_deleted:
+                    element.error = message if not element.error else f"{element.error}\n{message}"
+                    return True
             path = path.rpartition(".")[0]
         return False
 
@@ -125,8 +130,11 @@ class Fields:
         field = ui.textarea(label, value=self.get(path), on_change=self._hear(path)).props("outlined dense autogrow rows=1")
         return self._made(field, path, "", "full", "update:value")
 
-    def formula(self, path: str, label: str, variables: Mapping[str, str], *, hint: str = "") -> Formula:
-        field = Formula(label, self.get(path), dict(variables), hint, self._hear(path))
+    def formula(self, path: str, label: str, variables: Mapping[str, str], *, hint: str = "", types: Sequence[ObjectType] = ()) -> Formula:
+        """`variables` are of these types; `types` are being written here."""
+        with ui.element("div").classes("somrs-onto-full"):
+            inner = FormulaField(label, value=self.get(path), variables=dict(variables), types=types, on_change=self._hear(path))
+            field = Formula(inner, hint)
         self._keeper.mirror(field.field, "update:value", self.draft.key, path)
         self._at[path] = field
         return field
@@ -183,9 +191,17 @@ class Fields:
     # Rows
 
     def rows(
-        self, path: str, title: str, one: str, make: Callable[[str], None], blank: Callable[[], Any], hint: str = ""
+        self,
+        path: str,
+        title: str,
+        one: str,
+        make: Callable[[str], None],
+        blank: Callable[[], Any],
+        hint: str = "",
+        more: Callable[[], object] | None = None,
     ) -> Callable[[], None]:
-        """A list of rows that can be added and removed; `make` makes the fields of the row at a path. Returns what makes them anew."""
+        """A list of rows that can be added and removed; `make` makes the fields of the row at a path, `more` other
+        buttons. Returns what makes them anew."""
         with ui.element("fieldset").classes("somrs-onto-rows"):
             with Word("legend", title):
                 pass
@@ -197,11 +213,14 @@ class Fields:
                 body.clear()
                 for known in [known for known in self._at if known.startswith(f"{path}.")]:
                     del self._at[known]
-                with body:
-                    for index in range(len(self.get(path))):
-                        with ui.element("div").classes("somrs-onto-row").props(f'role="group" aria-label="{one} {index + 1}"'):
-                            make(f"{path}.{index}")
-                            icon_button("close", f"Remove {one} {index + 1}", lambda _, index=index: remove(index))
+                for index in range(len(self.get(path))):
+                    show(index)
+
+            def show(index: int) -> None:
+                with body, ui.element("div").classes("somrs-onto-row").props(f'role="group" aria-label="{one} {index + 1}"'):
+                    with line():
+                        make(f"{path}.{index}")
+                    icon_button("close", f"Remove {one} {index + 1}", lambda: remove(index))
 
             def remove(index: int) -> None:
                 del self.get(path)[index]
@@ -211,16 +230,19 @@ class Fields:
 
             def add() -> None:
                 self.get(path).append(blank())
-                again()
+                last = len(self.get(path)) - 1
+                show(last)
                 self._changed()
                 self.keep()
-                last = f"{path}.{len(self.get(path)) - 1}"
-                first = next((field for known, field in self._at.items() if known == last or known.startswith(f"{last}.")), None)
+                first = next((field for known, field in self._at.items() if f"{known}.".startswith(f"{path}.{last}.")), None)
                 if first is not None:
                     first.run_method("focus")
 
             again()
-            ui.button(f"Add {one}", icon="add", on_click=add).props("flat dense no-caps").classes("somrs-onto-add")
+            with ui.element("div"):
+                ui.button(f"Add {one}", icon="add", on_click=add).props("flat dense no-caps")
+                if more is not None:
+                    more()
         return again
 
 

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from somrs.app.gui.pages.ontology.drafts import COMPUTED, FORMULA, LIMITS, READ, TABLE
+from somrs.app.gui.pages.ontology.drafts import COMPUTED, READ, TABLE
 from somrs.app.gui.pages.ontology.fields import Fields, line
-from somrs.app.gui.pages.ontology.reading import attributes_with
 from somrs.app.gui.pages.ontology.sections import ATTRIBUTES, FUNCTIONS, RELATIONS, SERVICES, TYPES
-from somrs.ontology.conformance import SELF
+from somrs.app.gui.pages.ontology.seen import Seen
+from somrs.app.gui.pages.ontology.typeform import Make, TypeForm
 from somrs.ontology.services import PROVIDER, Occasion, ServiceKind
-from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
+from somrs.ontology.types import ROOT, Kind, Ontology
 
 NAME_HINT = "A letter, then letters, digits, _ or -"
 DEVICE = "Device"
@@ -26,14 +26,12 @@ KINDS: dict[str | None, str] = {
     Kind.COMPLEX.value: "made of other attributes",
 }
 SOURCES: dict[str | None, str] = {READ: "reads an attribute", TABLE: "is a table", COMPUTED: "is worked out by SO-MRS"}
-RULES: dict[str | None, str] = {LIMITS: "limits of an attribute", FORMULA: "a formula"}
-TRUTHS: dict[str | None, str] = {"true": "yes", "false": "no"}
 
 
-def build(fields: Fields, ontology: Ontology) -> None:
+def build(fields: Fields, seen: Seen, make: Make) -> None:
     """The form of the draft's kind, into the current element."""
+    ontology = seen.ontology
     making: dict[str, Callable[[Fields, Ontology], None]] = {
-        TYPES.key: _type,
         ATTRIBUTES.key: _attribute,
         RELATIONS.key: _relation,
         FUNCTIONS.key: _function,
@@ -45,7 +43,10 @@ def build(fields: Fields, ontology: Ontology) -> None:
             name.props("autofocus")
         if fields.draft.section_key in (TYPES.key, SERVICES.key):
             _parent(fields, ontology)
-    making[fields.draft.section_key](fields, ontology)
+    if fields.draft.section is TYPES:
+        TypeForm(fields, seen, make)
+    else:
+        making[fields.draft.section_key](fields, ontology)
     fields.lines("doc", "What it means")
 
 
@@ -58,72 +59,6 @@ def _parent(fields: Fields, ontology: Ontology) -> None:
     else:
         nothing: dict[str | None, str] = {None: "none"}
         fields.choice("parent", "Parent", {**nothing, **{name: name for name in sorted(ontology.services) if name != own}})
-
-
-# Types
-
-
-def _type(fields: Fields, ontology: Ontology) -> None:
-    known = sorted(ontology.attributes)
-
-    def attribute(path: str) -> None:
-        fields.choice(f"{path}.attribute", "Attribute", known, then=defaults)
-        fields.flag(f"{path}.must", "every object must have it")
-
-    def part(path: str) -> None:
-        fields.choice(f"{path}.type", "Type", sorted(ontology.types))
-        fields.text(f"{path}.minimum", "At least", width="narrow")
-        fields.text(f"{path}.maximum", "At most", width="narrow", hint="no limit if empty")
-
-    def default(path: str) -> None:
-        had = attributes_with(fields.draft.form, ontology)
-        fields.choice(f"{path}.path", "Attribute", _simple(had), then=defaults)
-        _value(fields, f"{path}.value", had.get(fields.get(f"{path}.path") or ""))
-
-    def rule(path: str) -> None:
-        had = attributes_with(fields.draft.form, ontology)
-        fields.choice(f"{path}.sort", "Rule", RULES, width="middle", then=rules)
-        if fields.get(f"{path}.sort") == FORMULA:
-            hint = "?Self is the object; other typed variables are parts of it"
-            fields.formula(f"{path}.formula", "Formula", {SELF: fields.draft.name or fields.get("parent") or ROOT}, hint=hint)
-        else:
-            fields.choice(f"{path}.attribute", "Attribute", _simple(had), then=rules)
-            chosen = had.get(fields.get(f"{path}.attribute") or "")
-            if chosen is None or chosen.kind is Kind.NUMBER:
-                unit = chosen.unit or "" if chosen else ""
-                fields.text(f"{path}.minimum", "At least", width="narrow", suffix=unit)
-                fields.text(f"{path}.maximum", "At most", width="narrow", suffix=unit)
-            fields.text(f"{path}.values", "One of", width="middle", hint="with commas between")
-        fields.text(f"{path}.doc", "In words, for whoever breaks it", width="full")
-
-    fields.rows("attributes", "Attributes of its own", "attribute", attribute, lambda: {"attribute": None, "must": False})
-    defaults = fields.rows(
-        "defaults",
-        "Defaults",
-        "default",
-        default,
-        lambda: {"path": None, "value": ""},
-        "Hold for every object that does not say otherwise.",
-    )
-    fields.rows("parts", "Parts", "part", part, lambda: {"type": None, "minimum": "1", "maximum": ""}, "Sub-objects that every object has.")
-    blank = {"sort": LIMITS, "attribute": None, "minimum": "", "maximum": "", "values": "", "formula": "", "doc": ""}
-    rules = fields.rows("constraints", "Rules", "rule", rule, lambda: dict(blank))
-    fields.text("driver", "Driver", hint="module:Class of the program that serves such a device", width="full")
-
-
-def _simple(had: dict[str, AttributeType]) -> list[str]:
-    """What can have a value: not what is made of others."""
-    return sorted(path for path, attribute in had.items() if attribute.kind is not Kind.COMPLEX)
-
-
-def _value(fields: Fields, path: str, attribute: AttributeType | None) -> None:
-    """A value, in the way of its attribute."""
-    if attribute is not None and attribute.kind is Kind.TRUTH:
-        fields.choice(path, "Value", TRUTHS, width="middle")
-    elif attribute is not None and attribute.kind is Kind.ENUMERATION:
-        fields.choice(path, "Value", attribute.values, width="middle")
-    else:
-        fields.text(path, "Value", width="middle", suffix=attribute.unit or "" if attribute else "")
 
 
 # Attributes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 from urllib.parse import parse_qs, quote
 
@@ -21,11 +22,11 @@ from somrs.app.gui.pages.ontology.editor import Editor, Ends
 from somrs.app.gui.pages.ontology.exchange import Import, export_menu
 from somrs.app.gui.pages.ontology.index import Choices, Index
 from somrs.app.gui.pages.ontology.past import Past
-from somrs.app.gui.pages.ontology.pieces import Word
-from somrs.app.gui.pages.ontology.sections import SECTION, SECTIONS, SERVICES, TYPES, Section
+from somrs.app.gui.pages.ontology.pieces import Word, person, titled
+from somrs.app.gui.pages.ontology.sections import ATTRIBUTES, SECTION, SECTIONS, SERVICES, TYPES, Section
 from somrs.app.gui.pages.ontology.seen import Seen
 from somrs.app.gui.parts.keeper import Keeper
-from somrs.app.gui.shell import guarded, page, tell
+from somrs.app.gui.shell import author, guarded, page, tell
 from somrs.errors import SomrsError
 from somrs.ontology.objects import ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology
@@ -137,7 +138,7 @@ class OntologyPage:
         definition = self._seen.definition(self._section, self._name) if self._name is not None else None
         with self._main:
             if draft is not None:
-                ends = Ends(saved=self._saved, dropped=self._dropped, changed=self._show_unsaved)
+                ends = Ends(saved=self._saved, dropped=self._dropped, changed=self._show_unsaved, attribute=self._make_attribute)
                 self._editor = Editor(self._desk, self._seen, draft, self._keeper, ends)
             elif definition is not None:
                 ways = heading.Ways(edit=self.edit, below=self.new, rename=self._actions.rename, move=self._actions.ask_move,
@@ -186,6 +187,26 @@ class OntologyPage:
             self._drafts[key] = begun(section, None, self._seen.version, **given)
         self.go(section, None)
 
+    def _make_attribute(self, made: Callable[[str], None]) -> None:
+        """A new attribute in a dialog, so that the type that is to have it stays open."""
+
+        async def saved(draft: Draft, name: str, version: int) -> None:
+            await dropped(draft)
+            await self._until(version)
+            made(name)
+
+        async def dropped(draft: Draft) -> None:
+            self._keeper.forget(draft.key)
+            dialog.close()
+
+        draft = begun(ATTRIBUTES, None, self._seen.version)
+        with titled("New attribute") as dialog, ui.card().classes("somrs-onto-dialog somrs-onto"):
+            nothing = Ends(saved=saved, dropped=dropped, changed=lambda: None, attribute=lambda _: None)
+            with ui.element("div").classes("somrs-onto-dialog-body"):
+                Editor(self._desk, self._seen, draft, self._keeper, nothing)
+        dialog.on("hide", dialog.delete)
+        dialog.open()
+
     def _found(self, kept: list[Any]) -> None:
         """What this browser's tab still has of what was written before the page was loaded again."""
         for one in kept:
@@ -220,13 +241,17 @@ class OntologyPage:
             self.go(section, parent)
 
     async def _there(self, section: Section, name: str, version: int) -> None:
-        """Go to what was changed, once the change has come here."""
+        """Go to what was changed."""
+        await self._until(version)
+        self.go(section, name)
+
+    async def _until(self, version: int) -> None:
+        """Have the version here that has what was just changed."""
         for _ in range(round(SOON / 0.05)):
-            if self._desk.context.version >= version:
+            await self._read()
+            if self._seen.version >= version:
                 break
             await asyncio.sleep(0.05)
-        await self._read()
-        self.go(section, name)
 
     # What happens elsewhere
 
@@ -261,7 +286,8 @@ class OntologyPage:
         for event in (await self._desk.ontology.history(limit=5)).events:
             for one in event.renamed:
                 if (one.section.value, one.name) == (self._section.key, self._name):
-                    tell(f"{one.name} is called {one.to} now: {event.author} renamed it")
+                    if event.author != author():
+                        tell(f"{one.name} is called {one.to} now: {person(event.author)} renamed it")
                     self.go(self._section, one.to)
                     return
 

@@ -10,7 +10,7 @@ from somrs.app.desk.desk import Desk
 from somrs.app.gui.pages.ontology.actions import Actions
 from somrs.app.gui.pages.ontology.changes import changed
 from somrs.app.gui.pages.ontology.consequences import revision
-from somrs.app.gui.pages.ontology.pieces import Word, note
+from somrs.app.gui.pages.ontology.pieces import Word, note, person, titled
 from somrs.app.gui.pages.ontology.sections import Section
 from somrs.app.gui.shell import guarded
 from somrs.protocol.knowledge import Event
@@ -28,7 +28,7 @@ class Past:
     @guarded
     async def show(self, section: Section | None = None, name: str = "") -> None:
         title = f"History of {name}" if section is not None else "History of the ontology"
-        with ui.dialog() as dialog, ui.card().classes("somrs-onto-dialog").props(f'role="dialog" aria-label="{title}"'):
+        with titled(title) as dialog, ui.card().classes("somrs-onto-dialog"):
             with ui.row().classes("somrs-onto-head"):
                 Word("h2", title)
                 ui.space()
@@ -87,8 +87,3 @@ class Past:
                 revision(revised)
             else:
                 note("What changed is too long to be told here.")
-
-
-def person(author: str) -> str:
-    """An author as people know them: without what addresses have around a name."""
-    return author.rpartition(":")[2].replace("%20", " ") if author.startswith("urn:") else author

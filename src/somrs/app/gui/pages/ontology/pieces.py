@@ -82,3 +82,13 @@ def icon_button(icon: str, label: str, on_click: Callable[..., object]) -> ui.bu
     with button:
         ui.tooltip(label)
     return button
+
+
+def titled(title: str) -> ui.dialog:
+    """A dialog that says to those who do not see it what it is."""
+    return ui.dialog().props(f'aria-label="{title}"')
+
+
+def person(author: str) -> str:
+    """An author as people know them: without what addresses have around a name."""
+    return author.rpartition(":")[2].replace("%20", " ") if author.startswith("urn:") else author

@@ -40,11 +40,16 @@ def definition_of(draft: Draft, ontology: Ontology) -> Definition:
     return msgspec.convert({key: value for key, value in plain.items() if value is not None}, draft.section.struct)
 
 
+def written(form: Form, name: str) -> ObjectType:
+    """The type that the form is about, as far as it says which attributes its objects may have."""
+    return ObjectType(
+        name=name, parent=form["parent"], attributes=tuple(row["attribute"] for row in form["attributes"] if row["attribute"])
+    )
+
+
 def attributes_with(form: Form, ontology: Ontology) -> dict[str, AttributeType]:
-    """By path: what objects of the type that the form is about may have."""
-    own = tuple(row["attribute"] for row in form["attributes"] if row["attribute"])
-    meant = ObjectType(name="", parent=form["parent"], attributes=own)  # no definition has an empty name
-    return dict(ontology.extended([meant]).attributes_of(""))
+    """By path: what objects of that type may have."""
+    return dict(ontology.extended([written(form, "")]).attributes_of(""))  # no definition has an empty name
 
 
 class _Reading:
