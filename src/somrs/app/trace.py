@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from somrs.protocol.clients import TaskRecord
+from somrs.protocol.clients import MessageView, TaskRecord
 from somrs.protocol.envelope import Message
 
 TASK_MANAGER = "TaskManager"
@@ -50,9 +50,14 @@ def line_of(message: Message, now: float, coordinator: str) -> Line:
 
 def lines_of(record: TaskRecord) -> list[Line]:
     """The messages of a task that is over, as they were when they passed."""
-    coordinator = next((message.sender for message in record.messages if message.type == "Arrange"), "")
+    return lines_from(record.messages, record.task)
+
+
+def lines_from(messages: Sequence[MessageView], task: str) -> list[Line]:
+    """The messages of a task, with names that people know."""
+    coordinator = next((message.sender for message in messages if message.type == "Arrange"), "")
     found = []
-    for message in record.messages:
+    for message in messages:
         service, sent = message.participant.partition("#")[0], message.sender == coordinator
         body: dict[str, Any] = msgspec.json.decode(message.body)
         found.append(
@@ -61,7 +66,7 @@ def lines_of(record: TaskRecord) -> list[Line]:
                 sender=TASK_MANAGER if sent else service,
                 recipient=service if sent else TASK_MANAGER,
                 type=message.type,
-                transaction=record.task,
+                transaction=task,
                 participant=message.participant,
                 message_id=message.id,
                 relates_to=message.relates_to,

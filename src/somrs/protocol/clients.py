@@ -126,7 +126,8 @@ class TaskView(Struct, frozen=True, kw_only=True):
 
 
 class TaskRow(Struct, frozen=True, kw_only=True):
-    """A task in a list. `fraction`: how much of its plan is done, by the number of steps; `setbacks`: how often something went wrong."""
+    """A task in a list. `deadline` in seconds from `submitted_at`; `fraction`: how much of its plan is done, by the number of steps;
+    `setbacks`: how often something went wrong."""
 
     task: str
     effect: str
@@ -136,6 +137,7 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     ended_at: float | None = None
     explanation: str = ""
     client: str = ""
+    deadline: float | None = None
     priority: int = 0
     steps: int = 0
     done: int = 0

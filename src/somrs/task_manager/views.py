@@ -82,6 +82,7 @@ def row(transaction: Transaction) -> TaskRow:
         ended_at=transaction.ended_at,
         explanation=transaction.explanation or transaction.wish.waits,
         client=transaction.client,
+        deadline=transaction.task.deadline,
         priority=transaction.task.priority,
         steps=count,
         done=done,

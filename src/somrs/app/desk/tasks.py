@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import msgspec
 
+from somrs.app.chart import chart
 from somrs.app.client import PATIENCE
 from somrs.app.desk.context import Context
 from somrs.app.desk.following import Following, TaskChanged, TasksChanged, final_contracts
-from somrs.app.desk.operations import operation
+from somrs.app.desk.operations import Document, operation
 from somrs.app.desk.refusals import NotFound
 from somrs.app.past import Past
 from somrs.app.story import view as view_of
 from somrs.app.tasks import is_named
+from somrs.app.trace import lines_from, without_heartbeats
 from somrs.app.wire import Unanswered
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.clients import (
     ContractView,
     Messages,
+    MessageView,
     Phase,
     Preview,
     Previewed,
@@ -93,6 +96,19 @@ class TasksDesk:
     async def messages(self, id: str, after: int = 0) -> Messages:
         """The messages of a task's protocol behind the first so many, a page of them."""
         return await self._client.messages(await self._named(id), after)
+
+    @operation("GET", "/tasks/{id}/chart")
+    async def chart(self, id: str) -> Document:
+        """The messages of a task as a picture (SVG): of signs of life in a row, the last."""
+        task = await self._named(id)
+        found: tuple[MessageView, ...] = ()
+        more = True
+        while more:
+            page = await self._client.messages(task, len(found))
+            found, more = found + page.messages, page.more and bool(page.messages)
+        seen = await self.read(task)
+        drawn = chart(without_heartbeats(lines_from(found, task)), seen.view.effect)
+        return Document(content=drawn.encode(), media_type="image/svg+xml", name=f"messages-{task.rpartition(':')[2][:8]}.svg")
 
     @operation("POST", "/tasks/{id}/cancel")
     async def cancel(self, id: str, reason: str = "cancelled by the client") -> None:

@@ -21,6 +21,7 @@ class Asked:
     def __init__(self, desk: Desk, about: frozenset[str] | None = None, nobody: str = "") -> None:
         self._desk, self._about = desk, about
         self._asked: dict[int, _Asked] = {}
+        self._found = OpenQuestions(questions=())
         with ui.element("div").classes("somrs-asked").props('aria-live="polite"') as self.element:
             self._nobody = ui.label(nobody).classes("somrs-soft")
         self._nobody.visible = bool(nobody)
@@ -28,11 +29,11 @@ class Asked:
         ui.timer(1.0, self._tick)
         follow(desk.context.hub, "questions", self._read, self._hear)
 
-    async def ask_about(self, about: frozenset[str]) -> None:
+    def ask_about(self, about: frozenset[str]) -> None:
         """Those about one of these objects from now on."""
         if about != self._about:
             self._about = about
-            await self._read()
+            self._show(self._found)
 
     async def _read(self) -> None:
         self._show(await self._desk.questions.open())
@@ -44,6 +45,7 @@ class Asked:
             await self._read()
 
     def _show(self, found: OpenQuestions) -> None:
+        self._found = found
         wanted = {one.number: one for one in found.questions if self._about is None or one.about in self._about}
         for number in [number for number in self._asked if number not in wanted]:
             self._asked.pop(number).element.delete()

@@ -11,8 +11,10 @@ from somrs.app.desk.desk import Desk
 from somrs.app.desk.hub import News
 from somrs.app.desk.refusals import NotFound
 from somrs.app.desk.tasks import TaskChanged, TaskSeen
+from somrs.app.gui.asked import Asked
 from somrs.app.gui.following import follow
 from somrs.app.gui.pages.task_head import Head
+from somrs.app.gui.pages.task_scene import Scene
 from somrs.app.gui.pages.task_telling import Telling
 from somrs.app.gui.pages.task_terms import Terms
 from somrs.app.gui.pages.task_words import key
@@ -23,7 +25,8 @@ from somrs.app.gui.parts.timeline import DeviceTimeline
 from somrs.app.gui.shell import page
 from somrs.app.gui.soon import Soon
 from somrs.errors import SomrsError
-from somrs.protocol.clients import ContractView, TaskEvent
+from somrs.protocol.clients import ContractView, TaskEvent, TaskView
+from somrs.protocol.frp import State
 
 AT_ONCE = 2.0
 """Seconds for which the page waits for the task before it is sent without it."""
@@ -89,20 +92,23 @@ class _Seen:
         self._change = Soon(self._show)
         ui.page_title(f"{seen.view.effect} · SO-MRS")
         self._head = Head(desk, seen.view)
+        self._asked = Asked(desk, about=frozenset())
         with ui.element("div").classes("somrs-task-panels"):
             with ui.element("div").classes("somrs-task-column somrs-task-first"):
-                with panel("Plan", "schema", "task plan", "somrs-task-plan") as plan:
+                with panel("Plan", "schema", "task plan", "somrs-task-plan"):
                     PlanGraph(task=self._id, label=f"The plan of task {key(self._id)[:8]}", empty="There is no plan.")
                 with panel("Terms", "handshake", "task terms", "somrs-task-terms") as terms:
                     self._terms = Terms(terms)
-            with ui.element("div").classes("somrs-task-column"), panel("Story", "auto_stories", "task story", "somrs-task-story") as told:
-                self._telling = Telling(told)
+            with ui.element("div").classes("somrs-task-column"):
+                with panel("Scene", "map", "task scene", "somrs-task-scene"):
+                    self._scene = Scene()
+                with panel("Story", "auto_stories", "task story", "somrs-task-story") as told:
+                    self._telling = Telling(told)
             with ui.element("div").classes("somrs-task-column somrs-task-wide"):
                 with panel("Messages", "swap_horiz", "task messages", "somrs-task-messages"):
                     MessageChart(self._id)
                 with panel("Times", "view_timeline", "task times", "somrs-task-times"):
                     DeviceTimeline(self._id)
-        self._plan = plan
         self._take(seen.events, seen.contracts)
         self._show()
         follow(desk.context.hub, f"task {self._id}", self._read, self._hear)
@@ -138,5 +144,13 @@ class _Seen:
 
     def _show(self) -> None:
         self._head.show(self._view)
+        self._asked.ask_about(asked_about(self._view))
+        self._scene.show(self._view)
         self._telling.show(self._view, self._events)
         self._terms.show([*self._contracts.values()], self._view.submitted_at)
+
+
+def asked_about(view: TaskView) -> frozenset[str]:
+    """Of what somebody is to find out now how it is: questions about it are the task's."""
+    looks = (work for work in view.work if work.state is State.EXECUTING and work.step.startswith("look"))
+    return frozenset(thing for work in looks for thing in work.inputs.values())

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from somrs.app.desk.desk import Desk
 from somrs.app.gui.pages.task_ending import Ending
-from somrs.app.gui.pages.task_words import PHASES, counted, key, person, sign
+from somrs.app.gui.pages.task_words import PHASES, counted, due, gist, key, person, sign
 from somrs.app.gui.signs import Badge, clock, lasted
 from somrs.protocol.clients import Phase, Policy, TaskView
 from somrs.protocol.frp import State
@@ -73,7 +73,7 @@ class Head:
             with self._why:
                 for reason in [part for part in view.explanation.split("; ") if part]:
                     with ui.element("li"):
-                        ui.label(reason[:1].upper() + reason[1:])
+                        ui.label(gist(reason[:1].upper() + reason[1:])).tooltip(reason)
         self._why.visible = bool(view.explanation)
         if over:
             self._clock.deactivate()
@@ -84,7 +84,7 @@ class Head:
         until = view.ended_at if view.ended_at is not None else now
         took = lasted(max(0.0, until - view.submitted_at))
         self._took.set_text(f"{took}, until {clock(view.ended_at)}" if view.ended_at is not None else f"{took} so far")
-        self._due.set_text(_due(view, now))
+        self._due.set_text(due(view.submitted_at, view.deadline, view.outcome is not None, now))
 
 
 def progress(view: TaskView) -> tuple[int, float]:
@@ -92,15 +92,6 @@ def progress(view: TaskView) -> tuple[int, float]:
     done = sum(step.state is State.COMPLETED for step in view.steps)
     share = done + sum(step.fraction for step in view.steps if step.state is State.EXECUTING)
     return done, share / len(view.steps) if view.steps else float(view.outcome == "accomplished")
-
-
-def _due(view: TaskView, now: float) -> str:
-    if view.deadline is None:
-        return "none"
-    left = view.submitted_at + view.deadline - now
-    if view.outcome is not None:
-        return f"within {lasted(view.deadline)}"
-    return f"in {lasted(left)}" if left > 0 else f"{lasted(-left)} over"
 
 
 def _fact(name: str) -> ui.label:

@@ -75,7 +75,7 @@ class _Teller:
                 self._answer(event)
             case EventKind.WAIT:
                 waits = event.text.startswith("waiting")
-                self._add(event, "hourglass_empty", "It waits for another task" if waits else "It goes on", "busy", event.text)
+                self._add(event, "hourglass_empty", "It waits" if waits else "It goes on", "busy", event.text)
             case EventKind.END:
                 self._end(event)
             case EventKind.NEWS:
@@ -137,7 +137,7 @@ class _Teller:
         for failure in about:
             rung = RUNGS[event.kind]
             said = "" if any(line.rung == rung for line in failure.lines[-1:]) else rung
-            failure.lines.append(Line(at=event.at, text=event.text, rung=said))
+            failure.lines.append(Line(at=event.at, text=_said(event).removeprefix(f"{failure.step}: "), rung=said))
             if event.kind in (EventKind.HANDLER, EventKind.LOOK):
                 self._aside = failure
 
@@ -206,7 +206,7 @@ class _Teller:
         }.get(outcome or Outcome.ACCOMPLISHED, ("flag", "Over", "plain"))
         made = self._add(event, icon, title, tone)
         _, _, why = event.text.partition(": ")
-        made.lines = [Line(at=event.at, text=_capital(reason)) for reason in why.split("; ") if reason]
+        made.lines = [Line(at=event.at, text=gist(_capital(reason))) for reason in why.split("; ") if reason]
         if self._undoing is not None and self._undoing.tone != "bad":
             self._undoing.tone = "plain"
 
@@ -233,13 +233,14 @@ def summary(chapters: Sequence[Chapter]) -> str:
     """In a line: how much went wrong, and how that was answered."""
     found = [*failures(chapters)]
     if not found:
-        return "nothing went wrong"
+        return "no failures"
     rungs = dict.fromkeys(line.rung.partition(": ")[2] or line.rung.lower() for one in found for line in one.lines if line.rung)
     return counted(len(found), "failure") + (f", answered by: {', '.join(rungs)}" if rungs else "")
 
 
 def _said(event: TaskEvent) -> str:
-    return f"{event.step}: {event.text}" if event.step else event.text
+    """What an event says, with the gist of a situation in it."""
+    return f"{event.step}: {gist(event.text)}" if event.step else gist(event.text)
 
 
 def _capital(text: str) -> str:

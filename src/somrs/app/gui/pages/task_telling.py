@@ -94,7 +94,8 @@ def _chapter(chapter: Chapter, start: float) -> ui.element:
                         if line.rung:
                             ui.label(line.rung).classes("somrs-rung")
                         ui.label(line.text)
-                        _moment(line.at, start)
+                        if line.at != chapter.at or line.rung:
+                            _moment(line.at, start)
         if failure:
             with ui.element("div").classes(f"somrs-result somrs-tone-{chapter.result_tone}"):
                 ui.icon(TONES[chapter.result_tone]).props('aria-hidden="true"')

@@ -71,11 +71,11 @@ class Terms:
         self._rows: dict[str, _Row] = {}
         self._steps: dict[str, ui.element] = {}
         self._start = 0.0
-        self._none = ui.label("Nobody was asked yet.").classes("somrs-soft")
+        self._none = ui.label("Nobody was asked for terms.").classes("somrs-soft")
         with ui.element("div").classes("somrs-terms-view"):
             self._table = ui.element("table").classes("somrs-terms")
         with self._table, ui.element("thead"), ui.element("tr"):
-            for name in ("Service", "Price", "Takes", "From – until", "Valid until", "Became"):
+            for name in ("Service", "Price", "Takes", "From – until", "Valid until"):
                 with ui.element("th").props('scope="col"'):
                     ui.label(name)
         self._table.visible = False
@@ -102,7 +102,7 @@ class Terms:
         if step not in self._steps:
             with self._table:
                 self._steps[step] = ui.element("tbody")
-            with self._steps[step], ui.element("tr").classes("somrs-terms-step"), ui.element("th").props('colspan="6" scope="rowgroup"'):
+            with self._steps[step], ui.element("tr").classes("somrs-terms-step"), ui.element("th").props('colspan="5" scope="rowgroup"'):
                 ui.label(step)
         return self._steps[step]
 
@@ -110,18 +110,17 @@ class Terms:
         contract, found = row.contract, verdict(row.contract)
         row.element.classes(replace=f"somrs-terms-row somrs-tone-{found.tone}{' somrs-terms-chosen' if contract.accepted else ''}")
         with row.element:
-            with ui.element("th").props('scope="row"'):
-                ui.label(contract.service)
+            with ui.element("th").props('scope="row"'), ui.element("div").classes("somrs-terms-who"):
+                ui.icon(found.icon).props('aria-hidden="true"')
+                with ui.element("div"):
+                    ui.label(contract.service).classes("somrs-terms-service")
+                    ui.label(found.text).classes("somrs-terms-word")
+                    if reason := why(contract):
+                        ui.label(reason).classes("somrs-soft")
             _cell(f"{contract.price:g} {contract.currency}" if contract.price is not None else "–")
             _cell(lasted(contract.duration) if contract.duration is not None else "–")
             _cell(self._window(contract))
             _cell(clock(contract.valid_until) if contract.valid_until is not None else "–")
-            with ui.element("td").classes("somrs-terms-became"):
-                ui.icon(found.icon).props('aria-hidden="true"')
-                with ui.element("div"):
-                    ui.label(found.text).classes("somrs-terms-word")
-                    if reason := why(contract):
-                        ui.label(reason).classes("somrs-soft")
 
     def _window(self, contract: ContractView) -> str:
         if contract.start is None or contract.finish is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from urllib.parse import unquote
 
 from somrs.app.gui.signs import OUTCOMES, Sign, lasted
@@ -18,8 +19,10 @@ PHASES = {
     Phase.ENDED: Sign("flag", "Over", "plain"),
 }
 
-FIGURES = ("Position", "Rotation")
-"""Attributes whose values say little to people."""
+PLACE = re.compile(r"(\w+)\.PositionX = (\S+) AND \1\.PositionY = (\S+)(?: AND \1\.PositionZ = \S+)?")
+FIGURES = re.compile(r" AND \w+\.(?:Position|Rotation)\w* = \S+")
+BESIDE = re.compile(r" AND \w+ at \S+, \S+ m")
+"""Where something is in figures, when something else was said before: that says more."""
 
 
 def sign(phase: Phase, outcome: Outcome | None) -> Sign:
@@ -45,16 +48,21 @@ def device(service: str) -> str:
     return service.partition(".")[0]
 
 
-def gist(situation: str | None) -> str:
-    """A situation without the places in figures."""
-    parts = (situation or "").split(" AND ")
-    told = [part for part in parts if not any(f".{figure}" in part for figure in FIGURES)]
-    return " and ".join(told or parts)
+def gist(text: str) -> str:
+    """A situation, or a text that ends with one, with as few figures as will do."""
+    placed = FIGURES.sub("", PLACE.sub(r"\1 at \2, \3 m", text))
+    return BESIDE.sub("", placed).replace(" AND ", " and ")
 
 
 def counted(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def limit(deadline: float | None) -> str:
-    return f"within {lasted(deadline)}" if deadline is not None else "no deadline"
+def due(submitted_at: float, deadline: float | None, over: bool, now: float) -> str:
+    """How much time a task has left, or had."""
+    if deadline is None:
+        return "none"
+    left = submitted_at + deadline - now
+    if over:
+        return f"within {lasted(deadline)}"
+    return f"in {lasted(left)}" if left > 0 else f"{lasted(-left)} over"

@@ -16,7 +16,7 @@ from somrs.app.desk.questions import OpenQuestions
 from somrs.app.desk.tasks import TasksChanged
 from somrs.app.gui.following import follow
 from somrs.app.gui.pages import task
-from somrs.app.gui.pages.task_words import counted, device, key, person, sign
+from somrs.app.gui.pages.task_words import counted, device, due, gist, key, person, sign
 from somrs.app.gui.shell import page
 from somrs.app.gui.signs import clock, lasted, listed
 from somrs.app.gui.soon import Soon
@@ -37,7 +37,7 @@ COLUMNS: list[dict[str, Any]] = [
     {"name": "stated", "label": "Stated", "field": "at", "align": "left"},
     {"name": "took", "label": "Time", "field": "seconds", "align": "left"},
     {"name": "due", "label": "Deadline", "field": "due", "align": "left"},
-    {"name": "priority", "label": "Priority", "field": "priority", "align": "right"},
+    {"name": "priority", "label": "Priority", "field": "priority", "align": "left"},
 ]
 
 ROW = """
@@ -87,19 +87,18 @@ class _Tasks:
                 'dense outlined clearable type=search aria-label="Find"'
             )
             self._wanted.classes("somrs-tasks-find")
-            ui.button("New task", icon="add_task", on_click=lambda: ui.navigate.to("/define")).props(
-                "unelevated no-caps dense color=primary"
-            )
+            new = ui.button("New task", icon="add_task", on_click=lambda: ui.navigate.to("/define"))
+            new.props("unelevated no-caps color=primary").classes("somrs-tasks-new")
         self._trouble = ui.label().classes("somrs-trouble").props('role="status"')
         self._trouble.visible = False
         self._table = ui.table(columns=COLUMNS, rows=[], row_key="task", pagination=25).classes("somrs-tasks somrs-sheet")
-        self._table.props('flat hide-selected-banner :rows-per-page-options="[10, 25, 50, 0]"')
+        self._table.props('flat hide-selected-banner :rows-per-page-options="[10, 25, 50, 0]" rows-per-page-label="Tasks per page"')
         self._table.add_slot("body", ROW)
         with self._table.add_slot("no-data"):
             self._none = ui.label("Reading the tasks …").classes("somrs-soft")
-        with ui.element("p").classes("somrs-soft"):
-            ui.label("Older tasks are in the").classes("somrs-inline")
-            ui.link("history", "/history")
+        with ui.element("p").classes("somrs-soft somrs-tasks-foot"):
+            ui.label("Older tasks are in the")
+            ui.link("History", "/history")
         follow(desk.context.hub, "tasks", self._read, self._hear)
         follow(desk.context.hub, "questions", self._read_questions, self._hear_questions)
         ui.timer(1.0, self._tick)
@@ -177,21 +176,22 @@ def _told(row: TaskRow, asked: frozenset[str], now: float) -> dict[str, Any]:
         "percent": round(100 * row.fraction),
         "steps": f"{row.done} of {counted(row.steps, 'step')}" if row.steps else "",
         "effect": row.effect,
-        "note": " · ".join(_notes(row)),
+        "note": " · ".join(_notes(row, asked)),
         "asks": listed(sorted({device(service) for service in row.services} & asked)),
         "setbacks": f"{counted(row.setbacks, 'setback')}" if row.setbacks else "",
         "at": row.submitted_at,
         "stated": clock(row.submitted_at),
         "who": person(row.client),
         "took": lasted(max(0.0, seconds)) + ("" if row.outcome is not None else " so far"),
-        "due": "–",
+        "due": due(row.submitted_at, row.deadline, row.outcome is not None, now) if row.deadline is not None else "–",
         "priority": row.priority,
     }
 
 
-def _notes(row: TaskRow) -> Iterator[str]:
-    if row.outcome is None and row.services:
-        yield f"{listed([*dict.fromkeys(device(service) for service in row.services)])} at work"
+def _notes(row: TaskRow, asked: frozenset[str]) -> Iterator[str]:
+    working = [name for name in dict.fromkeys(device(service) for service in row.services) if name not in asked]
+    if row.outcome is None and working:
+        yield f"{listed(working)} at work"
     if row.explanation:
-        reason = row.explanation.partition("; ")[0]
+        reason = gist(row.explanation.partition("; ")[0])
         yield reason[:1].upper() + reason[1:]

@@ -9,8 +9,8 @@ const ROW = 38; // pixels from one message to the next
 const BLOCK = 40; // messages drawn as one picture
 const GUTTER = 64; // where times stand
 const FIRST = 126; // the Task Manager's lifeline
-const LAST = 96; // right of the last lifeline
-const COLUMN = [176, 320]; // least and most between lifelines
+const LAST = 96; // most that is right of the last lifeline
+const COLUMN = [148, 400]; // least and most between lifelines
 const BAD = new Set(["Failed", "Refuse", "Stranded", "Fault", "Stop"]);
 const GOOD = new Set(["Completed", "Compensated", "Accept"]);
 
@@ -82,13 +82,15 @@ export default {
       this.column = 0;
     },
     show({ view, messages, life }) {
-      this.tail ??= !view.outcome;
+      const first = this.tail === null;
+      if (first) this.tail = !view.outcome;
       if (life !== this.life) {
         this.life = life;
         this.messages = messages;
         this.close();
         this.redraw();
       } else this.append();
+      if (view.outcome && !this.tail && first) this.behind = 0;
     },
     redraw() {
       const { rows } = this.$refs;
@@ -130,14 +132,16 @@ export default {
       return !situation && (!note || note === old);
     },
     columnNow() {
-      const room = (this.wide || 640) - FIRST - LAST;
-      return Math.round(Math.min(COLUMN[1], Math.max(COLUMN[0], room / Math.max(1, this.parties.size))));
+      const count = Math.max(1, this.parties.size);
+      const room = (this.wide || 640) - FIRST;
+      const fits = Math.max((room - LAST) / count, (room - 2) / (count + 0.5));
+      return Math.floor(Math.min(COLUMN[1], Math.max(COLUMN[0], fits)));
     },
     place(service) {
       return FIRST + (this.parties.get(service) + 1) * this.column;
     },
     width() {
-      return FIRST + this.parties.size * this.column + LAST;
+      return FIRST + this.parties.size * this.column + Math.min(LAST, this.column / 2);
     },
     head() {
       const { heads } = this.$refs;

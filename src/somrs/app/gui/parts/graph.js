@@ -50,7 +50,7 @@ export default {
   mounted() {
     this.sized = new ResizeObserver(() => this.size());
     this.sized.observe(this.$refs.view);
-    if (this.task) this.leave = feed(this.task).listen((seen) => this.show(seen.view.steps, seen.view.work));
+    if (this.task) this.leave = feed(this.task).listen(({ view }) => this.show(view.steps, view.work, view.outcome !== null));
     else this.show(this.plan ?? []);
   },
   unmounted() {
@@ -63,8 +63,9 @@ export default {
     },
   },
   methods: {
-    show(steps, work = []) {
+    show(steps, work = [], over = false) {
       this.work = work;
+      this.over = over;
       const shape = JSON.stringify(steps.map((step) => [step.step, step.service_type, step.inputs, step.after, step.because]));
       const same = shape === this.shape;
       this.steps = steps;
@@ -96,9 +97,11 @@ export default {
       // What may change while the plan stays.
       const box = this.box(step.step);
       if (!box) return;
-      const tries = this.work.filter((one) => key(one) === key(step) && ["Failed", "Unreachable", "Stopped"].includes(one.result ?? one.state)).length;
-      const undone = this.work.find((one) => key(one) === key(step) && ["Compensating", "Compensated", "Stranded"].includes(one.state));
-      const state = undone && step.state === "Completed" ? undone.state : step.state;
+      const tries = this.work.filter((one) => key(one) === key(step) && ["Failed", "Unreachable"].includes(one.result ?? one.state)).length;
+      // A step that is nobody's any more, or whose work was undone, is as the last work on it is.
+      const last = this.work.findLast((one) => key(one) === key(step));
+      const undone = ["Compensating", "Compensated", "Stranded"].includes(last?.state);
+      const state = last && (undone || (this.over && step.state === "New")) ? last.state : step.state;
       const said = words(step, state);
       const told = JSON.stringify([state, said, tries, step.fraction, this.chosen === step.step]);
       if (box.dataset.told === told) return;
@@ -107,8 +110,8 @@ export default {
       box.setAttribute("aria-label", `${step.step}: ${step.service_type}, ${inputs(step)}: ${said}${tries ? `, ${failures(tries)}` : ""}`);
       box.querySelector(".somrs-node-part").setAttribute("width", state === "Executing" ? Math.max(4, step.fraction * WIDE) : 0);
       box.querySelector(".somrs-node-sign").innerHTML = this.task ? sign(state) : "";
-      box.querySelector(".somrs-node-says").textContent = fitting(this.task ? said : inputs(step), tries ? WIDE - 96 : WIDE - 22, 6.3);
-      box.querySelector(".somrs-node-tries").textContent = tries ? `✘ ${failures(tries)}` : "";
+      box.querySelector(".somrs-node-says").textContent = fitting(this.task ? said : inputs(step), tries ? WIDE - 90 : WIDE - 22, 6.3);
+      box.querySelector(".somrs-node-tries").textContent = tries ? `✘ ${tries} failed` : "";
     },
     box(step) {
       return this.$refs.drawing?.querySelector(`[data-step="${CSS.escape(step)}"]`);

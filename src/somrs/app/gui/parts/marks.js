@@ -16,6 +16,11 @@ export const MARKS = {
   Stranded: { word: "could not be undone", path: "M8 2.5v7M8 12.8v.1", open: true, bold: true },
   Ended: { word: "left", path: "M3.5 8h9", open: true },
   Unreachable: { word: "fell silent", path: "M5.2 6a2.8 2.8 0 1 1 4 2.6c-.9.5-1.2.9-1.2 1.8M8 13v.1", open: true, bold: true },
+  // What is done about failures.
+  Replace: { word: "replaced", path: "M12.9 6.6A5.2 5.2 0 0 0 4 4.4M3.1 9.4a5.2 5.2 0 0 0 8.9 2.2M4 1.8v2.8h2.8M12 14.2v-2.8H9.2", open: true },
+  Replan: { word: "planned anew", path: "M4 14V8.5c0-2 1.5-2.6 4-2.6h3.5M9.2 3.2L12 5.9 9.2 8.6M4 8V2", open: true },
+  Look: { word: "looked", path: "M1.6 8S4 3.9 8 3.9 14.4 8 14.4 8 12 12.1 8 12.1 1.6 8 1.6 8zM8 6.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 0-3z", open: true },
+  Wait: { word: "waited", path: "M4.5 2.5h7M4.5 13.5h7M5.5 2.5c0 3 5 4 5 5.5s-5 2.5-5 5.5M10.5 2.5c0 3-5 4-5 5.5s5 2.5 5 5.5", open: true },
 };
 
 // What groups of states look alike: the class that colours them.

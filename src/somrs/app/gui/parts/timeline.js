@@ -9,9 +9,9 @@ import { feed } from "taskfeed";
 const LANE = 38;
 const TOP = 58;
 const NAMES = 96; // pixels for the names of devices
-const RIGHT = 26;
+const RIGHT = 44;
 const TICK = 500; // milliseconds after which bars grow
-const MARKED = { setback: "Failed", handler: "Committed", replace: "Arranging", replan: "Arranging", wait: "Ended", look: "Unreachable", undo: "Compensated", end: "Stopped" };
+const MARKED = { setback: "Failed", handler: "Committed", replace: "Replace", replan: "Replan", wait: "Wait", look: "Look", undo: "Compensated", end: "Stopped" };
 
 export default {
   template: `
@@ -100,12 +100,12 @@ export default {
       if (!task.outcome) parts.push(`<line class="somrs-times-now" x1="${x(now)}" y1="${TOP - 10}" x2="${x(now)}" y2="${height}"/>`);
       if (due !== null && due <= end) parts.push(`<line class="somrs-times-due" x1="${x(due)}" y1="${TOP - 10}" x2="${x(due)}" y2="${height}"/><text class="somrs-times-due-text" x="${x(due) - 4}" y="${TOP + 2}" text-anchor="end">deadline</text>`);
       parts.push(`<text class="somrs-times-who" x="${NAMES - 10}" y="38">Task</text>`);
-      let last = -99;
+      let [last, kind] = [-99, ""];
       for (const event of events.filter((one) => one.kind in MARKED)) {
         const at = Math.max(x(event.at), last + 15);
+        if (kind === event.kind && x(event.at) < last + 12) continue;
         if (event.kind === "setback") parts.push(`<line class="somrs-times-setback" x1="${x(event.at)}" y1="42" x2="${x(event.at)}" y2="${height}"/>`);
-        if (at > width - 8) continue;
-        last = at;
+        [last, kind] = [at, event.kind];
         const state = event.kind === "end" ? { accomplished: "Completed", failed: "Failed", cancelled: "Stopped" }[task.outcome] : MARKED[event.kind];
         const text = `${since(event.at - start)}: ${event.step ? `${event.step}: ` : ""}${event.text}`;
         parts.push(`<g class="somrs-times-mark somrs-mark-${event.kind}" role="img" aria-label="${escaped(text)}" data-told="${escaped(text)}"><rect x="${at - 8}" y="25" width="16" height="18"/>${sign(state, at - 8, 26)}</g>`);
