@@ -174,7 +174,8 @@ def stopped(tmp_path: Path, recovered: TaskRecord) -> Path:
 
 def exported(data: Path, format: Format, table: Table = Table.TASKS, since: str | None = None, outcome: Outcome | None = None) -> str:
     out = data / "out"
-    asyncio.run(export(out, data, format, table, since, outcome))
+    wanted = ReadRecords(since=moment(since, 0.0) if since is not None else None, outcome=outcome)
+    asyncio.run(export(out, data, format, table, wanted))
     assert sorted(path.name for path in data.glob("out*")) == ["out"]
     return out.read_text()
 
@@ -185,7 +186,7 @@ def test_json_lines_hold_all_that_is_kept(stopped: Path, recovered: TaskRecord, 
     failed, first = [msgspec.json.decode(line, type=TaskRecord) for line in text.splitlines()]
     assert first == recovered
     assert (failed.outcome, len(failed.messages)) == (Outcome.FAILED, 40 * len(recovered.messages))
-    asyncio.run(export(None, stopped, Format.JSONL, Table.TASKS, None, None))
+    asyncio.run(export(None, stopped, Format.JSONL, Table.TASKS))
     assert capsys.readouterr().out == text
     day = moment("1970-01-13", 0.0)
     assert recovered.ended_at < day < failed.ended_at
@@ -230,6 +231,11 @@ def test_tasks_that_are_over_can_be_looked_at(stopped: Path, recovered: TaskReco
     assert listed.index("failed in") < listed.index("accomplished in")
     asyncio.run(tasks.tasks(stopped, history=True, limit=1, json=True))
     assert [task["outcome"] for task in json.loads(capsys.readouterr().out)] == ["failed"]
+    wanted = ReadRecords(outcome=Outcome.ACCOMPLISHED, service=recovered.work[0].service, text="jar")
+    asyncio.run(tasks.tasks(stopped, history=True, limit=20, json=True, wanted=wanted))
+    assert [task["task"] for task in json.loads(capsys.readouterr().out)] == [recovered.task]
+    asyncio.run(tasks.tasks(stopped, history=True, limit=20, json=False, wanted=ReadRecords(service="Robot7")))
+    assert capsys.readouterr().out == "no such task\n"
     name = recovered.task[9:15]
     asyncio.run(tasks.task(name, stopped, messages=False, picture=None, json=True))
     assert msgspec.convert(json.loads(capsys.readouterr().out) | {"type": "TaskRecord"}, TaskRecord) == recovered
@@ -272,7 +278,7 @@ def test_an_interrupted_export_leaves_no_file_that_looks_whole(stopped: Path) ->
     with sqlite3.connect(stopped / archive.FILE) as db:
         db.execute("UPDATE records SET document = '{' WHERE outcome = 'accomplished'")
     with pytest.raises(UsageError, match=archive.FILE):
-        asyncio.run(export(stopped / "out", stopped, Format.JSONL, Table.TASKS, None, None))
+        asyncio.run(export(stopped / "out", stopped, Format.JSONL, Table.TASKS))
     assert [path.name for path in stopped.glob("out*")] == ["out"]
     assert (stopped / "out").read_text() == "an earlier one"
 

@@ -107,9 +107,10 @@ def test_reliability_is_what_was_completed_of_what_was_begun_whatever_was_undone
     )
     kept.teach(experience)
     assert experience.tally("A.Go") == Tally(began=4, completed=2, failed=1, stopped=1)
-    assert experience.tally("A.Go").share == pytest.approx(2 / 3)
+    assert experience.tally("A.Go").in_words() == "2 of 3 done, 1 stopped"
     assert experience.tally("B.Go") == Tally(began=1, failed=1)
-    assert experience.tally("C.Go").share is None, "nothing is known of what did nothing"
+    assert experience.tally("C.Go").in_words() == "nothing done yet"
+    assert Tally(began=9, completed=8, failed=1).in_words() == "8 of 9 done (89 %)"
 
 
 def test_nothing_is_learned_twice_even_when_tasks_end_at_the_same_moment() -> None:

@@ -18,7 +18,7 @@ SCENARIO = Path(__file__).parent.parent / "src" / "somrs" / "app" / "data" / "sc
 
 
 async def exported(data: Path, out: Path) -> list[TaskRecord]:
-    await export(out, data, Format.JSONL, Table.TASKS, None, None)
+    await export(out, data, Format.JSONL, Table.TASKS)
     return [msgspec.json.decode(line, type=TaskRecord) for line in out.read_bytes().splitlines()]
 
 

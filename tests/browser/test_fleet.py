@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import re
+import subprocess
+import sys
 import time
 import urllib.request
 from collections.abc import Callable
@@ -64,6 +67,15 @@ def test_every_device_is_there_with_what_it_offers(system: Running, window: Open
     expect(page.get_by_role("status").first).to_contain_text("2 on offer")
     assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
     shoot(page, f"fleet-{size}-{'dark' if dark else 'light'}")
+
+
+def test_the_command_line_shows_the_same(system: Running) -> None:
+    line = [sys.executable, "-m", "somrs.app.cli", "fleet", "--data", str(system.data)]
+    said = subprocess.run(line, capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "120"}).stdout
+    for words in ("Robot1", "Robot2", "on offer", "battery 100 %", "TransferObject, 25 EUR"):
+        assert words in said
+    found = json.loads(subprocess.run([*line, "--json"], capture_output=True, text=True, check=True).stdout)
+    assert [one["name"] for one in found["devices"]] == sorted(fleet(system))
 
 
 def test_a_robot_at_work_shows_its_step_and_then_what_it_has_done(system: Running, window: Open) -> None:

@@ -78,6 +78,20 @@ def services(
 
 
 @app.command()
+def fleet(
+    follow: Annotated[bool, typer.Option("--follow", help="Go on showing it as it changes, until Ctrl-C.")] = False,
+    data: Data = HERE,
+    json: Json = False,
+) -> None:
+    """The devices. What each does, its load and battery, how its services have done so far, and its faults."""
+    from somrs.app.fleet import fleet as run
+
+    if follow and json:
+        fail("--json prints once; programs that follow the fleet use the API's WebSocket", 2)
+    awaited(run(data, follow=follow, json=json))
+
+
+@app.command()
 def questions(data: Data = HERE, json: Json = False) -> None:
     """What the system asks people now, because nobody else can look."""
     from somrs.app.answering import questions as run

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
+from msgspec import structs
 from rich.live import Live
 
 from somrs.app import show, story
@@ -72,12 +73,13 @@ async def do(wish: Submit, data: Path, *, wait: bool, json: bool) -> int:
         return 0 if last.view.outcome is Outcome.ACCOMPLISHED else 1
 
 
-async def tasks(data: Path, *, history: bool, limit: int, json: bool) -> None:
-    """The tasks that run; with their history, those that are over, too, the latest first."""
+async def tasks(data: Path, *, history: bool, limit: int, json: bool, wanted: ReadRecords | None = None) -> None:
+    """The tasks that run; with their history, those that are over, too, the latest first. `wanted`: only those of the history that are."""
     if history:
         async with past(data) as archive:
-            found = [*(await archive.client.tasks(running=True) if archive.client is not None else ())]
-            found += [story.view(record) for record in await archive.first(ReadRecords(brief=True), limit)]
+            running = await archive.client.tasks(running=True) if archive.client is not None and wanted is None else ()
+            records = await archive.first(structs.replace(wanted or ReadRecords(), brief=True), limit)
+            found = [*running, *map(story.view, records)]
     else:
         async with Client(Addresses.read(data)) as client:
             found = [*await client.tasks(running=True)]
@@ -86,7 +88,11 @@ async def tasks(data: Path, *, history: bool, limit: int, json: bool) -> None:
     elif found:
         show.console().print(show.tasks(found))
     else:
-        print("no tasks yet" if history else "no task is running; --history shows those that are over")
+        print(
+            ("no such task" if wanted is not None else "no tasks yet")
+            if history
+            else "no task is running; --history shows those that are over"
+        )
 
 
 async def task(name: str, data: Path, *, messages: bool, picture: Path | None, json: bool) -> None:

@@ -18,6 +18,9 @@ MOST_TASKS = 1000
 WINDOW = 600.0
 """Seconds for which it is told how busy a device was."""
 
+FEW = 5
+"""Pieces of work below which no percentage is told."""
+
 
 class Tally(msgspec.Struct, frozen=True, kw_only=True):
     """What became of what a service began, in tasks that are over. `failed`: or nothing more was heard; `stopped`: it was told to."""
@@ -27,11 +30,14 @@ class Tally(msgspec.Struct, frozen=True, kw_only=True):
     failed: int = 0
     stopped: int = 0
 
-    @property
-    def share(self) -> float | None:
-        """How much of what it was not told to stop it completed; None when nothing is known yet."""
+    def in_words(self) -> str:
+        """Of few pieces of work no percentage is told: one of one is no certainty."""
         tried = self.completed + self.failed
-        return self.completed / tried if tried else None
+        stopped = f", {self.stopped} stopped" if self.stopped else ""
+        if not tried:
+            return f"nothing done yet{stopped}"
+        percent = f" ({100 * self.completed / tried:.0f} %)" if tried >= FEW else ""
+        return f"{self.completed} of {tried} done{percent}{stopped}"
 
 
 class Experience:

@@ -7,7 +7,6 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
-from somrs.app.desk.experience import Tally
 from somrs.app.desk.fleet import BUSY, DeviceSeen, Doing, Presence, ServiceSeen
 from somrs.app.gui.signs import Badge, Gauge, Sign, clock, listed
 from somrs.devices.simulator.commands import Fault
@@ -33,9 +32,6 @@ FAULTS = {
 LEAVING = {"expired": "fell silent", "retracted": "withdrew its services"}
 """The Registry's words for going, as people say it."""
 
-FEW = 5
-"""Pieces of work of which no percentage is told: one of one is no certainty."""
-
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 Break = Callable[[str, Fault, bool], Awaitable[None]]
@@ -59,16 +55,6 @@ def state(device: DeviceSeen) -> Sign:
     if device.doing:
         return Sign("event", "Booked", "busy")
     return Sign("check_circle", "Ready", "good")
-
-
-def shown_of(tally: Tally) -> str:
-    """How a service has done so far."""
-    tried = tally.completed + tally.failed
-    stopped = f", {tally.stopped} stopped" if tally.stopped else ""
-    if not tried:
-        return f"nothing done yet{stopped}"
-    percent = f" ({100 * tally.completed / tried:.0f} %)" if tried >= FEW else ""
-    return f"{tally.completed} of {tried} done{percent}{stopped}"
 
 
 class DeviceCard:
@@ -171,7 +157,7 @@ def _service(service: ServiceSeen) -> None:
     with ui.element("div").props('role="listitem"').classes("somrs-device-service"):
         ui.label(service.type).classes("somrs-device-service-name").tooltip(f"brings about: {service.effect}")
         ui.label(price if service.on_offer else "not on offer").classes("somrs-soft")
-        tally = shown_of(service.tally)
+        tally = service.tally.in_words()
         if service.tally.began:
             ui.link(tally, f"/history?{urlencode({'service': service.service})}").classes("somrs-device-tally somrs-history-link")
         else:
