@@ -1,0 +1,111 @@
+"""Wishes as lines that are put together by choosing: a thing and what is to be so of it. Which formulas are of that form, and which text
+they are."""
+
+from __future__ import annotations
+
+import json
+
+import msgspec
+
+from somrs.entish.formula import Attribute, Comparison, Formula, Name, Not, Number, Relation, Text, Truth, conjuncts
+from somrs.entish.parse import parse
+from somrs.errors import FormulaError
+from somrs.ontology.types import Kind, Ontology
+from somrs.ontology.values import attribute_at
+
+ORDERS = ("=", "!=", "<", "<=", ">", ">=")
+
+
+class Line(msgspec.Struct, frozen=True, kw_only=True):
+    """That `thing` stands in `relation` to `other`; or that its attribute (`path`, of that `kind`) compares with `value`, which is written
+    in `unit`. `denied`: that it does not. What was not chosen yet is empty."""
+
+    thing: str = ""
+    relation: str = ""
+    other: str = ""
+    path: str = ""
+    kind: Kind = Kind.NUMBER
+    order: str = "="
+    value: str = ""
+    unit: str = ""
+    denied: bool = False
+
+    @property
+    def text(self) -> str | None:
+        """As a formula; None while something is missing."""
+        denied = "NOT " if self.denied else ""
+        if self.relation:
+            return f"{denied}{self.thing} {self.relation} {self.other}" if self.thing and self.other else None
+        value = self._written()
+        return f"{denied}{self.thing}.{self.path} {self.order} {value}" if self.thing and self.path and value else None
+
+    def _written(self) -> str | None:
+        match self.kind:
+            case Kind.NUMBER:
+                try:
+                    float(self.value)
+                except ValueError:
+                    return None
+                return f"{self.value} {self.unit}".strip()
+            case Kind.TEXT:
+                return json.dumps(self.value, ensure_ascii=False)
+            case _:
+                return self.value or None
+
+
+def text_of(lines: list[Line]) -> str:
+    """The formula that the lines are, each that is complete on a line of its own."""
+    return "\nAND ".join(text for line in lines if (text := line.text) is not None)
+
+
+def lines_of(text: str, ontology: Ontology) -> list[Line] | None:
+    """The lines that a formula is; None when it is not of that form, or no formula."""
+    try:
+        parts = conjuncts(parse(text))
+    except FormulaError:
+        return None
+    found = [_line(part, ontology) for part in parts]
+    return [line for line in found if line is not None] if None not in found else None
+
+
+def _line(part: Formula, ontology: Ontology) -> Line | None:
+    atom, denied = (part.atom, True) if isinstance(part, Not) else (part, False)
+    match atom:
+        case Relation(relation, (Name(thing), Name(other))):
+            return Line(thing=thing, relation=relation, other=other, denied=denied)
+        case Comparison(Attribute(Name(thing), path), order, constant):
+            attribute = attribute_at(path, ontology)
+            kind = attribute.kind if attribute is not None else None
+            if kind is None or (kind is not Kind.NUMBER and order not in ("=", "!=")):
+                return None
+            match kind, constant:
+                case Kind.NUMBER, Number(value, unit):
+                    said = repr(value).removesuffix(".0")
+                    return Line(thing=thing, path=path, kind=kind, order=order, value=said, unit=unit or "", denied=denied)
+                case (Kind.TEXT, Text(said)) | (Kind.ENUMERATION, Name(said)):
+                    return Line(thing=thing, path=path, kind=kind, order=order, value=said, denied=denied)
+                case Kind.TRUTH, Truth(true):
+                    return Line(thing=thing, path=path, kind=kind, order=order, value="TRUE" if true else "FALSE", denied=denied)
+    return None
+
+
+def same(one: str, other: str) -> bool:
+    """Whether two texts are the same formula, or the same text."""
+    try:
+        return one == other or parse(one) == parse(other)
+    except FormulaError:
+        return False
+
+
+def moved(lines: list[Line], line: Line, ontology: Ontology) -> list[Line]:
+    """The lines, with one of where a thing is to be: in the place of those that cannot be so at the same time."""
+    relation = ontology.relations.get(line.relation)
+    group = relation.excludes if relation is not None else None
+    kept = []
+    for one in lines:
+        other = ontology.relations.get(one.relation)
+        same_relation = one.relation == line.relation and relation is not None and relation.functional
+        excluded = same_relation or (group is not None and other is not None and other.excludes == group)
+        if one.thing != line.thing or one.denied or not excluded:
+            kept.append(one)
+    return [*kept, line]

@@ -1,0 +1,159 @@
+// A field in which one of many is chosen by typing a part of its name, its label or its kind; what there is to choose comes with it, or
+// from the API, so that a map of thousands of things is no burden.
+
+const PAUSE = 80; // milliseconds without typing before the API is asked
+
+export default {
+  template: `
+    <div class="somrs-pick" :class="{'somrs-pick-bad': bad}">
+      <i v-if="symbol" class="material-icons somrs-pick-symbol" aria-hidden="true">{{ symbol }}</i>
+      <input ref="input" type="text" role="combobox" class="somrs-pick-input" autocomplete="off" spellcheck="false" :value="shown"
+        :placeholder="placeholder" :aria-label="label" :disabled="disable" aria-autocomplete="list" :aria-expanded="open"
+        :aria-controls="name + '-list'" :aria-activedescendant="open && chosen >= 0 ? name + '-' + chosen : undefined"
+        :aria-invalid="bad" :title="bad || undefined"
+        @focus="begin" @click="begin" @input="onInput" @keydown="onKey" @blur="end" />
+      <i class="material-icons somrs-pick-turn" aria-hidden="true" @mousedown.prevent="open ? end() : $refs.input.focus()">expand_more</i>
+      <ul v-show="open" ref="list" class="somrs-fe-list" role="listbox" :id="name + '-list'" :aria-label="label" :style="at">
+        <template v-for="(item, index) in items" :key="item.value">
+          <li v-if="item.group && item.group !== items[index - 1]?.group" class="somrs-pick-group" role="presentation">{{ item.group }}</li>
+          <li role="option" :id="name + '-' + index" :aria-selected="index === chosen" :class="{'somrs-fe-chosen': index === chosen}"
+            @mousedown.prevent="take(index)">
+            <i v-if="item.symbol" class="material-icons" aria-hidden="true">{{ item.symbol }}</i>
+            <span class="somrs-fe-word">{{ item.text ?? item.value }}</span><span class="somrs-fe-detail">{{ item.detail }}</span>
+          </li>
+        </template>
+        <li v-if="!items.length" class="somrs-pick-none" role="presentation">{{ waiting ? 'Looking…' : lost ? 'The system does not answer.' : 'Nothing is called so.' }}</li>
+        <li v-else-if="more" class="somrs-pick-none" role="presentation">There are others: type a part of the name.</li>
+      </ul>
+    </div>`,
+  props: {
+    value: String, label: String, placeholder: String, options: Array, source: Object, disable: Boolean, problem: String, id: String,
+  },
+  emits: ["pick"],
+  data() {
+    return { picked: this.value ?? "", typed: null, open: false, items: [], chosen: -1, at: {}, more: false, waiting: false, lost: false, known: {} };
+  },
+  created() {
+    this.asked = 0;
+  },
+  mounted() {
+    this.recognise();
+    this.gone = (event) => event.target !== this.$refs.list && this.end();
+    window.addEventListener("scroll", this.gone, true);
+    window.addEventListener("resize", this.gone);
+  },
+  beforeUnmount() {
+    clearTimeout(this.timer);
+    window.removeEventListener("scroll", this.gone, true);
+    window.removeEventListener("resize", this.gone);
+  },
+  computed: {
+    name() { return `pick-${this.id}`; },
+    item() { return this.options?.find((one) => one.value === this.picked) ?? this.known[this.picked]; },
+    symbol() { return this.typed === null ? this.item?.symbol : "search"; },
+    shown() { return this.typed ?? this.item?.text ?? this.picked; },
+    bad() { return this.problem || ""; },
+  },
+  watch: {
+    value(value) { this.picked = value ?? ""; this.recognise(); },
+  },
+  methods: {
+    begin() {
+      if (this.open || this.disable) return;
+      this.open = true;
+      this.$refs.input.select();
+      this.look("");
+    },
+    end() {
+      this.asked++;
+      this.open = false;
+      this.typed = null;
+      // The field shows again what was chosen before.
+      if (this.$refs.input) this.$refs.input.value = this.shown;
+    },
+    onInput(event) {
+      this.typed = event.target.value;
+      this.open = true;
+      clearTimeout(this.timer);
+      if (this.source) this.timer = setTimeout(() => this.look(this.typed), PAUSE);
+      else this.look(this.typed);
+    },
+    async look(typed) {
+      const asked = ++this.asked;
+      if (this.source) {
+        this.waiting = true;
+        const found = await this.ask(typed);
+        if (asked !== this.asked) return;
+        this.waiting = false;
+        this.items = found;
+      } else {
+        const wanted = typed.toLowerCase();
+        const match = ({ value, text, detail }) => {
+          const place = (text ?? value).toLowerCase().indexOf(wanted);
+          return place >= 0 ? Math.min(place, 1) : (detail ?? "").toLowerCase().includes(wanted) ? 2 : 3;
+        };
+        const ranked = this.options.map((item) => [match(item), item]).filter(([rank]) => rank < 3);
+        // Groups stay together where nothing was typed.
+        this.items = (wanted ? ranked.sort((a, b) => a[0] - b[0]) : ranked).map(([, item]) => item);
+      }
+      this.chosen = typed ? (this.items.length ? 0 : -1) : this.items.findIndex((one) => one.value === this.picked);
+      this.$nextTick(this.place);
+    },
+    async ask(typed, limit = 40) {
+      try {
+        const answer = await fetch(`/api/formulas/things?${new URLSearchParams({ ...this.source, typed, limit })}`);
+        if (!answer.ok) throw new Error(answer.status);
+        const { things, more } = await answer.json();
+        Object.assign(this, { more, lost: false });
+        const items = things.map(({ name, type, symbol, label, where }) => ({
+          value: name, symbol, detail: [type, label, where && `at ${where}`].filter(Boolean).join(", "),
+        }));
+        for (const item of items) this.known[item.value] = item;
+        return items;
+      } catch {
+        Object.assign(this, { more: false, lost: true });
+        return [];
+      }
+    },
+    recognise() {
+      // What it is, of which only the name is known here: for its symbol.
+      if (this.source && this.picked && !this.known[this.picked]) this.ask(this.picked, 5);
+    },
+    place() {
+      if (!this.open || !this.$refs.list) return;
+      const box = this.$el.getBoundingClientRect();
+      const height = this.$refs.list.offsetHeight;
+      const below = box.bottom + height + 4 < window.innerHeight || box.top < height + 8;
+      const left = Math.max(8, Math.min(box.left, window.innerWidth - this.$refs.list.offsetWidth - 8));
+      this.at = { left: `${left}px`, top: `${below ? box.bottom + 2 : box.top - height - 2}px`, minWidth: `${box.width}px` };
+      this.show();
+    },
+    show() {
+      this.$refs.list.querySelector(".somrs-fe-chosen")?.scrollIntoView({ block: "nearest" });
+    },
+    take(index) {
+      const item = this.items[index];
+      if (!item) return;
+      this.picked = item.value;
+      this.end();
+      this.$emit("pick", item.value);
+    },
+    onKey(event) {
+      const moves = { ArrowDown: 1, ArrowUp: -1, PageDown: 8, PageUp: -8 };
+      if (event.key in moves) {
+        if (!this.open) this.begin();
+        else this.chosen = Math.max(0, Math.min(this.items.length - 1, this.chosen + moves[event.key]));
+        this.$nextTick(this.show);
+      } else if (event.key === "Enter" && this.open && this.chosen >= 0) this.take(this.chosen);
+      else if (event.key === "Escape" && this.open) this.end();
+      else if (event.key === "Tab" && this.open && this.typed !== null && this.chosen >= 0) {
+        // Whoever typed a part and goes on means the first that fits.
+        this.take(this.chosen);
+        return;
+      } else return;
+      event.preventDefault();
+      event.stopPropagation();
+    },
+    focus() { this.$refs.input.focus(); },
+  },
+};
