@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from somrs.entish import Name
-from somrs.entish.formula import Attribute, Call, Comparison, Not, literals, substitute, terms, variables
+from somrs.entish.formula import And, Attribute, Call, Comparison, Formula, Not, Or, Term, literals, substitute, terms, variables
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectRemoved, objects_of
 from somrs.ontology.truth import holds
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, ObjectType, Ontology, Value
+from somrs.ontology.values import compare, measure
 
 SELF = "Self"
 """In the formulas of a type's constraints, `?Self` is the object of that type."""
@@ -72,6 +73,8 @@ class _Checker:
         self.parts: dict[str, list[str]] = {}
         self.wholes: dict[str, str] = {}
         self.schemas: dict[str, _Schema] = {}
+        self._known: dict[tuple[object, ...], bool] = {}
+        """Whether rules about an object's own values hold, by its type and those values."""
         self._index()
 
     def _index(self) -> None:
@@ -211,6 +214,29 @@ class _Checker:
                     yield Violation(subject=object.name, rule="constraint", message=f"for a {owner}, {message}", path=constraint.attribute)
 
     def _holds(self, object: Object, text: str) -> bool:
+        if not _is_about_itself(text):
+            return self._asked(object, text)
+        # Of many things of a kind, most are alike in what a rule speaks of.
+        key = object.type, text, *((value := object.values.get(path), type(value)) for path in _paths(text))
+        if key not in self._known:
+            self._known[key] = self._true(parse(text), {SELF: Name(object.name)})
+        return self._known[key]
+
+    def _true(self, formula: Formula, bound: Mapping[str, Term]) -> bool:
+        """Whether a formula holds that speaks of nothing but an object's own values: what `holds` says, without looking for anything."""
+        match formula:
+            case And(parts):
+                return all(self._true(part, bound) for part in parts)
+            case Or(parts):
+                return any(self._true(part, bound) for part in parts)
+            case Not(atom):
+                return not self._true(atom, bound)
+            case Comparison(left, operator, right):
+                one, other = (measure(term, self.map, self.ontology, bound) for term in (left, right))
+                return one is not None and other is not None and compare(one, operator, other)
+        raise TypeError(f"{formula} speaks of others")
+
+    def _asked(self, object: Object, text: str) -> bool:
         return holds(substitute(parse(text), {SELF: Name(object.name)}), self.map, self.ontology)
 
     def _fact(self, fact: Fact) -> Iterator[Violation]:
@@ -254,6 +280,12 @@ def _is_about_itself(text: str) -> bool:
     simple = all(isinstance(atom, Comparison) and not any(isinstance(term, Call) for term in terms(atom)) for atom in atoms)
     of_others = any(isinstance(term, Attribute) and isinstance(term.of, Name) for term in terms(formula))
     return simple and not of_others and set(variables(formula)) <= {SELF}
+
+
+@lru_cache(maxsize=1024)
+def _paths(text: str) -> tuple[str, ...]:
+    """The attributes that a formula speaks of."""
+    return tuple(dict.fromkeys(term.path for term in terms(parse(text)) if isinstance(term, Attribute)))
 
 
 class _Schema:
