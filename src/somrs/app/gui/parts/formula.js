@@ -43,7 +43,7 @@ export default {
       <div class="somrs-fe-said" :id="name + '-said'" role="status">
         <div v-if="lost" class="somrs-fe-soft"><i class="material-icons" aria-hidden="true">cloud_off</i>
           <span>Not checked: the system does not answer. What you wrote stays.</span></div>
-        <div v-else-if="text.trim() && found.unfinished && !open" class="somrs-fe-soft"><i class="material-icons" aria-hidden="true">more_horiz</i>
+        <div v-else-if="text.trim() && found.unfinished && found.problems.length && !open" class="somrs-fe-soft"><i class="material-icons" aria-hidden="true">more_horiz</i>
           <span>It goes on: {{ found.problems[0].hint }}.</span></div>
         <div v-else-if="bad" v-for="one in wrong" class="somrs-fe-problem"><i class="material-icons" aria-hidden="true">error</i>
           <span><button type="button" class="somrs-fe-place" @click="go(one)">{{ one.problem }}</button><template v-if="one.proposals.length">; did you mean
