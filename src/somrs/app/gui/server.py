@@ -33,7 +33,7 @@ async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> Non
     listening = bound(host, port)
     async with desk_of(addresses, data, host) as desk:
         config = uvicorn.Config(
-            _application(desk, data), log_level="warning", access_log=False, timeout_graceful_shutdown=1, ws="websockets"
+            _application(desk, data), log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
         )
         server = QuietServer(config)
         serving = asyncio.create_task(server.serve(sockets=[listening]))
