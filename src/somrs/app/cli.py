@@ -11,7 +11,7 @@ import typer
 
 from somrs.app.cli_options import HERE, LOOPBACK, Data, Formula, HostOption, Json, awaited, fail, guarded
 from somrs.app.cli_run import run_app
-from somrs.app.cli_tasks import tasks_app
+from somrs.app.cli_tasks import PolicyOption, tasks_app
 
 app = typer.Typer(
     help="SO-MRS: robots and devices accomplish tasks that are stated as formulas about a building.",
@@ -118,13 +118,23 @@ def answer(
 def plan(
     formula: Formula,
     precondition: Annotated[str | None, typer.Option(help="The initial situation, if it matters.")] = None,
+    quotes: Annotated[
+        bool, typer.Option("--quotes", help="Ask services what they would want for it now; nobody commits to anything.")
+    ] = False,
+    policy: Annotated[PolicyOption, typer.Option(help="With --quotes: what services are chosen by.")] = PolicyOption.price,
+    time_value: Annotated[float, typer.Option(help="With the policy `weighted`: what a second is worth.")] = 0.01,
+    deadline: Annotated[float | None, typer.Option(help="With --quotes: it has to be done within so many seconds.")] = None,
     data: Data = HERE,
     json: Json = False,
 ) -> None:
     """The plan for a formula, without carrying it out; or why there is none."""
-    from somrs.app.commands import plan as run
+    from somrs.app.preview import plan as run
+    from somrs.protocol.clients import Policy, Preview
 
-    sys.exit(awaited(run(formula, precondition, data, json=json)))
+    wanted = Preview(
+        effect=formula, precondition=precondition, quotes=quotes, policy=Policy(policy.value), time_value=time_value, deadline=deadline
+    )
+    sys.exit(awaited(run(wanted, data, json=json)))
 
 
 @app.command()

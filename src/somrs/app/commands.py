@@ -11,7 +11,6 @@ from somrs.app import show
 from somrs.app.client import Addresses, Client
 from somrs.errors import ModelError, RemoteError, UsageError
 from somrs.ontology.types import Value
-from somrs.protocol.clients import Preview
 from somrs.protocol.directory import Discover
 from somrs.protocol.knowledge import UpdateMap
 from somrs.service_manager.values import python_value
@@ -97,18 +96,6 @@ async def services(type: str | None, effect: str | None, attributes: Sequence[st
         show.print_json(found)
     else:
         show.console().print(show.services(found) if found else "no such service is on offer")
-
-
-async def plan(formula: str, precondition: str | None, data: Path, *, json: bool) -> int:
-    async with Client(Addresses.read(data)) as client:
-        found = await client.preview(Preview(effect=formula, precondition=precondition))
-    if json:
-        show.print_json(found)
-    elif found.steps:
-        show.console().print(show.plan(found.steps))
-    else:
-        print(found.explanation)
-    return 0 if found.steps or found.explanation.startswith("nothing to do") else 1
 
 
 async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:

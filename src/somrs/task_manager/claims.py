@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relation, Term
 from somrs.entish.formula import alternatives, literals, terms
 from somrs.ontology.types import Ontology
-from somrs.planner.plan import Step
+from somrs.planner.plan import Plan, Step
 
 Then = Callable[[float], None]
 """Called once what is waited for is free."""
@@ -41,10 +41,15 @@ class Held:
 
     claim: Claim
     by: dict[str, frozenset[str]]
+    plan: Plan
 
     @property
     def objects(self) -> str:
         return ", ".join(sorted(frozenset[str]().union(*self.by.values())))
+
+    def in_words(self, claims: Claims) -> str:
+        who = " and ".join(f"task {task} ({claims.wish(task)})" for task in self.by)
+        return f"waiting for {who} to end, which {'has' if len(self.by) == 1 else 'have'} {self.objects}"
 
 
 @dataclass(slots=True)

@@ -24,13 +24,23 @@ Made = Callable[[object, float], None]
 
 
 class Draft:
-    """`name` begins the planner's questions, `task` is what transaction `id` wants. A draft that is withdrawn calls nobody."""
+    """`name` begins the planner's questions, `task` is what transaction `id` wants. A draft that is withdrawn calls nobody.
+    `holds`: what the plan needs is the task's from then on."""
 
     def __init__(
-        self, name: str, id: str, task: Submit, offered: Offered, setting: Setting, made: Made, before: Workflow | None = None
+        self,
+        name: str,
+        id: str,
+        task: Submit,
+        offered: Offered,
+        setting: Setting,
+        made: Made,
+        before: Workflow | None = None,
+        *,
+        holds: bool = True,
     ) -> None:
         self.question = name
-        self._before = before
+        self._before, self._holds = before, holds
         self._name, self._id, self._task, self._offered, self._setting = name, id, task, offered, setting
         self._made: Made | None = made
         self._avoided: frozenset[str] = frozenset()
@@ -83,12 +93,13 @@ class Draft:
         wanted = claim(plan.steps, parse(self._task.effect), self._setting.replica.ontology)
         conflicts = claims.conflicts(self._id, wanted)
         if not conflicts:
-            claims.hold(self._id, wanted)
+            if self._holds:
+                claims.hold(self._id, wanted)
             made(plan, now)
             return
         met = frozenset[str]().union(*conflicts.values())
         if self._regardless or met <= self._avoided:
-            made(Held(claim=wanted, by=conflicts), now)
+            made(Held(claim=wanted, by=conflicts, plan=plan), now)
         else:  # it changes what others rely on, or they have taken it meanwhile
             self._avoided |= met
             self._ask(now)

@@ -6,18 +6,17 @@ from collections.abc import Callable
 from functools import partial
 from itertools import islice
 
-from somrs.errors import FormulaError
 from somrs.protocol import clients, frp
 from somrs.protocol.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
-from somrs.protocol.directory import Offer
 from somrs.protocol.envelope import Message, message_id, reply
 from somrs.protocol.paging import fitting
 from somrs.protocol.replica import Replica
 from somrs.task_manager.claims import Claims
 from somrs.task_manager.participants import sent_home
+from somrs.task_manager.preview import Previewing
 from somrs.task_manager.questions import Questions
-from somrs.task_manager.setting import Setting, problem, wrong_with
+from somrs.task_manager.setting import Setting, wrong_with
 from somrs.task_manager.transaction import Transaction
 from somrs.task_manager.views import message_view, previewed, view, view_in_parts
 from somrs.task_manager.watching import TIMER as WATCH
@@ -48,7 +47,7 @@ class TaskManager:
         self._map_version = -1
         self._until_known: list[tuple[int, Callable[[float], None]]] = []
         self._until_ready: dict[str, Message] = {}
-        self._previews: dict[str, Message] = {}
+        self._previews: dict[str, Previewing] = {}
         self._readers: dict[str, Message] = {}
         touched: dict[str, None] = {}
         self._watching = Watching(transactions=self.transactions, touched=touched, effects=self._effects, reply=self._reply)
@@ -82,6 +81,8 @@ class TaskManager:
         for id in [id for id, transaction in self._open.items() if transaction.outcome is not None]:
             del self._open[id]
             self._forget()
+        for id in [id for id, preview in self._previews.items() if preview.over]:
+            del self._previews[id]
         effects = self._effects[:]
         self._effects.clear()
         return effects
@@ -111,6 +112,8 @@ class TaskManager:
         if isinstance(body, FrpBody) and message.header.transaction is not None:
             if (transaction := self.transactions.get(message.header.transaction)) is not None:
                 transaction.hearing.receive(message, now)
+            elif (preview := self._previews.get(message.header.transaction)) is not None:
+                preview.receive(message, now)
             else:
                 self._effects += sent_home(message, self.address)
         elif not self.replica.ready and isinstance(body, clients.Submit | clients.Preview):
@@ -162,24 +165,14 @@ class TaskManager:
         self._reply(message, clients.Submitted(task=id))
 
     def _preview(self, message: Message, task: clients.Preview, now: float) -> None:
-        submit = clients.Submit(effect=task.effect, precondition=task.precondition)
-
-        if (wrong := wrong_with(submit, self.replica)) is not None:
-            self._reply(message, previewed(wrong))
-        else:
-            self._questions.discover(partial(self._previewing, message, submit), now)
-
-    def _previewing(self, message: Message, submit: clients.Submit, offers: tuple[Offer, ...] | str, now: float) -> None:
-        if isinstance(offers, str):
-            self._reply(message, previewed(offers))
-            return
-        question = f"preview {message.header.message_id}"
-        try:
-            self._effects.append(Ask(question, problem(submit, self.replica, offers, quotes=self._setting.quotes)))
-        except FormulaError as error:
-            self._reply(message, previewed(error))
-        else:
-            self._previews[question] = message
+        id = message_id("preview", message.header.message_id)
+        if id not in self._previews:
+            preview = Previewing(id, task, self._setting, partial(self._reply, message))
+            if (wrong := wrong_with(preview.task, self.replica)) is not None:
+                self._reply(message, previewed(wrong))
+            else:
+                self._previews[id] = preview
+                preview.begin(now)
 
     def _tasks(self, wanted: clients.ReadTasks) -> clients.Tasks:
         found = [each for each in self.transactions.values() if each.outcome is None or not wanted.running]
@@ -222,10 +215,12 @@ class TaskManager:
             task, _, what = timer.partition("/")
             if (transaction := self.transactions.get(task)) is not None:
                 _ring(transaction, what, now)
+            elif (preview := self._previews.get(task)) is not None:
+                preview.ring(what, now)
 
     def _answered(self, question: str, value: object, now: float) -> None:
-        if (asked := self._previews.pop(question, None)) is not None:
-            self._reply(asked, previewed(value))
+        if (preview := self._previews.get(question.partition("/")[0])) is not None:
+            preview.planned(question, value, now)
         elif (reader := self._readers.pop(question, None)) is not None:
             self._reply(reader, _read(reader, value))
         elif (transaction := self.transactions.get(question.partition("/")[0])) is not None:
@@ -234,6 +229,8 @@ class TaskManager:
     def _undelivered(self, message: Message, reason: str, now: float) -> None:
         if (transaction := self.transactions.get(message.header.transaction or "")) is not None:
             transaction.hearing.undelivered(message, reason, now)
+        elif (preview := self._previews.get(message.header.transaction or "")) is not None:
+            preview.undelivered(message, reason, now)
 
     # The map
 

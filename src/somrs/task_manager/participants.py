@@ -109,11 +109,16 @@ class Participants:
     def invite(self, offer: Offer, label: str, step: str, arrange: frp.Arrange, now: float, seconds: float) -> Member:
         """Ask a service, as a participant of its own however often it was asked before. `step` is the step's own name among all
         plans of the transaction, `label` the one that people know."""
-        id = participant_id(offer.service, label, len(self._members) + 1)
-        session = CoordinatorSession(transaction=self._transaction, participant=id, me=self._setting.address, peer=offer.address)
-        member = self._members[id] = Member(id=id, session=session, offer=offer, label=label, step=step, number=len(self._members) + 1)
+        member = self.known(offer, label, step)
+        self._members[member.id] = member
         self._send(member, arrange, now, seconds)
         return member
+
+    def known(self, offer: Offer, label: str, step: str) -> Member:
+        """A participant as it would be, that is not asked."""
+        id = participant_id(offer.service, label, len(self._members) + 1)
+        session = CoordinatorSession(transaction=self._transaction, participant=id, me=self._setting.address, peer=offer.address)
+        return Member(id=id, session=session, offer=offer, label=label, step=step, number=len(self._members) + 1)
 
     def accept(self, member: Member, terms: str, now: float) -> None:
         assert not self.held(member.step), "a step is one participant's at a time (FRP, property 1)"

@@ -152,8 +152,7 @@ class Pursuit:
                 self._owner.participants.dismiss(run.member, "the task has to wait for others", now)
                 run.lose()
         self.phase = Phase.WAITING
-        who = " and ".join(f"task {task} ({claims.wish(task)})" for task in held.by)
-        self.waits = f"waiting for {who} to end, which {'has' if len(held.by) == 1 else 'have'} {held.objects}"
+        self.waits = held.in_words(claims)
         self._tell(now, self.waits, kind=EventKind.WAIT)
         claims.wait(self._owner.id, held.claim, self._freed)
 
@@ -242,7 +241,7 @@ class Pursuit:
 
     def offers(self, member: Member, terms: frp.Terms, id: str, now: float) -> None:
         """Terms came."""
-        self._owner.setting.quotes[member.offer.service] = terms.price
+        self._owner.setting.quoted(member.offer.service, terms.price, terms.duration)
         tender = self.tenders.of(member)
         if tender is not None:
             self._tell(now, f"{member.offer.service} offers {terms.price:g} {terms.currency}, {terms.duration:.0f} s", tender.run)

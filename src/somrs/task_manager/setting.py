@@ -24,8 +24,8 @@ from somrs.task_manager.claims import Claims
 from somrs.task_manager.questions import Questions
 from somrs.task_manager.turns import Turns
 
-PRICE = "Price"
-"""The attribute of a service whose price is always the same."""
+PRICE, DURATION = "Price", "Duration"
+"""The attributes of a service whose price, or duration, is always the same."""
 
 
 MOST_PRIORITY = 1000
@@ -52,6 +52,20 @@ class Setting:
     """The transactions to which something happened, for those who watch them."""
     quotes: dict[str, float] = field(default_factory=dict)
     """What services asked last."""
+    lasted: dict[str, float] = field(default_factory=dict)
+    """How long services said last that they take."""
+
+    def quoted(self, service: str, price: float, duration: float) -> None:
+        """A service gave its terms."""
+        self.quotes[service], self.lasted[service] = price, duration
+
+    def last_asked(self, offer: Offer) -> tuple[float, float] | None:
+        """The price and the duration that a service asked last, or says that it always asks, if both are known."""
+        price = self.quotes.get(offer.service, offer.attributes.get(PRICE))
+        duration = self.lasted.get(offer.service, offer.attributes.get(DURATION))
+        if isinstance(price, float | int) and isinstance(duration, float | int):
+            return float(price), float(duration)
+        return None
 
 
 def problem(

@@ -101,6 +101,9 @@ class Tenders:
     def __len__(self) -> int:
         return len(self._open)
 
+    def __iter__(self) -> Iterator[Tender]:
+        return iter(self._open.values())
+
     def open(self, tender: Tender) -> None:
         self._open[tender.run.key] = tender
         self._wake()
@@ -144,8 +147,16 @@ class Tenders:
             self._effects.append(Wake(self._timer, at))
 
 
-def call(run: StepRun, offers: Sequence[Offer], participants: Participants, earliest: float, latest: float | None, now: float) -> Tender:
-    """Send Arrange to all of them."""
+def call(
+    run: StepRun,
+    offers: Sequence[Offer],
+    participants: Participants,
+    earliest: float,
+    latest: float | None,
+    now: float,
+    seconds: float = REPLY_TIME,
+) -> Tender:
+    """Send Arrange to all of them, who have so many seconds to answer."""
     run.progress = Progress.ARRANGING
     inputs = {name: str(term) for name, term in run.step.inputs.items()}
     arranges: dict[tuple[str, str | None], frp.Arrange] = {}
@@ -163,9 +174,9 @@ def call(run: StepRun, offers: Sequence[Offer], participants: Participants, earl
                 precondition=str(precondition) if precondition is not None else None,
                 earliest_start=earliest,
                 latest_finish=latest,
-                reply_by=now + REPLY_TIME,
+                reply_by=now + seconds,
             )
         return arranges[key]
 
-    invited = [participants.invite(offer, run.label, run.key, arrange(offer), now, REPLY_TIME) for offer in offers]
-    return Tender(run=run, invited=invited, earliest=earliest, latest=latest, until=now + REPLY_TIME)
+    invited = [participants.invite(offer, run.label, run.key, arrange(offer), now, seconds) for offer in offers]
+    return Tender(run=run, invited=invited, earliest=earliest, latest=latest, until=now + seconds)

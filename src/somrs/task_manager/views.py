@@ -123,6 +123,7 @@ def step_view(
         inputs={name: str(term) for name, term in step.inputs.items()},
         after=tuple(dict.fromkeys(link.before for link in links)),
         because=tuple(link.fact for link in links),
+        brought_by=tuple(link.before for link in links),
         state=state,
         service=service,
         price=price,
