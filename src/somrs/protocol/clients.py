@@ -71,13 +71,15 @@ class Cancelling(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class StepView(Struct, frozen=True, kw_only=True):
-    """One node of the plan. `after` are the ids of the steps that enable it, `because` the facts they bring about."""
+    """One node of the plan. `after` are the ids of the steps that enable it, `because` the facts they bring about, and `brought_by`, for
+    each of these facts, which of the steps."""
 
     step: str
     service_type: str
     inputs: dict[str, str]
     after: tuple[str, ...] = ()
     because: tuple[str, ...] = ()
+    brought_by: tuple[str, ...] = ()
     state: State = State.NEW
     service: str | None = None
     price: float | None = None

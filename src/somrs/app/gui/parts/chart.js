@@ -100,6 +100,7 @@ export default {
       rows.textContent = "";
       this.shown = this.behind = 0;
       this.append();
+      this.behind = 0;
       if (current !== undefined && this.row(current)) this.mark(current);
     },
     append() {

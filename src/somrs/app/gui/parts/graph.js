@@ -19,11 +19,6 @@ export default {
           @mouseover="onOver" @mouseleave="point(null)" @click="onClick"></div>
         <p v-if="!drawn" class="somrs-soft">{{ empty }}</p>
       </div>
-      <div v-if="drawn && tall" class="somrs-graph-zoom">
-        <button type="button" class="somrs-mini" aria-label="Smaller" title="Smaller" @click="zoom(1 / 1.25)">−</button>
-        <button type="button" class="somrs-mini" aria-label="Larger" title="Larger" @click="zoom(1.25)">+</button>
-        <button type="button" class="somrs-mini" aria-label="As wide as there is room" title="As wide as there is room" @click="zoom(0)">⤢</button>
-      </div>
       <dl v-if="chosen" class="somrs-graph-told" role="status">
         <div v-for="line in told" :key="line[0]"><dt>{{ line[0] }}</dt><dd>{{ line[1] }}</dd></div>
       </dl>
@@ -32,9 +27,16 @@ export default {
           <svg width="16" height="16" aria-hidden="true" v-html="work.sign"></svg><b>{{ work.what }}</b> {{ work.by }}<span>{{ work.word }}</span>
         </li>
       </ol>
-      <ul v-if="drawn && task" class="somrs-legend" aria-label="What the signs mean">
-        <li v-for="one in legend" :key="one.word" :class="one.look"><svg width="16" height="16" aria-hidden="true" v-html="one.sign"></svg>{{ one.word }}</li>
-      </ul>
+      <div v-if="drawn && (task || tall)" class="somrs-graph-foot">
+        <ul v-if="task" class="somrs-legend" aria-label="What the signs mean">
+          <li v-for="one in legend" :key="one.word" :class="one.look"><svg width="16" height="16" aria-hidden="true" v-html="one.sign"></svg>{{ one.word }}</li>
+        </ul>
+        <div v-if="tall" class="somrs-graph-zoom">
+          <button type="button" class="somrs-mini" aria-label="Smaller" title="Smaller" @click="zoom(1 / 1.25)">−</button>
+          <button type="button" class="somrs-mini" aria-label="Larger" title="Larger" @click="zoom(1.25)">+</button>
+          <button type="button" class="somrs-mini" aria-label="As wide as there is room" title="As wide as there is room" @click="zoom(0)">⤢</button>
+        </div>
+      </div>
     </div>`,
   props: { plan: Array, task: String, label: String, empty: String },
   emits: ["step"],
@@ -83,7 +85,8 @@ export default {
       const room = this.$refs.view.clientWidth || 600;
       const laid = [true, false].map((right) => ({ ...layered(nodes, edges, { right }), right }));
       const [beside, below] = laid.map((one) => Math.min(1, room / (one.width + 2 * EDGE)));
-      const made = beside >= below && laid[0].height < 420 ? laid[0] : laid[1];
+      const fit = beside === 1 && below === 1;
+      const made = (fit ? laid[0].height < 420 : beside > below) ? laid[0] : laid[1];
       this.made = made;
       this.facts = facts(this.steps);
       const { width, height } = made;
@@ -125,7 +128,7 @@ export default {
       svg.setAttribute("width", Math.floor(width * scale));
       svg.setAttribute("height", Math.floor((this.made.height + 2 * EDGE) * scale));
       this.now = scale;
-      this.tall = width * LEAST > room || this.made.height > 300 || this.scale > 0;
+      this.tall = width > room || this.made.height > 420 || this.scale > 0;
     },
     zoom(by) {
       this.scale = by ? Math.min(2.5, Math.max(0.25, this.now * by)) : 0;
@@ -218,13 +221,12 @@ function words(step, state) {
   return `${word(state)}${going}${step.service ? ` · ${device(step.service)}` : ""}`;
 }
 
-// The facts for which one step has to be after another. With several steps before, each has its own only if there are as many as facts.
+// The facts for which one step has to be after another.
 function facts(steps) {
   const found = new Map();
   for (const step of steps)
-    step.after.forEach((from, index) => {
-      const own = step.links?.filter((link) => link.step === from).map((link) => link.fact);
-      const told = own ?? (step.after.length === 1 ? step.because : step.because.length === step.after.length ? [step.because[index]] : []);
+    step.after.forEach((from) => {
+      const told = step.because.filter((_, index) => step.after.length === 1 || step.brought_by[index] === from);
       found.set(`${from} ${step.step}`, [...new Set(told)]);
     });
   return found;
@@ -242,7 +244,7 @@ function node(step, [x, y], index) {
   return `<g class="somrs-node" data-step="${escaped(step.step)}" role="button" tabindex="${index === 0 ? 0 : -1}" transform="translate(${left} ${top})">
     <rect class="somrs-node-box" width="${WIDE}" height="${HIGH}" rx="8"/><rect class="somrs-node-part" y="${HIGH - 5}" width="0" height="5" rx="2.5"/>
     <g class="somrs-node-sign" transform="translate(10 9)"></g>
-    <text class="somrs-node-type" x="32" y="22">${escaped(fitting(step.service_type, WIDE - 40 - 7 * step.step.length, 7.2))}</text>
+    <text class="somrs-node-type" x="32" y="22">${escaped(fitting(step.service_type, WIDE - 46 - 6.6 * step.step.length, 7.9))}</text>
     <text class="somrs-node-id" x="${WIDE - 10}" y="22" text-anchor="end">${escaped(step.step)}</text>
     <text class="somrs-node-what" x="11" y="40">${escaped(fitting(inputs(step), WIDE - 22, 6.3))}</text>
     <text class="somrs-node-says" x="11" y="56"></text><text class="somrs-node-tries" x="${WIDE - 10}" y="56" text-anchor="end"></text></g>`;
