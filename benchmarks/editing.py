@@ -1,0 +1,126 @@
+"""What editing an ontology with 5,000 objects on the map costs, and looking back on 10,000 changes, as the windows ask for it.
+
+Run it as `python benchmarks/editing.py`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import tempfile
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+from beside import shown
+from maps import hall
+from msgspec import structs
+
+from somrs.app.client import Addresses, Client
+from somrs.app.host import Host
+from somrs.app.store import RepositoryStore
+from somrs.ontology.files import upper
+from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.objects import ValueSet
+from somrs.ontology.types import Constraint, Definition
+from somrs.protocol.component import Received, Record
+from somrs.protocol.envelope import Header, Message, message_id
+from somrs.protocol.knowledge import Alteration, Consider, Define, ReadEvents, RenameObject, UpdateMap, by_kind
+from somrs.repository.component import Repository
+
+EVENTS = 10_000
+HERE = "http://here/repository"
+
+
+def changed(*definitions: Definition) -> Define:
+    return Define(definitions=by_kind(definitions))
+
+
+def considered(repository: Repository) -> None:
+    """Inside the Repository, without the way there."""
+    ontology = repository.contents.ontology
+    types, attributes = ontology.types, ontology.attributes
+    narrow = (Constraint(attribute="PositionX", maximum=100.0),)
+    asked: dict[str, Alteration] = {
+        "another text for people": changed(structs.replace(types["Jar"], doc="x")),
+        "a rule that half of the objects break": changed(structs.replace(types["Jar"], constraints=narrow)),
+        "an attribute of all objects": changed(structs.replace(attributes["PositionX"], tolerance=0.1)),
+        "a relation with 2,500 facts": changed(structs.replace(ontology.relations["isOn"], joins=("Object", "Object"))),
+        "what all objects must have": changed(structs.replace(types["PhysicalObject"], required=("Label",))),
+        "a type with 2,500 objects removed": Define(removed=(Named(section=Section.TYPES, name="Jar"),)),
+        "a type with 2,500 objects renamed": Define(renamed=(Renaming(section=Section.TYPES, name="Jar", to="Pot"),)),
+        "an object renamed": RenameObject(name="Table7", to="Bench"),
+        "an update of the map": UpdateMap(situation="Jar7 isOn Table9"),
+    }
+    print(f"\nconsidering, {len(repository.contents.map.objects)} objects on the map")
+    for what, alteration in asked.items():
+        began = time.process_time()
+        tell(repository, Consider(change=alteration), what)
+        print(f"  {what:46} {shown(time.process_time() - began):>10}")
+
+
+def tell(repository: Repository, body: Consider | UpdateMap, identity: object) -> list[object]:
+    header = Header(sender="urn:benchmark", recipient=HERE, message_id=message_id(identity))
+    return [one.entry for one in repository.handle(Received(Message(header=header, body=body)), 1.0) if isinstance(one, Record)]
+
+
+def filled(path: Path) -> RepositoryStore:
+    """A store in which much happened."""
+    store = RepositoryStore.open(path)
+    store.initialise(upper(), hall())
+    contents = store.load()
+    assert contents is not None
+    repository = Repository(HERE, contents)
+    considered(repository)
+    for number in range(EVENTS):
+        name, color = f"Jar{number % 2500}", "Red" if number % 5000 < 2500 else "Green"
+        for entry in tell(
+            repository, UpdateMap(changes=(ValueSet(name, "Color", color), ValueSet(name, "Weight", number / EVENTS))), number
+        ):
+            store.keep(entry)
+    store.close()
+    return RepositoryStore.open(path)
+
+
+async def timed(what: str, ask: Callable[[], Awaitable[object]]) -> None:
+    began = time.process_time()
+    await ask()
+    print(f"  {what:46} {shown(time.process_time() - began):>10}")
+
+
+async def looked_back(store: RepositoryStore) -> None:
+    """Over HTTP, from the same process."""
+    began = time.process_time()
+    contents = store.load()
+    assert contents is not None
+    print(f"\nlooking back on {contents.version} changes; the file was read in {shown(time.process_time() - began)}")
+    rim = Host()
+    await rim.start()
+    node = rim.add("/repository", lambda at: Repository(at, contents), carry_out=store.carry_out, keep=store.keep, disk=store.disk)
+    async with Client(Addresses(repository=node.address, registry=node.address, task_manager=node.address)) as client:
+        await timed("the map now", client.map)
+        await timed("the map at version 0", lambda: client.map(0))
+        await timed("the map at version 0 again", lambda: client.map(0))
+        await timed(f"the map at version {EVENTS - 100}", lambda: client.map(EVENTS - 100))
+        await timed("the latest 100 events", lambda: client.happened(ReadEvents(limit=100)))
+        await timed(f"all {EVENTS} events, briefly", lambda: client.happened(ReadEvents(limit=EVENTS, brief=True)))
+        await timed(f"all {EVENTS} events", lambda: client.happened(ReadEvents(limit=EVENTS)))
+        await timed("the history of an object", lambda: client.history("Jar7"))
+        await timed("undoing a change", lambda: client.undo(EVENTS))
+        await timed("renaming a type with 2,500 objects", lambda: client.define(rename("Jar", "Pot")))
+        await timed("undoing that", lambda: client.undo(EVENTS + 2))
+    await rim.stop()
+
+
+def rename(name: str, to: str) -> Define:
+    return Define(renamed=(Renaming(section=Section.TYPES, name=name, to=to),))
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        store = filled(Path(folder) / "repository.sqlite")
+        asyncio.run(looked_back(store))
+        store.close()
+
+
+if __name__ == "__main__":
+    main()
