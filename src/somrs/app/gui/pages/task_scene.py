@@ -1,33 +1,71 @@
-"""Where a task takes place: the floor plan, with whoever is at work and the things that they handle marked, and an arrow to where things
-are wanted."""
+"""Where a task takes place: the scene, or the floor plan, with whoever is at work and the things that they handle marked, and, on the plan,
+an arrow to where things are wanted."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from nicegui import app, ui
+
 from somrs.app.gui.pages.task_words import device
 from somrs.app.gui.parts.floorplan import FloorPlan
+from somrs.app.gui.parts.scene3d import Scene3D
 from somrs.entish import Name, Relation
 from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.protocol.clients import TaskView
 from somrs.protocol.frp import State
 
+SPACE, PLAN = "3d", "plan"
+KEPT = "task view"
+"""In the browser's settings: which of the two."""
+
+HEIGHT = "340px"
+
 WORKING = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
 
 
 class Scene:
+    """One of two views, as somebody likes it; that is remembered in this browser."""
+
     def __init__(self) -> None:
-        self._plan = FloorPlan(mode="view").classes("somrs-task-plan-view")
-        self._shown: object = None
+        self._marks: dict[str, str] = {}
+        self._ways: list[tuple[str, str | tuple[float, float]]] = []
+        self._plan: FloorPlan | None = None
+        self._space: Scene3D | None = None
+        chosen = app.storage.user.get(KEPT, SPACE)
+        self._choice = ui.toggle({SPACE: "3D", PLAN: "Floor plan"}, value=chosen, on_change=self._turn)
+        self._choice.props('no-caps dense unelevated aria-label="View"').classes("somrs-task-scene-choice")
+        self._place = ui.element("div").classes("somrs-task-view")
+        self._make()
+
+    def _turn(self) -> None:
+        app.storage.user[KEPT] = self._choice.value
+        self._make()
+
+    def _make(self) -> None:
+        self._place.clear()
+        self._plan = self._space = None
+        with self._place:
+            if self._choice.value == PLAN:
+                self._plan = FloorPlan(mode="view").classes("somrs-task-floor")
+            else:
+                self._space = Scene3D(height=HEIGHT)
+        self._mark()
+
+    def _mark(self) -> None:
+        if self._plan is not None:
+            self._plan.highlight(self._marks)
+            self._plan.point(self._ways)
+        if self._space is not None:
+            self._space.highlight(self._marks)
 
     def show(self, view: TaskView) -> None:
         marks = dict(_marks(view))
         ways = [*_ways(view)] if view.outcome is None else []
-        if (marks, ways) != self._shown:
-            self._shown = marks, ways
-            self._plan.highlight(marks)
-            self._plan.point(ways)
+        if (marks, ways) != (self._marks, self._ways):
+            self._marks, self._ways = marks, ways
+            self._mark()
 
 
 def _marks(view: TaskView) -> Iterator[tuple[str, str]]:

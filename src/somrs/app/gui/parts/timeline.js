@@ -83,7 +83,7 @@ export default {
       const now = task.ended_at ?? Math.max(heard, Date.now() / 1000);
       const promised = this.found.filter((work) => !work.ended && work.until).map((work) => work.until);
       const due = task.deadline ? start + task.deadline : null;
-      const end = Math.max(now, ...promised.filter((until) => until < now + 3 * (now - start) + 20), start + 1);
+      const end = Math.max(now, ...promised.filter((until) => until < now + 10 * (now - start) + 60), start + 1);
       const rows = lanes(this.found, now);
       const width = Math.max(260, (this.wide - 4) * this.times);
       const scale = (width - NAMES - RIGHT) / (end - start);
