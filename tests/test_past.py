@@ -249,6 +249,13 @@ def test_the_ontology_goes_on_speaking_of_what_was_renamed(keeper: Keeper) -> No
     assert keeper.contents.map == lab()[1]
 
 
+def test_nothing_gets_a_name_of_which_the_ontology_says_something(keeper: Keeper) -> None:
+    way = FunctionType(name="way", parameters=("Table", "Table"), values={"Table1 Table2": 3.0})
+    keeper.say(Define(definitions=Definitions(functions=(way,))), Defined)
+    update(keeper, ObjectRemoved("Table2"))
+    assert "the function way speaks of another Table2" in broken(keeper, RenameObject(name="Jar2", to="Table2"))[0].message
+
+
 def test_history_stays_with_what_was_renamed_and_not_with_the_name(keeper: Keeper) -> None:
     update(keeper, ValueSet("Jar1", "Color", "Red"))
     keeper.say(RenameObject(name="Jar1", to="Krug"), Updated)

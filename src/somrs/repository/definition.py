@@ -132,6 +132,13 @@ def _impossible_object(map: Map, ontology: Ontology, rename: RenameObject) -> It
     if rename.to in map.objects:
         message = f"cannot be called {rename.to}: an object of this name is on the map already; take another name"
         yield Violation(subject=rename.name, rule="duplicate", message=message)
+    else:
+        # What is said of one that is gone would be said of this one, and nobody could tell the two apart any more.
+        spoken = Renamer((Renaming(section=Section.OBJECTS, name=rename.to, to=rename.name),), ontology)
+        for definition in ontology:
+            if spoken.definition(definition) is not definition:
+                message = f"cannot be called {rename.to}: the {named(definition)} speaks of another {rename.to}; take another name"
+                yield Violation(subject=rename.name, rule="duplicate", message=message)
     yield from _unusable(Named(section=Section.OBJECTS, name=rename.name), rename.to)
 
 
