@@ -10,7 +10,7 @@ from nicegui import ui
 from somrs.app.desk.desk import Desk
 from somrs.app.gui.pages.ontology.changes import changed, summary
 from somrs.app.gui.pages.ontology.consequences import confirmed
-from somrs.app.gui.pages.ontology.pieces import Word, person, titled
+from somrs.app.gui.pages.ontology.pieces import Word, lasting, person, titled
 from somrs.app.gui.pages.ontology.sections import SERVICES, TYPES, Section
 from somrs.app.gui.pages.ontology.seen import Seen
 from somrs.app.gui.shell import author, guarded, tell
@@ -30,7 +30,9 @@ class Actions:
 
     def __init__(self, desk: Desk, seen: Seen, done: Done) -> None:
         self._desk, self._seen, self._done = desk, seen, done
+        self.client = ui.context.client
 
+    @lasting
     @guarded
     async def rename(self, section: Section, name: str) -> None:
         """Ask for the name, show what is renamed along, and rename."""
@@ -43,6 +45,7 @@ class Actions:
             tell(f"{name} is called {to} now, everywhere")
             await self._done(section, to, version)
 
+    @lasting
     @guarded
     async def ask_move(self, section: Section, name: str) -> None:
         """Ask below which other one it is to go, and move it there."""
@@ -74,6 +77,7 @@ class Actions:
             current = self._seen.ontology.services[current].parent
         return False
 
+    @lasting
     @guarded
     async def move(self, section: Section, name: str, parent: str | None) -> None:
         """Give it another parent."""
@@ -86,6 +90,7 @@ class Actions:
             tell(f"{name} is below {parent or 'none'} now")
             await self._done(section, name, version)
 
+    @lasting
     @guarded
     async def remove(self, section: Section, name: str) -> bool:
         """Show what would break, and remove it if nothing does."""
@@ -102,6 +107,7 @@ class Actions:
             return None
         return (await self._desk.ontology.change(change)).version
 
+    @lasting
     @guarded
     async def undo(self, event: Event) -> None:
         """Bring back what an event of the history changed."""
@@ -111,6 +117,7 @@ class Actions:
             await self._desk.ontology.undo(event.version, author())
             tell("Undone")
 
+    @lasting
     @guarded
     async def undo_last(self) -> None:
         events = (await self._desk.ontology.history(limit=100)).events

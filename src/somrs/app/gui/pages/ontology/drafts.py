@@ -20,6 +20,9 @@ LIMITS, FORMULA = "limits", "formula"
 READ, TABLE, COMPUTED = "attribute", "table", "computed"
 """Where a function's value comes from."""
 
+ROW_NAMES = {"attributes": "attribute", "parts": "type", "defaults": "path", "inputs": "name", "outputs": "name", "values": "key"}
+"""What rows are told apart by."""
+
 BLANK: dict[str, Form] = {
     "types": {"name": "", "parent": "Object", "doc": "", "driver": "", "attributes": [], "parts": [], "defaults": [], "constraints": []},
     "attributes": {
@@ -72,13 +75,33 @@ def begun(section: Section, definition: Definition | None, version: int, **given
 
 
 def merged(base: Form, mine: Form, theirs: Form) -> tuple[Form, list[str]]:
-    """Mine, with what only they changed taken over; and the fields that both changed, in which mine stays."""
+    """Mine, with what only they changed taken over; and what both changed, in which mine stays: fields, or rows of them
+    (`defaults.Weight`)."""
     result, both = _copied(mine), []
     for key, value in theirs.items():
-        if mine.get(key) == base.get(key):
+        if mine.get(key) == base.get(key) or value == mine.get(key):
             result[key] = _copied(value)
-        elif value not in (base.get(key), mine.get(key)):
+        elif value == base.get(key):
+            continue
+        elif key in ROW_NAMES and all(isinstance(one, dict) for rows in (base[key], mine[key], value) for one in rows):
+            result[key], rows = _merged_rows(base[key], mine[key], value, ROW_NAMES[key])
+            both += [f"{key}.{name}" for name in rows]
+        else:
             both.append(key)
+    return result, both
+
+
+def _merged_rows(base: list[Form], mine: list[Form], theirs: list[Form], name: str) -> tuple[list[Form], list[str]]:
+    """Rows are the same that have the same name; in my order, with theirs that are new behind."""
+    old, own, new = ({str(row[name]): row for row in rows} for rows in (base, mine, theirs))
+    result, both = [], []
+    for key in {**own, **new}:
+        ours, others, before = own.get(key), new.get(key), old.get(key)
+        if ours != before and others not in (before, ours):
+            both.append(key)
+        chosen = others if ours == before else ours
+        if chosen is not None:
+            result.append(_copied(chosen))
     return result, both
 
 

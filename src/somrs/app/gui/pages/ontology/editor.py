@@ -14,11 +14,11 @@ from somrs.app.gui.pages.ontology.changes import FIELDS, differences
 from somrs.app.gui.pages.ontology.consequences import confirmed
 from somrs.app.gui.pages.ontology.drafts import Draft, begun, form_of, merged
 from somrs.app.gui.pages.ontology.fields import Fields
-from somrs.app.gui.pages.ontology.pieces import Word, person
+from somrs.app.gui.pages.ontology.pieces import Word, lasting, person
 from somrs.app.gui.pages.ontology.reading import Mistakes, definition_of, place
 from somrs.app.gui.pages.ontology.seen import Seen
 from somrs.app.gui.parts.keeper import Keeper
-from somrs.app.gui.shell import author, guarded, tell
+from somrs.app.gui.shell import author
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.naming import Renaming
 from somrs.ontology.naming import Section as Naming
@@ -44,6 +44,7 @@ class Editor:
         self._desk, self._seen, self.draft, self._keeper, self._ends = desk, seen, draft, keeper, ends
         self._fields = Fields(draft, keeper, self._changed)
         self._saving = False
+        self.client = ui.context.client
         what = draft.section.one
         with ui.element("div").classes("somrs-onto-head"):
             ui.icon(draft.section.icon)
@@ -71,6 +72,7 @@ class Editor:
         self._said.text = "Not saved; kept in this browser tab until you save or discard it" if self.draft.dirty else ""
         self._ends.changed()
 
+    @lasting
     async def _discard(self) -> None:
         await self._ends.dropped(self.draft)
 
@@ -129,14 +131,15 @@ class Editor:
         was = self.draft.original
         return [f"{one.field}: {one.before or 'nothing'} → {one.after or 'nothing'}" for one in differences(was, now)] if was else []
 
-    def _merge(self) -> None:
+    @lasting
+    async def _merge(self) -> None:
         now = self._now()
         if now is None:
             return
         self.draft.form, both = merged(self.draft.base, self.draft.form, form_of(now))
         self._rebased(now)
         if both:
-            tell(f"You both changed {', '.join(FIELDS.get(key, key) for key in both)}: yours is in the form.", bad=True)
+            self._say(f"You both changed {', '.join(_label(one) for one in both)}: yours is in the form", icon="group", bad=False)
 
     def _keep_mine(self) -> None:
         if (now := self._now()) is not None:
@@ -162,6 +165,7 @@ class Editor:
 
     # Saving
 
+    @lasting
     async def save(self) -> None:
         """Check, show what would come of it, and do it. Whatever stands in the way, what was written stays."""
         if self._saving:
@@ -175,10 +179,15 @@ class Editor:
             if not self._save.is_deleted:
                 self._save.props(remove="loading")
 
-    @guarded
     async def _try(self) -> None:
         self._fields.no_problems()
         self._trouble.clear()
+        try:
+            await self._carry_out()
+        except SomrsError as error:
+            self._say(str(error))
+
+    async def _carry_out(self) -> None:
         try:
             definition = definition_of(self.draft, self._seen.ontology)
         except Mistakes as mistakes:
@@ -220,10 +229,20 @@ class Editor:
     def _show(self, broken: list[BrokenRule], *, own: bool) -> None:
         """What is wrong, in the fields where it is; above the form what is in none of them."""
         homeless = [one for one in broken if not self._fields.problem(place(one.path, self.draft.form), one.message)]
-        with self._trouble:
-            for one in homeless:
-                with ui.element("div").classes("somrs-onto-banner somrs-onto-bad"):
-                    ui.icon("error")
-                    ui.label(one.message).classes("somrs-onto-pre" if "\n" in one.message else "")
+        for one in homeless:
+            self._say(one.message)
         if own:
             self._fields.focus_problem()
+
+    def _say(self, text: str, *, icon: str = "error", bad: bool = True) -> None:
+        """Above the form, where it is seen and hides nothing."""
+        with self._trouble, ui.element("div").classes("somrs-onto-banner" + (" somrs-onto-bad" if bad else "")):
+            ui.icon(icon)
+            ui.label(text).classes("somrs-onto-pre" if "\n" in text else "")
+        self._trouble.run_method("scrollIntoView", {"block": "nearest"})
+
+
+def _label(path: str) -> str:
+    """A field, or a row of one, in words."""
+    field, _, name = path.partition(".")
+    return f"{FIELDS.get(field, field)} ({name})" if name else FIELDS.get(field, field)

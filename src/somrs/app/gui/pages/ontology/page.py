@@ -22,7 +22,7 @@ from somrs.app.gui.pages.ontology.editor import Editor, Ends
 from somrs.app.gui.pages.ontology.exchange import Import, export_menu
 from somrs.app.gui.pages.ontology.index import Choices, Index
 from somrs.app.gui.pages.ontology.past import Past
-from somrs.app.gui.pages.ontology.pieces import Word, person, titled
+from somrs.app.gui.pages.ontology.pieces import Word, lasting, person, titled
 from somrs.app.gui.pages.ontology.sections import ATTRIBUTES, SECTION, SECTIONS, SERVICES, TYPES, Section
 from somrs.app.gui.pages.ontology.seen import Seen
 from somrs.app.gui.parts.keeper import Keeper
@@ -55,6 +55,7 @@ class OntologyPage:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._seen = Seen()
+        self.client = ui.context.client
         self._section: Section = TYPES
         self._name: str | None = None
         self._drafts: dict[str, Draft] = {}
@@ -78,7 +79,7 @@ class OntologyPage:
                 ui.button("History", icon="history", on_click=lambda: self._past.show()).props("flat dense no-caps")
                 ui.button("Import", icon="upload", on_click=lambda: Import(self._desk)).props("flat dense no-caps")
                 export_menu()
-            choices = Choices(turn=self._turn, pick=self.go, move=self._actions.move, new=self.new)
+            choices = Choices(turn=self._turn, pick=self._pick, move=self._actions.move, new=self.new)
             self._index = Index(self._seen, choices)
             with ui.element("div").classes("somrs-onto-right"):
                 self._others = ui.element("div")
@@ -109,6 +110,10 @@ class OntologyPage:
         self._section, self._name = section, name
         ui.navigate.history.push(self._address())
         self._show()
+
+    def _pick(self, section: Section, name: str) -> None:
+        if (section, name) != (self._section, self._name):
+            self.go(section, name)
 
     def _address(self) -> str:
         if self._name is not None:
@@ -234,6 +239,7 @@ class OntologyPage:
         self._drafts = {key: one for key, one in self._drafts.items() if one is not draft}
         self._keeper.forget(draft.key)
 
+    @lasting
     async def _remove(self, section: Section, name: str) -> None:
         parent = getattr(self._seen.definition(section, name), "parent", None)
         if await self._actions.remove(section, name):

@@ -10,7 +10,7 @@ from somrs.app.desk.desk import Desk
 from somrs.app.gui.pages.ontology.actions import Actions
 from somrs.app.gui.pages.ontology.changes import changed
 from somrs.app.gui.pages.ontology.consequences import revision
-from somrs.app.gui.pages.ontology.pieces import Word, note, person, titled
+from somrs.app.gui.pages.ontology.pieces import Word, lasting, note, person, titled
 from somrs.app.gui.pages.ontology.sections import Section
 from somrs.app.gui.shell import guarded
 from somrs.protocol.knowledge import Event
@@ -24,7 +24,9 @@ class Past:
 
     def __init__(self, desk: Desk, actions: Actions) -> None:
         self._desk, self._actions = desk, actions
+        self.client = ui.context.client
 
+    @lasting
     @guarded
     async def show(self, section: Section | None = None, name: str = "") -> None:
         title = f"History of {name}" if section is not None else "History of the ontology"

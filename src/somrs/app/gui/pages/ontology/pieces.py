@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
+from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
-from nicegui import ui
+from nicegui import Client, ui
 from nicegui.element import Element
 from nicegui.elements.mixins.text_element import TextElement
 
 from somrs.app.gui.pages.ontology.sections import Section
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 Go = Callable[[Section, str], None]
 
@@ -92,3 +97,24 @@ def titled(title: str) -> ui.dialog:
 def person(author: str) -> str:
     """An author as people know them: without what addresses have around a name."""
     return author.rpartition(":")[2].replace("%20", " ") if author.startswith("urn:") else author
+
+
+class OnPage(Protocol):
+    """Something that belongs to one browser's page."""
+
+    @property
+    def client(self) -> Client: ...
+
+
+S = TypeVar("S", bound=OnPage)
+
+
+def lasting(action: Callable[Concatenate[S, P], Awaitable[R]]) -> Callable[Concatenate[S, P], Awaitable[R]]:
+    """The action, done for the page and not for the button that asked for it, which may be gone before it is done."""
+
+    @wraps(action)
+    async def last(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        with self.client:
+            return await action(self, *args, **kwargs)
+
+    return last

@@ -108,7 +108,7 @@ class TypeForm:
         return self._fields.choice(path, "Value", TRUTHS if attribute.kind is Kind.TRUTH else attribute.values, width="middle")
 
     def _rule(self, path: str) -> None:
-        self._fields.choice(f"{path}.sort", "Rule", RULES, width="middle", then=self._rules)
+        self._fields.choice(f"{path}.sort", "Rule", RULES, width="middle", then=lambda: self._rules())
         if self._fields.get(f"{path}.sort") == FORMULA:
             hint = "?Self is the object; other typed variables are parts of it"
             meant = written(self._fields.draft.form, self._fields.draft.name or "type")
