@@ -21,6 +21,11 @@ RUNGS = {
 """What the rungs of the ladder are called (docs/recovery.md), and what goes before them."""
 
 LOST = (State.FAILED, State.STOPPED, State.UNREACHABLE)
+OTHERS = "others are to restore"
+PURSUED = (OTHERS, "undoing it by what was laid down")
+"""How undoing is told of for which there is a plan."""
+BLOCKED = "undoing what failed"
+UNDOING = re.compile("could not undo it|could not be undone|is not undone")
 SILENT = "is silent; asking for its state"
 
 
@@ -66,6 +71,8 @@ class _Teller:
         """What is undone because the task ends."""
         self._aside: Chapter | None = None
         """The failure for which something beside the plan is pursued: a look, or what was laid down."""
+        self._plans_aside = False
+        """The next plan is for that, or for undoing, and not the task's."""
 
     def hear(self, event: TaskEvent) -> None:
         match event.kind:
@@ -85,7 +92,7 @@ class _Teller:
 
     def _setback(self, event: TaskEvent) -> None:
         if self._undoing is not None:
-            self._undoing.lines.append(Line(at=event.at, text=_said(event)))
+            self._undo(event)
             self._undoing.tone = "bad"
             return
         failure = self._concerned(event)
@@ -107,6 +114,8 @@ class _Teller:
         """The failure that the setback is part of: one more sign of it, or that what was tried about it did not help."""
         if (named := re.match(r"(?:look|handler|undo) for (\S+):", event.text)) is not None:
             return next((one for one in reversed(self._open) if one.step == named[1]), None)
+        if UNDOING.search(event.text) is not None:
+            return self._open[-1] if self._open else None
         return self._silent(event)
 
     def _silent(self, event: TaskEvent) -> Chapter | None:
@@ -122,10 +131,9 @@ class _Teller:
         return gist(work.situation) if work is not None and work.situation and work.state is not State.UNREACHABLE else ""
 
     def _answer(self, event: TaskEvent) -> None:
-        if event.kind is EventKind.UNDO and (self._undoing is not None or not self._open):
-            if self._undoing is None:
-                self._undoing = self._add(event, "undo", "What was done is undone", "busy")
-            self._undoing.lines.append(Line(at=event.at, text=_said(event)))
+        self._plans_aside = self._plans_aside or event.kind is EventKind.HANDLER or event.text.startswith(PURSUED)
+        if event.kind is EventKind.UNDO and not self._to_go_on(event):
+            self._undo(event)
             return
         about = [one for one in self._open if event.step is None or one.step == event.step]
         if not about and self._open and event.kind is EventKind.UNDO:
@@ -136,10 +144,21 @@ class _Teller:
             self._open += about
         for failure in about:
             rung = RUNGS[event.kind]
-            said = "" if any(line.rung == rung for line in failure.lines[-1:]) else rung
+            last = next((line.rung for line in reversed(failure.lines) if line.rung), "")
+            said = "" if last == rung else rung
             failure.lines.append(Line(at=event.at, text=_said(event).removeprefix(f"{failure.step}: "), rung=said))
             if event.kind in (EventKind.HANDLER, EventKind.LOOK):
                 self._aside = failure
+
+    def _to_go_on(self, event: TaskEvent) -> bool:
+        """Whether a failure is undone so that the task can go on, and not because it ends."""
+        begun = any(BLOCKED in line.text for one in self._open for line in one.lines)
+        return self._undoing is None and (BLOCKED in event.text or (begun and not event.text.startswith(OTHERS)))
+
+    def _undo(self, event: TaskEvent) -> None:
+        if self._undoing is None:
+            self._undoing = self._add(event, "undo", "Undoing what was done", "busy")
+        self._undoing.lines.append(Line(at=event.at, text=_said(event)))
 
     def _close(self, failure: Chapter, result: str, tone: str, at: float) -> None:
         failure.close(result, tone, at)
@@ -161,6 +180,8 @@ class _Teller:
         if rest.startswith("does it for"):
             for failure in about:
                 failure.lines.append(Line(at=event.at, text=event.text))
+        elif rest.startswith("completed: ") and beside and self._undoing is not None:
+            self._undo(event)
         elif rest.startswith("completed: "):
             done = gist(rest.removeprefix("completed: "))
             if not beside:
@@ -180,6 +201,9 @@ class _Teller:
                 self._add(event, "stop_circle", f"{service} stopped", "plain", event.step or "")
 
     def _planned(self, event: TaskEvent) -> None:
+        if self._plans_aside:
+            self._plans_aside = False
+            return
         again = [one for one in self._open if any(line.rung in (RUNGS[EventKind.REPLAN], RUNGS[EventKind.UNDO]) for line in one.lines)]
         steps = event.text.removeprefix("planned: ")
         for failure in again:
