@@ -47,7 +47,7 @@ from somrs.protocol.paging import PAGE_BYTES, fitting, size
 from somrs.repository.definition import object_renamed, redefined
 from somrs.repository.entries import REMEMBERED, Answer, Contents, Defining, Handled, PastOf, Subscription
 from somrs.repository.looking_back import LookingBack
-from somrs.repository.outcome import Outcome, considered, rejected
+from somrs.repository.outcome import VERSION, Outcome, considered, rejected
 from somrs.repository.overtaken import overtaken
 from somrs.repository.pages import MapPages, ontology_page
 from somrs.repository.past import inverse
@@ -181,7 +181,7 @@ class Repository:
         message = f"there is no version {undo.version} that could be undone; the latest is {contents.version}"
         if 0 < undo.version <= contents.since:
             message = f"what was before version {undo.version} is not known any more; from version {contents.since + 1} on, it is"
-        violation = Violation(subject=f"version {undo.version}", rule="unknown-version", message=message, section="version")
+        violation = Violation(subject=f"version {undo.version}", rule="unknown-version", message=message, section=VERSION)
         return Outcome(map=contents.map, ontology=contents.ontology, broken=(violation,))
 
     def _consider(self, message: Message, alteration: Alteration, outcome: Outcome) -> Send:

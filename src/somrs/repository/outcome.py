@@ -12,6 +12,9 @@ from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.knowledge import BrokenRule, Considered, Definitions, OntologyChanged, Rejected, Revision, by_kind
 from somrs.protocol.paging import PAGE_BYTES, PAGE_ITEMS, fitting
 
+SITUATION, VERSION = "situation", "version"
+"""Sections of a request, in which rules may be broken, too."""
+
 MOST_PROBLEMS = 50
 """So many problems are told at once."""
 
@@ -81,10 +84,15 @@ def differing(one: Ontology, other: Ontology) -> Iterator[Definition]:
 def rejected(broken: Iterable[Violation], version: int) -> Rejected:
     """The problems, each once, and not too many of them for one message."""
     each = list(dict.fromkeys(broken))
-    texts = list(dict.fromkeys(map(str, each)))
+    texts = list(dict.fromkeys(map(_said, each)))
     if len(texts) > MOST_PROBLEMS:
         texts[MOST_PROBLEMS:] = [f"and {len(texts) - MOST_PROBLEMS} more problems"]
     return Rejected(problems=tuple(texts), version=version, broken=tuple(map(broken_rule, each[:MOST_PROBLEMS])))
+
+
+def _said(violation: Violation) -> str:
+    """For people. What is wrong with what was asked is said without repeating what that was."""
+    return violation.message if violation.section in (SITUATION, VERSION) else str(violation)
 
 
 def considered(outcome: Outcome, version: int) -> Considered:

@@ -9,7 +9,7 @@ from somrs.ontology.naming import Named, find, named
 from somrs.ontology.objects import objects_of
 from somrs.protocol.knowledge import Alteration, Define, RenameObject, Undo, UpdateMap
 from somrs.repository.entries import Contents
-from somrs.repository.outcome import Outcome
+from somrs.repository.outcome import VERSION, Outcome
 
 
 def overtaken(alteration: Alteration, outcome: Outcome, contents: Contents) -> Iterator[Violation]:
@@ -19,7 +19,7 @@ def overtaken(alteration: Alteration, outcome: Outcome, contents: Contents) -> I
     expected = alteration.expected_version
     if expected > contents.version:
         message = f"version {expected} is still to come, the latest is {contents.version}: read it again"
-        yield Violation(subject="version", rule="overtaken", message=message, section="version")
+        yield Violation(subject=VERSION, rule="overtaken", message=message, section=VERSION)
         return
     match alteration:
         case Define():

@@ -24,7 +24,7 @@ from somrs.ontology.objects import (
 from somrs.ontology.types import ABSTRACT, UNKNOWN, Ontology
 from somrs.protocol.knowledge import UpdateMap
 from somrs.repository.names import is_name, unspeakable
-from somrs.repository.outcome import Outcome
+from somrs.repository.outcome import SITUATION, Outcome
 
 
 def updated(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome:
@@ -37,7 +37,7 @@ def updated(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome:
         try:
             wanted += (more := changes_by(check(update.situation, ontology, changed), changed, ontology))
         except FormulaError as error:
-            violation = Violation(subject="situation", rule="formula", message=str(error), section="situation")
+            violation = Violation(subject=SITUATION, rule="formula", message=str(error), section=SITUATION)
             return Outcome(map=map, ontology=ontology, broken=(violation,))
         changed = changed.changed(more)
     return changed_by(map, ontology, [*wanted, *_found(changed, wanted)])
