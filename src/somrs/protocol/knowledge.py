@@ -269,10 +269,11 @@ class MapChanged(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class OntologyChanged(Struct, frozen=True, kw_only=True, tag=True):
-    """To subscribers: the definitions that were removed (or have another name now), then those that were added or replaced; and how the
-    map changed with them. A gap between versions means that a message was lost."""
+    """To subscribers: the definitions that were removed (or have another name now), then those that were added or replaced; how the map
+    changed with them; and what of both has another name. A gap between versions means that a message was lost."""
 
     definitions: Definitions
     version: int
     removed: tuple[Named, ...] = ()
     changes: tuple[Change, ...] = ()
+    renamed: tuple[Renaming, ...] = ()

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from somrs.ontology.naming import Named, revised
+from somrs.ontology.naming import Named, Renaming, revised
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.bodies import Body
@@ -41,12 +41,14 @@ GAP_TIME = 1.0
 @dataclass(frozen=True, slots=True, kw_only=True)
 class News:
     """What came of an input: `effects` to carry out; the `changes` of the map, in order; the `definitions` that are new, and those
-    that were `removed` or have other names now. `read`: the copy was read as a whole; before `changes`, anything may have changed."""
+    that were `removed` or have other names now; and what was `renamed`, in order. `read`: the copy was read as a whole; before `changes`,
+    anything may have changed."""
 
     effects: list[Effect]
     changes: tuple[Change, ...] = ()
     definitions: tuple[Definition, ...] = ()
     removed: tuple[Named, ...] = ()
+    renamed: tuple[Renaming, ...] = ()
     read: bool = False
 
     @property
@@ -235,9 +237,12 @@ class Replica:
         changes: list[Change] = []
         definitions: list[Definition] = []
         removed: list[Named] = []
+        renamed: list[Renaming] = []
         while self.ready and (event := self._events.get(self.version + 1)) is not None:
             self.version += 1
-            applied = [*_applicable(self.map, event.event.changes if isinstance(event, MapChanged) else event.changes)]
+            happened = event.event if isinstance(event, MapChanged) else event
+            renamed += happened.renamed
+            applied = [*_applicable(self.map, happened.changes)]
             if applied:
                 self.map = self.map.changed(applied)
                 changes += applied
@@ -248,7 +253,12 @@ class Replica:
         self._forget()
         self._watch_gap(self.version != before, now)
         return News(
-            effects=[*effects, self._wake()], changes=tuple(changes), definitions=tuple(definitions), removed=tuple(removed), read=read
+            effects=[*effects, self._wake()],
+            changes=tuple(changes),
+            definitions=tuple(definitions),
+            removed=tuple(removed),
+            renamed=tuple(renamed),
+            read=read,
         )
 
     def _adopt(self) -> bool:

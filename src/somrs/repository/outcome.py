@@ -49,7 +49,7 @@ class Outcome:
         """What subscribers hear of a change of the ontology."""
         definitions = self.revision.after if self.revision is not None else Definitions()
         removed = tuple(what for what in self.definitions if find(self.ontology, what) is None)
-        return OntologyChanged(definitions=definitions, version=version, removed=removed, changes=self.changes)
+        return OntologyChanged(definitions=definitions, version=version, removed=removed, changes=self.changes, renamed=self.renamed)
 
 
 def revision(before: Ontology, after: Ontology) -> Revision | None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from somrs.devices.simulator.commands import Command, Done, Fault, Gave, RobotState, Seen, Sense, Status, Stop
 from somrs.devices.simulator.driving import make_way
@@ -16,7 +16,7 @@ from somrs.devices.simulator.navigation import Navigator
 from somrs.devices.simulator.robot import PERIOD, GivenUp, Robot, Routine
 from somrs.devices.simulator.routines import carried_out, concerned
 from somrs.devices.simulator.scene import Scene
-from somrs.devices.simulator.solids import Role, Solid
+from somrs.devices.simulator.solids import Role, Solid, solid_of
 from somrs.devices.simulator.vision import StationaryCamera, view
 from somrs.devices.simulator.world import STEP
 from somrs.errors import UsageError
@@ -230,7 +230,11 @@ class Simulation:
         self._ontology = self.scene.world.ontology = ontology
 
     def add(self, object: Object) -> None:
-        """An object appears."""
+        """An object appears; if it is there, it is of another type now."""
+        if object.name in self._map.objects and self._is_still(object):
+            self._map = self._map.changed([ObjectAdded(object)])
+            return
+        self.remove(object.name)
         solid = self.scene.add(object)
         self._map = self._map.changed([ObjectAdded(object)])
         if solid is None:
@@ -243,6 +247,9 @@ class Simulation:
     def remove(self, name: str) -> None:
         """An object is gone."""
         solid = self.scene.world.solids.get(name)
+        for robot, work in [*self._work.items()]:
+            if robot != name and work.given is None and (name in work.touched or self.scene.held.get(robot) == name):
+                self._give_up(self.robots[robot], work, GivenUp("not-possible", f"{name} was taken out of the world"))
         if name in self.robots:
             self._end(name, GivenUp("stopped", f"{name} was taken out of the world"))
             del self.robots[name]
@@ -253,6 +260,36 @@ class Simulation:
             self._map = self._map.changed([ObjectRemoved(name)])
         if solid is not None and solid.role not in (Role.ROBOT, Role.THING, Role.CAMERA):
             self._renew_navigators()
+
+    def _is_still(self, object: Object) -> bool:
+        """Whether an object that is there is the same thing in the world, by whatever type: then it stays where it is."""
+        old, new = self.scene.world.solids.get(object.name), solid_of(object, self._ontology)
+        if old is None or new is None:
+            return old is new
+        new = replace(new, x=old.x, y=old.y, z=old.z, yaw=old.yaw)
+        if replace(new, type=old.type) != old:
+            return False
+        self.scene.world.solids[object.name] = new
+        return True
+
+    def rename(self, name: str, object: Object) -> None:
+        """A thing has another name from now on: it stays where it is, in whosever hand that is."""
+        solid = self.scene.world.solids.get(name)
+        if solid is None or solid.role is not Role.THING:
+            self.remove(name)
+            self.add(object)
+            return
+        x, y, z, yaw = self.scene.pose(name)
+        holder = self.scene.holder(name)
+        for robot, work in [*self._work.items()]:
+            if name in work.touched:
+                self._give_up(self.robots[robot], work, GivenUp("not-possible", f"{name} is called {object.name} now"))
+        self.remove(name)
+        self.add(object)
+        if object.name in self.scene.things():
+            self.scene.put(object.name, x, y, z, yaw)
+            if holder is not None:
+                self.scene.hold(holder, object.name)
 
     def renew(self, object: Object) -> None:
         """A part of the building, such as a door, is otherwise than before."""
