@@ -1,0 +1,9 @@
+// The parts that the 3D view is made of.
+export { Feed } from "./feed.js";
+export { Motion } from "./motion.js";
+export { Stage } from "./stage.js";
+export { World } from "./world.js";
+export { Labels } from "./labels.js";
+export { Pilot } from "./pilot.js";
+export { Marks } from "./marks.js";
+export { summary, listed, described } from "./words.js";

@@ -1,0 +1,58 @@
+// What is selected or highlighted: a ring about its foot, and a pin above it, so that it is found from afar, too.
+import { THREE } from "nicegui-scene";
+
+export class Marks {
+  constructor(scene, world) {
+    this.scene = scene;
+    this.world = world;
+    this.marks = new Map();
+    this.ring = new THREE.RingGeometry(0.86, 1, 48);
+    this.pin = new THREE.ConeGeometry(0.07, 0.2, 20).rotateX(-Math.PI / 2).translate(0, 0, 0.1);
+    this.material = new THREE.MeshBasicMaterial({ side: THREE.DoubleSide });
+  }
+
+  color(hex) {
+    this.material.color.set(hex);
+  }
+
+  set(names) {
+    const wanted = new Set([...names].filter((name) => this.world.bodies.has(name)));
+    for (const [name, mark] of this.marks) {
+      if (wanted.has(name)) continue;
+      this.scene.remove(mark);
+      this.marks.delete(name);
+    }
+    for (const name of wanted) {
+      if (this.marks.has(name)) continue;
+      const mark = new THREE.Group();
+      mark.add(new THREE.Mesh(this.ring, this.material), new THREE.Mesh(this.pin, this.material));
+      this.marks.set(name, mark);
+      this.scene.add(mark);
+    }
+  }
+
+  place() {
+    // Where the objects are now; before each frame.
+    for (const [name, mark] of this.marks) {
+      const at = this.world.where(name);
+      const body = this.world.bodies.get(name);
+      mark.visible = Boolean(at) && this.world.visible(name);
+      if (!mark.visible) continue;
+      const [ring, pin] = mark.children;
+      const size = body.kind === "floor" ? 0.3 : Math.max(1.35 * body.size, body.size + 0.05);
+      mark.position.set(at.x, at.y, at.z);
+      ring.scale.set(size, size, 1);
+      ring.position.z = 0.012 + (body.kind === "floor" ? body.height : 0);
+      pin.position.z = this.world.top(name) + 0.05 + (body.kind === "floor" ? body.height : 0);
+      const large = Math.min(2, Math.max(0.6, body.size / 0.2));
+      pin.scale.setScalar(large);
+    }
+  }
+
+  dispose() {
+    this.set([]);
+    this.ring.dispose();
+    this.pin.dispose();
+    this.material.dispose();
+  }
+}

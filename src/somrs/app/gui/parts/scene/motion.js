@@ -1,0 +1,95 @@
+// Motion between the poses that are told: what is drawn is where things were a tenth of a second ago, between the poses before and after.
+
+const BEHIND = 0.1; // s
+const TICK = 0.05; // s between poses while something moves
+const MOST = 12; // poses kept of one mover
+const ANGLES = { 4: [3], 6: [3, 4, 5], 9: [3, 4, 7] };
+
+export class Motion {
+  constructor() {
+    this.tracks = new Map();
+    this.restart();
+  }
+
+  restart() {
+    this.movers = [];
+    this.moving = new Set();
+    this.tracks.clear();
+    this.offset = null;
+  }
+
+  set(movers) {
+    // Another set of movers. Those that stay are where they are, until the next frame says it anew.
+    this.movers = movers.map(({ name, numbers }) => {
+      const known = this.tracks.get(name);
+      const track = known && known.numbers === numbers ? known : { name, numbers, poses: [], drawn: null };
+      return track;
+    });
+    this.tracks = new Map(this.movers.map((track) => [track.name, track]));
+    this.moving = new Set([...this.moving].filter((track) => this.tracks.get(track.name) === track));
+  }
+
+  hear(clock, which, values, now) {
+    this.tune(now - clock);
+    let at = 0;
+    for (const i of which) {
+      const track = this.movers[i];
+      const pose = values.slice(at, at + track.numbers);
+      at += track.numbers;
+      this.add(track, clock, pose);
+    }
+  }
+
+  add(track, clock, pose) {
+    const poses = track.poses;
+    const last = poses[poses.length - 1];
+    if (last && clock - last.clock > 1.5 * TICK) {
+      // It stood still until a tick ago, else there would be a pose.
+      poses.push({ clock: clock - TICK, pose: last.pose });
+    }
+    poses.push({ clock, pose });
+    if (poses.length > MOST) poses.splice(0, poses.length - MOST);
+    this.moving.add(track);
+  }
+
+  tune(offset) {
+    // How far this clock is ahead of the other: the least that was seen, as what comes later was only longer on the way.
+    if (this.offset === null || Math.abs(offset - this.offset) > 5) this.offset = offset;
+    else if (offset < this.offset) this.offset += 0.2 * (offset - this.offset);
+    else this.offset += 0.002 * (offset - this.offset);
+  }
+
+  get active() {
+    return this.moving.size > 0;
+  }
+
+  // Call `draw(name, numbers)` for all that moved since it was called last.
+  play(now, draw) {
+    if (!this.moving.size) return;
+    const clock = now - this.offset - BEHIND;
+    for (const track of this.moving) {
+      const poses = track.poses;
+      while (poses.length > 1 && poses[1].clock <= clock) poses.shift();
+      const [from, to] = poses;
+      if (!to) this.moving.delete(track);
+      const share = to ? Math.min(1, Math.max(0, (clock - from.clock) / (to.clock - from.clock))) : 0;
+      track.drawn = to ? between(from.pose, to.pose, share) : from.pose;
+      draw(track.name, track.drawn);
+    }
+  }
+
+  drawn(name) {
+    return this.tracks.get(name)?.drawn ?? null;
+  }
+}
+
+function between(from, to, share) {
+  const pose = from.map((value, i) => value + share * (to[i] - value));
+  for (const i of ANGLES[from.length] ?? []) pose[i] = from[i] + share * turn(to[i] - from[i]);
+  return pose;
+}
+
+function turn(angle) {
+  // The short way round.
+  return angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
+}

@@ -1,0 +1,162 @@
+// The camera, and how people move it: mouse and touch (orbit, zoom, pan), keys, and ways to look at all, from above, or after something.
+import { OrbitControls, THREE } from "nicegui-scene";
+
+const TURN = Math.PI / 24;
+const ZOOM = 1.18;
+const GLIDE = 0.35; // s that a change of view takes
+
+export class Pilot {
+  constructor(stage, element, changed) {
+    this.stage = stage;
+    this.camera = stage.camera;
+    this.changed = changed;
+    this.followed = null;
+    this.controls = new OrbitControls(this.camera, element);
+    Object.assign(this.controls, { enableDamping: false, maxPolarAngle: 0.495 * Math.PI, minDistance: 0.4, maxDistance: 400, screenSpacePanning: false });
+    this.controls.addEventListener("change", () => {
+      stage.shine(this.controls.target);
+      stage.want();
+    });
+    this.controls.addEventListener("start", () => {
+      this.glide = null;
+      this.moved = true;
+    });
+  }
+
+  // Views
+
+  fit(box, { fromAbove = false, at_once = false } = {}) {
+    // As near as all corners fit into the picture.
+    this.moved = false;
+    const toward = fromAbove ? new THREE.Vector3(0, -1e-3, 1) : new THREE.Vector3(-0.07, -0.85, 1.1);
+    toward.normalize();
+    const right = new THREE.Vector3().crossVectors(new THREE.Vector3(0, 0, 1), toward).normalize();
+    const up = new THREE.Vector3().crossVectors(toward, right);
+    const high = Math.tan(THREE.MathUtils.degToRad(this.camera.fov) / 2) * 0.94;
+    const wide = high * this.camera.aspect;
+    const target = box.getCenter(new THREE.Vector3());
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(
+      (i) => new THREE.Vector3(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y, i & 4 ? box.max.z : box.min.z),
+    );
+    let distance = 1;
+    for (let round = 0; round < 8; round++) {
+      // Where to look depends on how far away it is, as what is near looks large.
+      const seen = corners.map((corner) => {
+        const v = corner.clone().sub(target);
+        return { x: v.dot(right), y: v.dot(up), z: v.dot(toward) };
+      });
+      distance = Math.max(1, ...seen.map(({ x, y, z }) => Math.max(Math.abs(x) / wide, Math.abs(y) / high) + z));
+      const ys = seen.map(({ y, z }) => y / (distance - z));
+      const xs = seen.map(({ x, z }) => x / (distance - z));
+      target.addScaledVector(up, ((Math.max(...ys) + Math.min(...ys)) / 2) * distance * 0.8);
+      target.addScaledVector(right, ((Math.max(...xs) + Math.min(...xs)) / 2) * distance * 0.8);
+    }
+    this.go(target, target.clone().addScaledVector(toward, distance), at_once);
+  }
+
+  look(at, distance) {
+    // At a point, from the side from which it is looked at now, but not from far away or straight above.
+    const offset = this.camera.position.clone().sub(this.controls.target);
+    const polar = Math.min(Math.max(offset.angleTo(new THREE.Vector3(0, 0, 1)), 0.5), 1.15);
+    const around = Math.atan2(offset.y, offset.x);
+    const flat = distance * Math.sin(polar);
+    const from = new THREE.Vector3(flat * Math.cos(around), flat * Math.sin(around), distance * Math.cos(polar));
+    this.go(at.clone(), at.clone().add(from));
+  }
+
+  go(target, position, at_once = false) {
+    if (at_once || matchMedia("(prefers-reduced-motion: reduce)").matches) {
+      this.glide = null;
+      this.controls.target.copy(target);
+      this.camera.position.copy(position);
+      this.controls.update();
+    } else {
+      const { target: from } = this.controls;
+      this.glide = { began: performance.now() / 1000, from: from.clone(), at: this.camera.position.clone(), target, position };
+    }
+    this.stage.want();
+  }
+
+  follow(at) {
+    // `at`: says where what is followed is now; null: nothing.
+    this.followed = at;
+    const point = at?.();
+    if (point) this.look(point, Math.min(Math.max(this.camera.position.distanceTo(this.controls.target), 2.5), 5));
+  }
+
+  step(now) {
+    // Before each frame. Whether the camera goes on moving by itself.
+    const point = this.followed?.();
+    if (this.glide) {
+      const { began, from, at, target, position } = this.glide;
+      const share = Math.min(1, (now - began) / GLIDE);
+      const soft = share * share * (3 - 2 * share);
+      if (point) {
+        position.add(point).sub(target);
+        target.copy(point);
+      }
+      this.controls.target.lerpVectors(from, target, soft);
+      this.camera.position.lerpVectors(at, position, soft);
+      if (share === 1) this.glide = null;
+      this.controls.update();
+      return share < 1;
+    }
+    if (point && point.distanceToSquared(this.controls.target) > 1e-8) {
+      this.camera.position.add(point).sub(this.controls.target);
+      this.controls.target.copy(point);
+      this.controls.update();
+    }
+    return false;
+  }
+
+  // Keys
+
+  key(event) {
+    // Whether the key moved the camera.
+    if (event.ctrlKey || event.metaKey || event.altKey) return false;
+    const around = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (around && event.shiftKey) this.pan(...around);
+    else if (around) this.orbit(...around);
+    else if (event.key === "+" || event.key === "=") this.zoom(1 / ZOOM);
+    else if (event.key === "-" || event.key === "_") this.zoom(ZOOM);
+    else return false;
+    return true;
+  }
+
+  orbit(sideways, down) {
+    this.glide = null;
+    const offset = this.camera.position.clone().sub(this.controls.target);
+    offset.applyAxisAngle(new THREE.Vector3(0, 0, 1), sideways * TURN);
+    const polar = offset.angleTo(new THREE.Vector3(0, 0, 1));
+    const wanted = Math.min(Math.max(polar + down * TURN, 0.02), this.controls.maxPolarAngle);
+    const side = new THREE.Vector3().crossVectors(new THREE.Vector3(0, 0, 1), offset).normalize();
+    offset.applyAxisAngle(side, wanted - polar);
+    this.camera.position.copy(this.controls.target).add(offset);
+    this.controls.update();
+  }
+
+  pan(sideways, down) {
+    if (this.followed) return;
+    this.glide = null;
+    const offset = this.camera.position.clone().sub(this.controls.target);
+    const step = 0.06 * offset.length();
+    const ahead = offset.clone().setZ(0).normalize().negate();
+    const right = new THREE.Vector3(ahead.y, -ahead.x, 0);
+    const way = right.multiplyScalar(sideways * step).addScaledVector(ahead, -down * step);
+    this.controls.target.add(way);
+    this.camera.position.add(way);
+    this.controls.update();
+  }
+
+  zoom(factor) {
+    this.glide = null;
+    const offset = this.camera.position.clone().sub(this.controls.target);
+    const length = Math.min(Math.max(offset.length() * factor, this.controls.minDistance), this.controls.maxDistance);
+    this.camera.position.copy(this.controls.target).add(offset.setLength(length));
+    this.controls.update();
+  }
+
+  dispose() {
+    this.controls.dispose();
+  }
+}

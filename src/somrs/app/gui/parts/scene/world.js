@@ -1,0 +1,261 @@
+// All that there is, by name, and how it is drawn: the building and what stands around as a few geometries, what can move one by one.
+import { THREE } from "nicegui-scene";
+import { shell } from "./building.js";
+import { form } from "./forms.js";
+import { ownerOf, Pieces } from "./pieces.js";
+import { RobotBody } from "./robots.js";
+
+const BUILDING = new Set(["floor", "wall", "door"]);
+const MOVING = new Set(["robot", "thing"]);
+
+function gridded(material) {
+  // Fine lines every metre on upward faces, by the place on the map: they give a scale, and hide nothing.
+  material.onBeforeCompile = (shader) => {
+    shader.vertexShader = shader.vertexShader
+      .replace("#include <common>", "#include <common>\nvarying vec3 onMap;\nvarying float upward;")
+      .replace("#include <begin_vertex>", "#include <begin_vertex>\nonMap = position;\nupward = normal.z;");
+    shader.fragmentShader = shader.fragmentShader
+      .replace("#include <common>", "#include <common>\nvarying vec3 onMap;\nvarying float upward;")
+      .replace(
+        "#include <color_fragment>",
+        `#include <color_fragment>
+        vec2 cell = abs(fract(onMap.xy - 0.5) - 0.5) / max(fwidth(onMap.xy), vec2(1e-5));
+        float line = (1.0 - min(min(cell.x, cell.y), 1.0)) * step(0.5, upward);
+        diffuseColor.rgb *= 1.0 - 0.13 * line * (1.0 - smoothstep(0.04, 0.16, max(fwidth(onMap.x), fwidth(onMap.y))));`,
+      );
+  };
+  return material;
+}
+
+export class World {
+  constructor(scene) {
+    this.scene = scene;
+    this.bodies = new Map();
+    this.types = {};
+    this.drawn = new Map(); // what can move, by name: { object, set(pose), top }
+    this.works = new Map();
+    this.low = true;
+    this.level = null;
+    this.colors = { cap: "#5b7083" };
+    this.group = new THREE.Group();
+    scene.add(this.group);
+    this.still = new THREE.Group();
+    this.group.add(this.still);
+    const vertexColors = true;
+    this.materials = {
+      solid: new THREE.MeshLambertMaterial({ vertexColors }),
+      floor: gridded(new THREE.MeshLambertMaterial({ vertexColors })),
+      glass: new THREE.MeshLambertMaterial({ vertexColors, transparent: true, opacity: 0.4, depthWrite: false }),
+      mark: new THREE.MeshLambertMaterial({ vertexColors, polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -2 }),
+      ghost: new THREE.MeshLambertMaterial({ vertexColors, transparent: true, opacity: 0.35, depthWrite: false }),
+    };
+  }
+
+  // What there is
+
+  show({ bodies, types }) {
+    this.types = types;
+    this.bodies = new Map(bodies.map((body) => [body.name, this.prepared(body)]));
+    for (const name of [...this.drawn.keys()]) this.undraw(name);
+    for (const body of this.bodies.values()) if (MOVING.has(body.kind)) this.draw(body);
+    this.findLevels();
+    this.build();
+  }
+
+  change({ bodies, types }, names) {
+    Object.assign(this.types, types);
+    let still = false;
+    for (const name of names) {
+      const before = this.bodies.get(name);
+      if (before && !MOVING.has(before.kind)) still = true;
+      this.bodies.delete(name);
+      this.undraw(name);
+    }
+    for (const body of bodies.map((one) => this.prepared(one))) {
+      this.bodies.set(body.name, body);
+      if (MOVING.has(body.kind)) this.draw(body);
+      else still = true;
+    }
+    if (still) {
+      this.findLevels();
+      this.build();
+    }
+  }
+
+  prepared(body) {
+    const full = { yaw: 0, width: 0, depth: 0, height: 0, radius: 0, color: "#999999", outline: [], open: false, ...body };
+    full.window = this.isA(full, "Window");
+    full.size = full.form === "Box" ? Math.hypot(full.width, full.depth) / 2 : full.radius;
+    if (full.form === "Polygon") full.size = Math.max(...full.outline.map(([x, y]) => Math.hypot(x, y)));
+    return full;
+  }
+
+  isA(body, type) {
+    return (this.types[body.type] ?? []).includes(type);
+  }
+
+  // Levels: the heights of floors, of which one can be looked at alone
+
+  findLevels() {
+    const tops = [...this.bodies.values()].filter((body) => body.kind === "floor").map((body) => body.z + body.height);
+    this.levels = [...new Set(tops.map((top) => Math.round(top * 10) / 10))].sort((a, b) => a - b);
+    const apart = this.levels.filter((top, i) => i === 0 || top - this.levels[i - 1] > 1.5);
+    this.levels = apart;
+    if (!apart.includes(this.level)) this.level = null;
+  }
+
+  levelAt(z) {
+    return this.levels.filter((top) => top <= z + 0.4).at(-1) ?? this.levels[0] ?? 0;
+  }
+
+  seen(body, z = body.z) {
+    return this.level === null || this.levelAt(body.kind === "floor" ? z + body.height : z) === this.level;
+  }
+
+  // What stands still
+
+  build() {
+    for (const mesh of this.still.children) mesh.geometry.dispose();
+    this.still.clear();
+    const bodies = [...this.bodies.values()].filter((body) => !MOVING.has(body.kind) && this.seen(body));
+    const made = shell(bodies.filter((body) => BUILDING.has(body.kind)), this.low, this.colors);
+    const around = new Pieces();
+    const marks = new Pieces();
+    for (const body of bodies) {
+      if (BUILDING.has(body.kind)) continue;
+      const into = body.kind === "place" ? marks : around;
+      into.owner(body.name).frame(body.x, body.y, body.z, body.yaw);
+      form(into, body, this.types[body.type] ?? []);
+    }
+    this.mesh(made.floors, this.materials.floor, { cast: false });
+    this.mesh(made.walls, this.materials.solid);
+    this.mesh(around, this.materials.solid);
+    this.mesh(marks, this.materials.mark, { cast: false });
+    this.mesh(made.glass, this.materials.glass, { cast: false });
+    for (const [name, one] of this.drawn) one.object.visible = this.seen(this.bodies.get(name), one.object.position.z);
+  }
+
+  mesh(pieces, material, { cast = true } = {}) {
+    if (pieces.empty) return;
+    const mesh = new THREE.Mesh(pieces.geometry(), material);
+    mesh.castShadow = cast;
+    mesh.receiveShadow = true;
+    mesh.userData.owners = pieces.owners;
+    this.still.add(mesh);
+  }
+
+  // What moves
+
+  draw(body) {
+    let one;
+    if (body.kind === "robot") {
+      const robot = new RobotBody(body.radius ? body : { ...body, radius: body.size }, this.materials.solid);
+      one = { object: robot.group, set: (pose) => robot.set(pose), dispose: () => robot.dispose(), top: () => robot.top };
+    } else {
+      one = this.thing(body);
+    }
+    this.drawn.set(body.name, one);
+    this.group.add(one.object);
+  }
+
+  thing(body) {
+    const pieces = new Pieces();
+    form(pieces, body, this.types[body.type] ?? []);
+    const mesh = new THREE.Mesh(pieces.geometry(), body.unknown ? this.materials.ghost : this.materials.solid);
+    mesh.castShadow = !body.unknown;
+    mesh.receiveShadow = true;
+    mesh.userData.name = body.name;
+    mesh.rotation.order = "ZYX";
+    const set = ([x, y, z, yaw, pitch = 0, roll = 0]) => {
+      mesh.position.set(x, y, z);
+      mesh.rotation.set(roll, pitch, yaw);
+    };
+    set([body.x, body.y, body.z, body.yaw]);
+    return { object: mesh, set, dispose: () => mesh.geometry.dispose(), top: () => body.height };
+  }
+
+  undraw(name) {
+    const one = this.drawn.get(name);
+    if (!one) return;
+    this.group.remove(one.object);
+    one.dispose();
+    this.drawn.delete(name);
+  }
+
+  move(name, pose) {
+    const one = this.drawn.get(name);
+    if (!one) return;
+    one.set(pose);
+    if (this.level !== null) one.object.visible = this.seen(this.bodies.get(name), pose[2]);
+  }
+
+  // Asked by others
+
+  where(name) {
+    // The pose that is drawn now: the middle of the underside, and the heading.
+    const body = this.bodies.get(name);
+    if (!body) return null;
+    const object = this.drawn.get(name)?.object;
+    if (!object) return { x: body.x, y: body.y, z: body.z, yaw: body.yaw };
+    return { x: object.position.x, y: object.position.y, z: object.position.z, yaw: object.rotation.z };
+  }
+
+  top(name) {
+    // How high above its underside it ends.
+    const body = this.bodies.get(name);
+    if (BUILDING.has(body.kind)) return 0;
+    return this.drawn.get(name)?.top() ?? body.height;
+  }
+
+  visible(name) {
+    const one = this.drawn.get(name);
+    return one ? one.object.visible : this.seen(this.bodies.get(name));
+  }
+
+  room(x, y, z) {
+    // What the floor under a point is called.
+    let found = null;
+    for (const body of this.bodies.values()) {
+      if (body.kind !== "floor" || !body.label || Math.abs(this.levelAt(z) - body.z - body.height) > 0.5) continue;
+      if (inside(body, x, y)) found = body.label;
+    }
+    return found;
+  }
+
+  bounds() {
+    const box = new THREE.Box3().setFromObject(this.still);
+    for (const one of this.drawn.values()) if (one.object.visible) box.expandByObject(one.object);
+    return box.isEmpty() ? new THREE.Box3(new THREE.Vector3(-2, -2, 0), new THREE.Vector3(2, 2, 1)) : box;
+  }
+
+  pick(raycaster) {
+    // The nearest object in sight that the ray meets.
+    for (const hit of raycaster.intersectObjects([this.group], true)) {
+      const { name, owners } = hit.object.userData;
+      const found = name ?? (owners ? ownerOf(owners, hit.faceIndex) : null);
+      if (found && this.visible(found)) return found;
+    }
+    return null;
+  }
+
+  dispose() {
+    for (const name of [...this.drawn.keys()]) this.undraw(name);
+    for (const mesh of this.still.children) mesh.geometry.dispose();
+    for (const material of Object.values(this.materials)) material.dispose();
+  }
+}
+
+function inside(body, x, y) {
+  const c = Math.cos(body.yaw);
+  const s = Math.sin(body.yaw);
+  const u = c * (x - body.x) + s * (y - body.y);
+  const v = c * (y - body.y) - s * (x - body.x);
+  if (body.form === "Box") return Math.abs(u) <= body.width / 2 && Math.abs(v) <= body.depth / 2;
+  if (body.form !== "Polygon") return Math.hypot(u, v) <= body.radius;
+  let within = false;
+  body.outline.forEach(([ax, ay], i) => {
+    const [bx, by] = body.outline[(i + 1) % body.outline.length];
+    if (ay > v !== by > v && u < ax + ((v - ay) / (by - ay)) * (bx - ax)) within = !within;
+  });
+  return within;
+}

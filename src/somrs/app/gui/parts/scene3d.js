@@ -1,0 +1,394 @@
+// The 3D view: what there is, where it is while it moves, and ways to look at it. `scene3d.py` says how it is used.
+import { Feed, Labels, Marks, Motion, Pilot, Stage, World, described, listed, summary } from "somrs-scene";
+
+const LISTED = 200;
+
+export default {
+  template: `
+    <div class="somrs-scene" :style="{ height }" :class="{ 'somrs-scene-listing': listOpen && !none }">
+      <div v-if="none" class="somrs-scene-none" role="alert">
+        <q-icon name="view_in_ar" size="32px" aria-hidden="true"/>
+        <p>This browser shows nothing in three dimensions here: WebGL is missing or switched off.</p>
+        <p><a href="/map">The floor plan on the Map page</a> shows the same from above; below, it is told in words.</p>
+      </div>
+      <div v-show="!none" class="somrs-scene-view" ref="view" tabindex="0" role="application" aria-roledescription="3D view"
+           :aria-label="words" :aria-describedby="id + '-keys'" @keydown="key">
+        <canvas ref="canvas" aria-hidden="true"></canvas>
+        <div class="somrs-scene-labels" ref="labels" aria-hidden="true"></div>
+      </div>
+      <p :id="id + '-keys'" class="somrs-scene-hidden">Arrow keys turn the view, with Shift they move it, plus and minus zoom, F shows all,
+        T looks from above, Escape ends following and selecting. The button List opens where things are in words.</p>
+      <div v-show="!none" class="somrs-scene-tools" role="toolbar" aria-label="View">
+        <q-btn v-for="one in tools" :key="one.label" flat dense :icon="one.icon" :aria-label="one.label" :aria-pressed="one.pressed"
+               :class="{ 'somrs-scene-pressed': one.pressed }" @click="one.act"><q-tooltip :delay="400">{{ one.tip }}</q-tooltip></q-btn>
+        <label v-if="levels.length > 1"><span class="somrs-scene-hidden">Storey</span>
+          <select v-model="level" @change="setLevel"><option :value="null">All storeys</option>
+            <option v-for="one in levels" :key="one.z" :value="one.z">{{ one.name }}</option></select></label>
+        <label v-if="robots.length"><span class="somrs-scene-hidden">Follow</span>
+          <select :value="following ?? ''" @change="setFollowed($event.target.value || null)" :class="{ 'somrs-scene-pressed': following }">
+            <option value="">Follow nothing</option>
+            <option v-if="following && !robots.includes(following)" :value="following">Follow {{ following }}</option>
+            <option v-for="name in robots" :key="name" :value="name">Follow {{ name }}</option></select></label>
+      </div>
+      <div class="somrs-scene-notes" role="status">
+        <div v-if="trouble" class="somrs-scene-note"><q-icon name="sync_problem"/> {{ trouble }}</div>
+        <div v-else-if="!alive" class="somrs-scene-note"><q-icon name="sync_problem"/> The simulator does not answer: things are where they were last.</div>
+        <div v-if="problems.length" class="somrs-scene-note"><q-icon name="warning"/> {{ problems.length }} not drawn: {{ problems[0] }}</div>
+      </div>
+      <div v-if="card" class="somrs-scene-card">
+        <div><strong>{{ card.title }}</strong> <span class="somrs-soft">{{ card.type }}</span></div>
+        <div>{{ card.words }}</div>
+        <div><button v-if="following !== card.name" type="button" @click="setFollowed(card.name)">Follow</button>
+          <button type="button" @click="select(null)" :aria-label="'Deselect ' + card.name">Close</button></div>
+      </div>
+      <section v-if="listOpen || none" class="somrs-scene-list" :class="{ 'somrs-scene-list-alone': none }" aria-label="Where things are">
+        <input v-model="wanted" type="search" placeholder="Find by name or type" aria-label="Find by name or type" @input="tell">
+        <ul><li v-for="row in rows.rows" :key="row.name">
+          <button type="button" :aria-pressed="row.name === selected" @click="find(row.name)"><b>{{ row.name }}</b> {{ row.words }}</button></li></ul>
+        <p v-if="rows.more" class="somrs-soft">and {{ rows.more }} more</p>
+        <p v-if="!rows.rows.length" class="somrs-soft">Nothing of that name.</p>
+      </section>
+    </div>`,
+
+  props: {
+    height: { type: String, default: "60vh" },
+    follow: { type: String, default: null },
+    chosen: { type: String, default: null },
+    highlighted: { type: Array, default: () => [] },
+    version: { type: Number, default: null },
+  },
+  emits: ["select"],
+
+  data() {
+    return {
+      id: `scene${Math.random().toString(36).slice(2)}`,
+      none: false,
+      words: "3D view",
+      trouble: null,
+      alive: true,
+      problems: [],
+      levels: [],
+      level: null,
+      robots: [],
+      following: null,
+      selected: this.chosen,
+      card: null,
+      listOpen: false,
+      wanted: "",
+      rows: { rows: [], more: 0 },
+      named: true,
+      low: true,
+    };
+  },
+
+  computed: {
+    tools() {
+      const button = (icon, label, tip, act, pressed) => ({ icon, label, tip, act, pressed });
+      return [
+        button("fit_screen", "Show all", "Show all (F)", () => this.fit()),
+        button("map", "From above", "Look from above (T)", () => this.fit({ fromAbove: true })),
+        button("add", "Zoom in", "Zoom in (+)", () => this.pilot.zoom(0.8)),
+        button("remove", "Zoom out", "Zoom out (-)", () => this.pilot.zoom(1.25)),
+        button("label", "Names", "Names of things", () => this.setNamed(!this.named), this.named),
+        button("carpenter", "Low walls", "Cut walls low, to see inside", () => this.setLow(!this.low), this.low),
+        button("list", "List", "Where things are, in words", () => this.setList(!this.listOpen), this.listOpen),
+      ];
+    },
+  },
+
+  watch: {
+    follow(name) {
+      this.setFollowed(name);
+    },
+    chosen(name) {
+      if (name === this.selected) return;
+      this.selected = name;
+      this.mark();
+      this.tell();
+    },
+    highlighted() {
+      this.mark();
+    },
+    version() {
+      this.feed.stop();
+      this.motion.restart();
+      this.begin();
+    },
+  },
+
+  mounted() {
+    // Not reactive: Vue would wrap thousands of objects.
+    this.motion = new Motion();
+    try {
+      this.stage = new Stage(this.$refs.canvas, (now) => this.step(now));
+    } catch {
+      this.none = true;
+    }
+    this.world = new World(this.stage?.scene ?? { add() {} });
+    if (this.stage) this.equip();
+    this.begin();
+    window.somrsScene = {
+      where: (name) => this.world.where(name),
+      names: () => [...this.world.bodies.keys()],
+      frames: () => this.stage?.frames ?? 0,
+      at: (name) => this.onScreen(name),
+      drawn: () => Boolean(this.shown),
+      refined: () => Boolean(this.stage?.refined),
+    };
+    this.timer = setInterval(() => this.toldLate && this.tell(), 500);
+  },
+
+  beforeUnmount() {
+    clearInterval(this.timer);
+    this.feed.stop();
+    this.resizing?.disconnect();
+    this.seeing?.disconnect();
+    this.theming?.disconnect();
+    document.removeEventListener("visibilitychange", this.looked);
+    this.marks?.dispose();
+    this.world.dispose();
+    this.pilot?.dispose();
+    this.stage?.dispose();
+  },
+
+  methods: {
+    equip() {
+      const view = this.$refs.view;
+      this.pilot = new Pilot(this.stage, view);
+      this.labels = new Labels(this.$refs.labels, this.stage, this.world);
+      this.marks = new Marks(this.stage.scene, this.world);
+      this.stage.drawn = () => this.labels.draw(view.clientWidth, view.clientHeight);
+      this.resizing = new ResizeObserver(() => {
+        this.stage.resize(view.clientWidth, view.clientHeight);
+        if (this.shown && !this.pilot.moved && !this.following) this.fit({ at_once: true });
+      });
+      this.resizing.observe(view);
+      this.seeing = new IntersectionObserver(([entry]) => {
+        this.inSight = entry.isIntersecting;
+        this.looked();
+      });
+      this.seeing.observe(view);
+      document.addEventListener("visibilitychange", this.looked);
+      this.theming = new MutationObserver(() => this.theme());
+      this.theming.observe(document.body, { attributes: true, attributeFilter: ["class"] });
+      view.addEventListener("pointerdown", (event) => (this.pressed = [event.clientX, event.clientY]));
+      view.addEventListener("pointerup", (event) => this.clicked(event));
+      this.theme();
+    },
+
+    begin() {
+      this.shown = false;
+      const version = this.version;
+      this.feed = new Feed(
+        {
+          scene: (scene) => this.show(scene),
+          changed: (scene, names) => this.change(scene, names),
+          placed: (name, relation, object, is) => this.placed(name, relation, object, is),
+          movers: (movers) => {
+            this.motion.set(movers);
+            this.world.works.clear();
+            this.labels?.clear();
+          },
+          robots: (works) => this.work(works),
+          frame: (clock, which, values) => {
+            this.motion.hear(clock, which, values, performance.now() / 1000);
+            this.stage?.want();
+            if (!this.stage) this.step(performance.now() / 1000);
+          },
+          alive: (alive) => (this.alive = alive),
+          trouble: (text) => (this.trouble = text),
+        },
+        version,
+      );
+      this.feed.isMover = (name) => this.motion.tracks.has(name);
+    },
+
+    // What the server tells
+
+    show(scene) {
+      this.title = scene.title;
+      this.problems = scene.problems;
+      this.world.show(scene);
+      this.replay();
+      this.settle();
+      if (this.pilot && !this.shown) {
+        this.shown = true;
+        if (this.following === null && this.follow) this.setFollowed(this.follow);
+        if (!this.following) this.fit({ at_once: true });
+      }
+      this.shown = true;
+    },
+
+    change(scene, names) {
+      this.world.change(scene, names);
+      this.problems = [...this.problems.filter((text) => !names.some((name) => text.startsWith(`${name}:`))), ...scene.problems];
+      for (const name of names) this.labels?.changed(name);
+      this.replay();
+      this.settle();
+    },
+
+    replay() {
+      // Poses that are known already are newer than what the map says.
+      for (const track of this.motion.movers) if (track.drawn) this.world.move(track.name, track.drawn);
+    },
+
+    settle() {
+      // What there is has changed.
+      this.robots = [...this.world.bodies.values()].filter((body) => body.kind === "robot").map((body) => body.name).sort();
+      this.levels = this.world.levels.map((z, i) => ({ z, name: `Storey ${i + 1} (${z.toFixed(1)} m)` }));
+      this.labels?.clear();
+      this.mark();
+      this.stage?.enclose(this.world.bounds());
+      this.tell();
+    },
+
+    placed(name, relation, object, is) {
+      const body = this.world.bodies.get(name);
+      if (!body) return;
+      if (is) body.at = { relation, object };
+      else if (body.at?.relation === relation && body.at.object === object) body.at = null;
+      this.toldLate = true;
+    },
+
+    work(works) {
+      for (const [name, work] of Object.entries(works)) {
+        this.world.works.set(name, work);
+        this.labels?.changed(name);
+      }
+      this.toldLate = true;
+      this.stage?.want();
+    },
+
+    tell() {
+      // The words: not at every frame.
+      this.toldLate = false;
+      this.words = summary(this.title, this.world);
+      if (this.listOpen || this.none) this.rows = listed(this.world, this.wanted, LISTED);
+      const body = this.selected && this.world.bodies.get(this.selected);
+      this.card = body ? { name: body.name, title: body.label ?? body.name, type: body.type, words: described(this.world, this.selected) } : null;
+    },
+
+    // Drawing
+
+    step(now) {
+      this.motion.play(now, (name, pose) => this.world.move(name, pose));
+      if (this.motion.active) this.toldLate = true;
+      const goes = this.pilot?.step(now);
+      this.marks?.place();
+      return this.motion.active || goes;
+    },
+
+    theme() {
+      const dark = document.body.classList.contains("body--dark");
+      const color = (name) => getComputedStyle(document.body).getPropertyValue(name).trim();
+      this.world.colors.cap = color("--wall") || "#5b7083";
+      this.marks.color(color("--accent") || "#1f5f99");
+      this.stage.theme(dark);
+      if (this.shown) this.world.build();
+    },
+
+    looked() {
+      const seen = this.inSight !== false && !document.hidden;
+      this.stage.rest(!seen);
+      if (this.version !== null) return;
+      clearTimeout(this.leaving);
+      if (seen) this.feed.follow();
+      else this.leaving = setTimeout(() => this.feed.rest(), 5000);
+    },
+
+    mark() {
+      if (!this.marks) return;
+      const marked = new Map(this.highlighted.map(({ name, mark }) => [name, mark]));
+      for (const name of new Set([...marked.keys(), ...this.labels.marked.keys(), this.selected, this.labels.selected])) this.labels.changed(name);
+      this.labels.marked = marked;
+      this.labels.selected = this.selected;
+      this.marks.set(new Set([...marked.keys(), ...(this.selected ? [this.selected] : [])]));
+      this.stage.want();
+    },
+
+    // What people do
+
+    fit(how = {}) {
+      this.setFollowed(null);
+      this.pilot.fit(this.world.bounds(), how);
+    },
+
+    setNamed(named) {
+      this.named = this.labels.on = named;
+      this.stage.want();
+    },
+
+    setLow(low) {
+      this.low = this.world.low = low;
+      this.world.build();
+      this.stage.enclose(this.world.bounds());
+    },
+
+    setLevel() {
+      this.world.level = this.level;
+      this.world.build();
+      this.stage.enclose(this.world.bounds());
+      this.fit();
+    },
+
+    setList(open) {
+      this.listOpen = open;
+      this.tell();
+    },
+
+    setFollowed(name) {
+      this.following = name;
+      if (!this.pilot) return;
+      this.pilot.follow(name === null ? null : () => this.point(name));
+    },
+
+    point(name) {
+      // What the camera looks at when it looks at something.
+      const at = this.world.where(name);
+      if (!at) return null;
+      const Vector3 = this.stage.camera.position.constructor;
+      return new Vector3(at.x, at.y, at.z + Math.min(this.world.top(name) / 2, 0.6));
+    },
+
+    find(name) {
+      this.select(name);
+      const point = this.pilot && this.point(name);
+      if (point && !this.following) this.pilot.look(point, Math.max(3, 5 * this.world.bodies.get(name).size));
+    },
+
+    select(name) {
+      if (name === this.selected) return;
+      this.selected = name;
+      this.mark();
+      this.tell();
+      this.$emit("select", { name });
+    },
+
+    clicked(event) {
+      if (!this.pressed || Math.hypot(event.clientX - this.pressed[0], event.clientY - this.pressed[1]) > 5) return;
+      const area = this.$refs.view.getBoundingClientRect();
+      const x = ((event.clientX - area.left) / area.width) * 2 - 1;
+      const y = 1 - ((event.clientY - area.top) / area.height) * 2;
+      const found = this.world.pick(this.stage.ray(x, y));
+      this.select(found && !["floor", "wall"].includes(this.world.bodies.get(found).kind) ? found : null);
+    },
+
+    key(event) {
+      if (this.pilot.key(event)) this.pilot.moved = true;
+      else if (event.key === "f" || event.key === "F") this.fit();
+      else if (event.key === "t" || event.key === "T") this.fit({ fromAbove: true });
+      else if (event.key === "Escape") {
+        this.setFollowed(null);
+        this.select(null);
+      } else return;
+      event.preventDefault();
+    },
+
+    onScreen(name) {
+      // Where in the picture the object is, in px, for tests.
+      const point = this.point(name)?.project(this.stage.camera);
+      const { clientWidth, clientHeight } = this.$refs.view;
+      return point ? { x: ((point.x + 1) / 2) * clientWidth, y: ((1 - point.y) / 2) * clientHeight } : null;
+    },
+  },
+};

@@ -1,0 +1,64 @@
+"""The 3D view of the building, with the robots moving, as an element for pages: `Scene3D(height="70vh")`.
+
+It reads what there is from `/api/scene`, follows changes at `/api/live` and poses at `/api/poses` by itself, and draws only when something
+changed. How it is made is in `scene/*.js`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import nicegui
+from nicegui.element import Element
+from nicegui.events import GenericEventArguments
+
+# NiceGUI's own three.js, of the version that it brings along.
+THREE = Path(nicegui.__file__).parent / "elements" / "scene" / "dist"
+
+
+Told = Callable[[dict[str, Any]], Awaitable[None] | None]
+
+
+class Scene3D(Element, component="scene3d.js", esm={"nicegui-scene": str(THREE), "somrs-scene": "scene"}):
+    """`height`: as CSS has it. `follow`: the object that the camera stays with. `version`: the map of that version, at rest; None: as it
+    is now.
+
+    Event `select {name}`: what somebody chose, None for nothing. What was chosen elsewhere, say with `choose`.
+    """
+
+    def __init__(self, *, height: str = "60vh", follow: str | None = None, version: int | None = None) -> None:
+        super().__init__()
+        self._props["height"] = height
+        self._props["follow"] = follow
+        self._props["version"] = version
+
+    def _say(self, key: str, value: object) -> None:
+        self._props[key] = value
+        self.update()
+
+    def choose(self, name: str | None) -> None:
+        """Frame an object as the chosen one."""
+        self._say("chosen", name)
+
+    def highlight(self, marks: Mapping[str, str] | Iterable[str]) -> None:
+        """Mark objects with a ring and a pin, and name them; with a mapping, write something behind each name."""
+        pairs = marks.items() if isinstance(marks, Mapping) else ((name, "") for name in marks)
+        self._say("highlighted", [{"name": name, "mark": mark} for name, mark in pairs])
+
+    def follow(self, name: str | None) -> None:
+        """Have the camera stay with an object; None: with none."""
+        self._say("follow", name)
+
+    def turn_to(self, version: int | None) -> None:
+        """Show the map of a version; None: as it is now."""
+        self._say("version", version)
+
+    def on_select(self, told: Told) -> None:
+        async def hear(event: GenericEventArguments) -> None:
+            answer = told(event.args)
+            if answer is not None:
+                await answer
+
+        self.on("select", hear)
