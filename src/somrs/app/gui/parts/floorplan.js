@@ -13,8 +13,8 @@ const TURNS = Math.PI / 12; // what turning by the handle snaps to
 export default {
   template: `
     <div class="somrs-plan" :class="['fp-mode-' + doing, { 'fp-carrying': carrying, 'fp-placing': placing }]">
-      <svg ref="svg" class="fp-svg" tabindex="0" role="application" aria-roledescription="floor plan"
-        :aria-label="'Floor plan' + (storey ? ' of ' + storey : '') + ', ' + shown + ' objects'" :aria-describedby="id + '-help'"></svg>
+      <div ref="pad" class="fp-pad" tabindex="0" role="application" aria-roledescription="floor plan"
+        :aria-label="'Floor plan' + (storey ? ' of ' + storey : '') + ', ' + shown + ' objects'" :aria-describedby="id + '-help'"></div>
       <p :id="id + '-help'" class="fp-unseen">{{ help }}</p>
       <p class="fp-unseen" role="status" aria-live="polite">{{ said }}</p>
       <div class="fp-tools fp-tools-left" v-if="storeys.length > 1">
@@ -87,15 +87,15 @@ export default {
     },
   },
   mounted() {
-    const plan = new Plan(this.$refs.svg, (names) => this.$emit("unanswered", { names }));
+    const plan = new Plan(this.$refs.pad, (names) => this.$emit("unanswered", { names }));
     this.plan = plan;
     plan.turnable = (name) => this.doing === "edit" && plan.model.kind(name)?.moves !== "ground";
     plan.drawn = (view) => this.drawn(view);
     plan.storey = this.storey_name ?? null;
     this.look();
-    this.hands = new Hands(this.$refs.svg, this.deeds());
+    this.hands = new Hands(this.$refs.pad, this.deeds());
     this.watching = new ResizeObserver(([entry]) => plan.resize(entry.contentRect.width, entry.contentRect.height));
-    this.watching.observe(this.$refs.svg);
+    this.watching.observe(this.$refs.pad);
     this.live = new Live((news) => this.hear(news));
     this.live.start();
   },
@@ -127,10 +127,10 @@ export default {
       this.values = values;
       this.plan.ghost = null;
       this.turned = 0;
-      if (type) this.$refs.svg.focus({ preventScroll: true });
+      if (type) this.$refs.pad.focus({ preventScroll: true });
       this.plan.draw();
     },
-    focus() { this.$refs.svg.focus({ preventScroll: true }); },
+    focus() { this.$refs.pad.focus({ preventScroll: true }); },
     say(text) { this.said = text; },
 
     // What the map says
@@ -242,7 +242,7 @@ export default {
       }
     },
     below(at) {
-      const box = this.$refs.svg.getBoundingClientRect();
+      const box = this.$refs.pad.getBoundingClientRect();
       const names = document.elementsFromPoint(box.left + at.x, box.top + at.y).map((one) => one.closest("[data-name]")?.dataset.name).filter((one) => one);
       const distinct = [...new Set(names)];
       return distinct[(distinct.indexOf(this.plan.selected) + 1) % distinct.length] ?? null;

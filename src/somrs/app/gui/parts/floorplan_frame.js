@@ -1,8 +1,9 @@
 // What is drawn around single objects, in pixels: the frame and the turning handle of the one that is chosen, and rings about what was found.
 
-import { svg } from "floorplan_layers";
+import { reach } from "floorplan_model";
 import { outline, pose } from "floorplan_shapes";
 
+const SMALL = 9; // pixels; what is smaller has a ring about it instead of a frame
 const HANDLE = 26; // pixels from the object's edge to the handle that turns it
 
 export class Frame {
@@ -26,15 +27,20 @@ export class Frame {
     }
     if (target) put(target, "fp-target");
     if (ghost) inMetres.push(`<g transform="${pose(ghost.at)}"><path class="fp-ghost" d="${outline(ghost.form)}"/><path class="fp-ghost" d="M0 0H${(reach(ghost.form) * 0.8).toFixed(3)}"/></g>`);
-    if (selected && put(selected, "fp-chosen") && turnable) inPixels.push(this._handle(view, at(selected), model.solid(selected)));
+    const chosen = selected ? model.solid(selected) : null;
+    if (chosen && at(selected)) {
+      if (reach(chosen) * view.scale < SMALL) inPixels.push(this._ring(view, at(selected), chosen, "fp-chosen-ring"));
+      else put(selected, "fp-chosen");
+      if (turnable) inPixels.push(this._handle(view, at(selected), chosen));
+    }
     this._world.innerHTML = inMetres.join("");
     this._screen.innerHTML = inPixels.join("");
   }
 
-  _ring(view, place, solid) {
+  _ring(view, place, solid, cls = "fp-ring") {
     const p = view.toScreen(place.x, place.y);
     const r = Math.max(11, Math.min(reach(solid) * view.scale + 5, 400));
-    return `<circle class="fp-ring" cx="${p.x.toFixed(1)}" cy="${p.y.toFixed(1)}" r="${r.toFixed(1)}"/>`;
+    return `<circle class="${cls}" cx="${p.x.toFixed(1)}" cy="${p.y.toFixed(1)}" r="${r.toFixed(1)}"/>`;
   }
 
   _handle(view, place, solid) {
@@ -50,17 +56,7 @@ export class Frame {
 // Where the turning handle of an object is: before its front, so far from its edge.
 function handleAt(view, place, solid, pixels) {
   const front = solid.form === "Box" ? solid.width / 2 : solid.form === "Polygon" ? Math.max(...solid.outline.map(([x]) => x)) : solid.radius;
-  const out = Math.max(front * view.scale, 6) + pixels;
+  const out = Math.max(front * view.scale, 11) + pixels;
   const p = view.toScreen(place.x, place.y);
   return { x: p.x + Math.cos(place.turned) * out, y: p.y - Math.sin(place.turned) * out };
-}
-
-function reach(solid) {
-  if (solid.form === "Box") return Math.hypot(solid.width, solid.depth) / 2;
-  return solid.form === "Polygon" ? Math.max(...solid.outline.map(([x, y]) => Math.hypot(x, y))) : solid.radius;
-}
-
-export function layers(root) {
-  const group = (cls) => root.appendChild(svg("g", { class: cls }));
-  return { world: group("fp-world"), marks: group("fp-marks"), links: group("fp-links"), labels: group("fp-labels"), arrows: group("fp-arrows"), screen: group("fp-screen") };
 }

@@ -43,7 +43,9 @@ export function kindById(id) {
   return KINDS.find((kind) => kind.id === id);
 }
 
-export const LAYERS = ["floors", "places", "walls", "furniture", "things", "devices", "robots"];
+// The layers from the ground up, by the sheets that they are drawn on: when a robot moves, the sheet with the walls need not be painted anew.
+export const SHEETS = { ground: ["floors", "places", "walls", "furniture"], things: ["things"], movers: ["devices", "robots"] };
+export const LAYERS = Object.values(SHEETS).flat();
 
 // What the legend explains, in the order in which it does.
 export const LEGEND = ["wall", "door", "window", "stairs", "support", "obstacle", "chair", "plant", "thing", "place", "charger", "robot", "camera", "arm", "lift", "person"];

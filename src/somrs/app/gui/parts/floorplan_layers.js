@@ -1,17 +1,19 @@
 // The objects of one storey as SVG, by layers. Only what changed is drawn anew: an object that only moved keeps its drawing.
 
-import { LAYERS } from "floorplan_kinds";
+import { LAYERS, SHEETS } from "floorplan_kinds";
 import { look, pose } from "floorplan_shapes";
 
 export class Layers {
-  constructor(world) {
+  // `sheets`: a group for each of the sheets, by name.
+  constructor(sheets) {
     this._nodes = new Map(); // by name: { node, layer, classes, content, at }
     this._groups = new Map();
-    for (const layer of LAYERS) {
-      const group = svg("g", { class: `fp-layer fp-layer-${layer}` });
-      world.appendChild(group);
-      this._groups.set(layer, group);
-    }
+    for (const [sheet, layers] of Object.entries(SHEETS))
+      for (const layer of layers) this._groups.set(layer, sheets.get(sheet).appendChild(svg("g", { class: `fp-layer fp-layer-${layer}` })));
+  }
+
+  get size() {
+    return this._nodes.size;
   }
 
   // Draw these objects as they are now, or all of a storey; those that stand otherwise, from where they are drawn to where they stand.

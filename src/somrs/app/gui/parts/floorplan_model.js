@@ -361,3 +361,9 @@ function middle(solid) {
   const box = bounds(solid);
   return { x: (box.left + box.right) / 2, y: (box.bottom + box.top) / 2 };
 }
+
+// The radius of the smallest circle about its position that holds an object, seen from above.
+export function reach(solid) {
+  if (solid.form === "Box") return Math.hypot(solid.width, solid.depth) / 2;
+  return solid.form === "Polygon" ? Math.max(...solid.outline.map(([x, y]) => Math.hypot(x, y))) : solid.radius;
+}

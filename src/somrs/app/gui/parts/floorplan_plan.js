@@ -1,16 +1,16 @@
 // The drawing of a storey: what is known of the map, the part of it that is in view, and the layers, names, links and frames that show it.
 // `floorplan.js` is the element on the page, with its tools and what people do with their hands.
 
-import { Frame, layers } from "floorplan_frame";
+import { Frame } from "floorplan_frame";
 import { Labels } from "floorplan_labels";
 import { Layers } from "floorplan_layers";
 import { arrow, Links } from "floorplan_links";
-import { bounds, Model } from "floorplan_model";
+import { bounds, Model, reach } from "floorplan_model";
 import { Motion } from "floorplan_motion";
+import { Sheets } from "floorplan_sheets";
 import { View } from "floorplan_view";
 
 const LABELS_REST = 120; // milliseconds between two times that all names are placed anew, while the plan is moved
-const FAR = 14; // pixels a metre; below, what is drawn inside of things is left out
 const PATIENCE = 15000; // milliseconds that a moved object waits for the answer whether it may stay there
 
 export class Plan {
@@ -27,28 +27,26 @@ export class Plan {
     this.turnable = () => false;
     this._asked = asked; // called when something is held in vain
     this._held = new Map(); // what was moved here, and not yet on the map: { at, version, since }
-    this._element = element;
-    const parts = layers(element);
-    this._world = parts.world;
-    this._marks = parts.marks;
-    this._layers = new Layers(parts.world);
-    this._links = new Links(parts.links);
-    this._labels = new Labels(parts.labels);
-    this._arrows = parts.arrows;
-    this._frame = new Frame(parts.marks, parts.screen);
+    this._sheets = new Sheets(element);
+    this._layers = new Layers(this._sheets.groups);
+    this._links = new Links(this._sheets.links);
+    this._labels = new Labels(this._sheets.labels);
+    this._frame = new Frame(this._sheets.marks, this._sheets.screen);
     this._motion = new Motion(
       (name, at) => this._layers.move(name, at),
       (names, still) => this._moved(names, still),
     );
     this._due = null;
     this._labelsAt = 0;
-    this.redrawn = 0; // objects drawn or moved by the last news, for whoever measures
+    
   }
 
   end() {
     this._motion.end();
     cancelAnimationFrame(this._due);
     clearTimeout(this._later);
+    clearTimeout(this._relabel);
+    this._sheets.end();
   }
 
   learn(definitions) {
@@ -69,7 +67,6 @@ export class Plan {
 
   refresh(names) {
     const moves = this._layers.refresh(this.model, this.storey, names);
-    this.redrawn = names === undefined ? this.model.objects.size : names.size;
     this._release();
     this._motion.go(moves.filter((move) => !this._held.has(move.name)));
     if (names === undefined || this.relations.length) this._links.show(this.model, this.relations, (name) => this.spot(name));
@@ -200,10 +197,7 @@ export class Plan {
   _draw() {
     this._due = null;
     const { view } = this;
-    const transform = view.transform();
-    this._world.setAttribute("transform", transform);
-    this._marks.setAttribute("transform", transform);
-    this._element.classList.toggle("fp-far", view.scale < FAR);
+    this._sheets.show(view, this._layers.size);
     this._links.moved(view);
     this._frame.show({
       model: this.model,
@@ -215,7 +209,7 @@ export class Plan {
       found: this.found.keys(),
       ghost: this.ghost,
     });
-    this._arrows.replaceChildren(...this.arrows.filter((one) => one.from && one.to).map((one) => arrow(view.toScreen(one.from.x, one.from.y), view.toScreen(one.to.x, one.to.y))));
+    this._sheets.arrows.replaceChildren(...this.arrows.filter((one) => one.from && one.to).map((one) => arrow(view.toScreen(one.from.x, one.from.y), view.toScreen(one.to.x, one.to.y))));
     this._label();
     this.drawn?.(view);
   }
@@ -225,7 +219,7 @@ export class Plan {
     const { view } = this;
     const now = performance.now();
     const wait = LABELS_REST - (now - this._labelsAt);
-    const group = this._element.querySelector(".fp-labels");
+    const group = this._sheets.labels;
     if (wait > 0 && this._labelled) {
       const p = view.toScreen(this._labelled.x, this._labelled.y);
       group.setAttribute("transform", `translate(${p.x - view.width / 2} ${p.y - view.height / 2})`);
@@ -253,10 +247,11 @@ export class Plan {
       const kind = model.kind(name);
       if (!kind) continue;
       const special = name === this.selected || this.found.has(name);
-      const b = bounds({ ...model.solid(name), ...at });
-      const half = { w: Math.max(((b.right - b.left) / 2) * view.scale, 5), h: Math.max(((b.top - b.bottom) / 2) * view.scale, 5) };
+      const solid = model.solid(name);
       const unknown = model.value(name, "Unknown") === true;
-      if (!special && !unknown && 2 * Math.max(half.w, half.h) < kind.from) continue;
+      if (!solid || (!special && !unknown && 2 * reach(solid) * view.scale < kind.from)) continue;
+      const b = bounds({ ...solid, ...at });
+      const half = { w: Math.max(((b.right - b.left) / 2) * view.scale, 5), h: Math.max(((b.top - b.bottom) / 2) * view.scale, 5) };
       const p = view.toScreen(at.x, at.y);
       const mark = this.found.get(name);
       wanted.push({

@@ -28,9 +28,10 @@ export class View {
     return { x: this.x + (x - this.width / 2) / this.scale, y: this.y - (y - this.height / 2) / this.scale };
   }
 
-  // The transformation of everything that is drawn in metres.
-  transform() {
-    return `translate(${this.width / 2 - this.x * this.scale} ${this.height / 2 + this.y * this.scale}) scale(${this.scale} ${-this.scale})`;
+  // The transformation of everything that is drawn in metres, on what is larger than the view by `over` of its size on each side.
+  transform(over = 0) {
+    const [left, top] = [(0.5 + over) * this.width, (0.5 + over) * this.height];
+    return `translate(${left - this.x * this.scale} ${top + this.y * this.scale}) scale(${this.scale} ${-this.scale})`;
   }
 
   pan(dx, dy) {

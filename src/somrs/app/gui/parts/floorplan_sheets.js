@@ -1,0 +1,77 @@
+// What the plan is drawn on. The objects are on sheets that are painted somewhat larger than what is seen: while the plan is moved or
+// zoomed, a large map's sheets are only shifted and stretched, which costs next to nothing, and painted sharply again once it rests.
+// Names, frames and links are on top, in pixels.
+
+import { SHEETS } from "floorplan_kinds";
+import { svg } from "floorplan_layers";
+
+const OVER = 0.3; // by how much of its size a sheet is larger than what is seen, on each side
+const MANY = 700; // objects; with fewer, the sheets are painted at every step
+const REST = 140; // milliseconds without a step after which the plan rests
+const AGAIN = 350; // milliseconds between two times that large sheets are painted while the plan is moved
+const STRETCH = 2.5; // more than so much a sheet is not stretched
+const FAR = 14; // pixels a metre; below, what is drawn inside of things is left out
+
+export class Sheets {
+  constructor(root) {
+    this._sheets = [];
+    this.groups = new Map();
+    for (const name of Object.keys(SHEETS)) {
+      const sheet = root.appendChild(svg("svg", { class: `fp-sheet fp-sheet-${name}`, "aria-hidden": "true" }));
+      this._sheets.push(sheet);
+      this.groups.set(name, sheet.appendChild(svg("g")));
+    }
+    const top = root.appendChild(svg("svg", { class: "fp-top", "aria-hidden": "true" }));
+    const group = (cls) => top.appendChild(svg("g", { class: cls }));
+    [this.marks, this.links, this.labels, this.arrows, this.screen] = ["fp-marks", "fp-links", "fp-labels", "fp-arrows", "fp-screen"].map(group);
+    this._painted = null; // the view as of which the sheets are painted
+    this._paintedAt = 0;
+  }
+
+  end() {
+    clearTimeout(this._resting);
+  }
+
+  // Show what is in view; `count`: of how many objects.
+  show(view, count) {
+    this.marks.setAttribute("transform", view.transform());
+    const now = performance.now();
+    clearTimeout(this._resting);
+    if (count < MANY || !this._painted || (!this._covers(view) && now - this._paintedAt > AGAIN)) return this._paint(view);
+    this._shift(view);
+    this._resting = setTimeout(() => this._paint(view), REST);
+  }
+
+  _paint(view) {
+    const key = `${view.x} ${view.y} ${view.scale} ${view.width} ${view.height}`;
+    if (this._painted?.key !== key) {
+      const transform = view.transform(OVER);
+      for (const group of this.groups.values()) group.setAttribute("transform", transform);
+      this._painted = { key, x: view.x, y: view.y, scale: view.scale, width: view.width, height: view.height };
+      this._paintedAt = performance.now();
+    }
+    for (const sheet of this._sheets) {
+      sheet.style.transform = "";
+      sheet.classList.toggle("fp-far", view.scale < FAR);
+    }
+  }
+
+  _shift(view) {
+    const { dx, dy, stretch } = this._moved(view);
+    for (const sheet of this._sheets) sheet.style.transform = `translate(${dx}px, ${dy}px) scale(${stretch})`;
+  }
+
+  _moved(view) {
+    const before = this._painted;
+    return { dx: (before.x - view.x) * view.scale, dy: (view.y - before.y) * view.scale, stretch: view.scale / before.scale };
+  }
+
+  // Whether what is painted fills what is seen, and is not stretched too much for it.
+  _covers(view) {
+    const before = this._painted;
+    if (before.width !== view.width || before.height !== view.height) return false;
+    const { dx, dy, stretch } = this._moved(view);
+    const [w, h] = [(0.5 + OVER) * view.width * stretch, (0.5 + OVER) * view.height * stretch];
+    return Math.abs(dx) + view.width / 2 <= w && Math.abs(dy) + view.height / 2 <= h && stretch < STRETCH && stretch > 1 / STRETCH;
+  }
+}
