@@ -42,9 +42,15 @@ export default {
     this.reveal(this.selected);
   },
   mounted() {
-    this.show(this.selected);
+    const row = this.row(this.selected);
+    if (row) this.$refs.rows.scrollTop = row.offsetTop - this.$refs.rows.offsetTop - this.$refs.rows.clientHeight / 2;
   },
   watch: {
+    nodes(now, before) {
+      // What is open stays in view when it gets another parent.
+      const parent = (nodes) => nodes.find((node) => node.id === this.selected)?.parent;
+      if (parent(now) !== parent(before)) this.reveal(this.selected);
+    },
     selected(id) {
       this.focused = id;
       this.reveal(id);
