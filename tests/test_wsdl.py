@@ -197,6 +197,13 @@ def test_a_foreign_client_asks_and_changes_the_repository(tmp_path: Path) -> Non
         with pytest.raises(zeep.exceptions.Fault, match="Jar9"):
             repository.ReadHistory(Object="Jar9")
         assert repository.ReadMap().Objects[0].Name == "Building1"
+        renamed = {"Renamed": [{"Section": "types", "Name": "Jar", "To": "Pot"}]}
+        considered = repository.Consider(Change={"Define": renamed})
+        assert [change.ObjectAdded.Object.Name for change in considered.Changes] == ["Jar1", "Jar2"]
+        assert repository.Define(**renamed) == version + 1
+        with pytest.raises(zeep.exceptions.Fault, match="there is no type Jar"):
+            repository.Define(Removed=[{"Section": "types", "Name": "Jar"}])
+        assert repository.QueryMap(Formula="?Pot: Pot isOn Table1").Rows[0].Bindings.Entry[0]._value_1 == "Jar2"
 
     system(work, tmp_path)
 

@@ -87,8 +87,9 @@ class LookingBack:
                 page_ = self.past(question, at)
                 assert not isinstance(page_, PastOf), "it was just told"
                 return page_
-            case _:
-                return Fault(code="Receiver", text=f"what happened cannot be read: {value}")
+            case asked, _:
+                what = f"the history of {asked.object}" if isinstance(asked, ReadHistory) else "what happened"
+                return Fault(code="Receiver", text=f"{what} cannot be read: {value}")
 
     def _history(self, name: str, events: tuple[Event, ...]) -> Body:
         if not events and name not in self._contents.map.objects:
