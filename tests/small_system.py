@@ -13,10 +13,12 @@ from pathlib import Path
 from somrs.app.archive import FILE
 from somrs.app.client import Addresses
 from somrs.app.desk.desk import Desk, desk_of
+from somrs.app.desk.scheduler import Clock
 from somrs.app.device import DeviceRunner
 from somrs.app.host import Host
 from somrs.app.journal import Journal
 from somrs.app.node import Report
+from somrs.app.store import RepositoryStore
 from somrs.app.system import free_ports
 from somrs.ontology.files import load_text
 from somrs.planner.planning import plan
@@ -24,7 +26,6 @@ from somrs.planner.problem import Problem
 from somrs.protocol.clients import ReadRecords
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.repository.entries import Contents
 from somrs.service_manager.device import Device, Situation, Task, service
 from somrs.service_manager.orders import Refusal, ServiceFailed
 from somrs.task_manager.manager import TaskManager
@@ -85,6 +86,7 @@ class SmallSystem:
         self._rim = Host(HERE, ports[0])
         self._devices: list[DeviceRunner] = []
         self._manager: tuple[Host, Journal] | None = None
+        self._store: RepositoryStore | None = None
 
     @property
     def manager(self) -> TaskManager:
@@ -97,9 +99,15 @@ class SmallSystem:
         self.data.mkdir(exist_ok=True)
         loaded = load_text(SITE, "site.yaml")
         assert loaded.map is not None
-        contents = Contents(ontology=loaded.ontology, map=loaded.map)
+        self._store = store = RepositoryStore.open(self.data / "repository.sqlite")
+        if store.load() is None:
+            store.initialise(loaded.ontology, loaded.map)
+        contents = store.load()
+        assert contents is not None
         await self._rim.start()
-        self._rim.add("/repository", lambda address: Repository(address, contents), keep=lambda entry: None)
+        self._rim.add(
+            "/repository", lambda address: Repository(address, contents), carry_out=store.carry_out, keep=store.keep, disk=store.disk
+        )
         self._rim.add("/registry", lambda address: Registry(address, repository=self.addresses.repository))
         await self.start_manager()
         for porter in self.porters:
@@ -136,13 +144,21 @@ class SmallSystem:
         if self._manager is not None:
             await self.stop_manager()
         await self._rim.stop()
+        if self._store is not None:
+            self._store.close()
 
 
 @asynccontextmanager
-async def running(data: Path, *porters: Porter) -> AsyncIterator[tuple[SmallSystem, Desk]]:
-    """The system, and the desk at it."""
+async def running(data: Path, *porters: Porter, clock: Clock | None = None) -> AsyncIterator[tuple[SmallSystem, Desk]]:
+    """The system, and the desk at it. `clock`: what standing orders go by."""
     system = SmallSystem(data, porters)
     async with AsyncExitStack() as stack:
         stack.push_async_callback(system.stop)
         await system.start()
-        yield system, await stack.enter_async_context(desk_of(system.addresses, data))
+        yield system, await stack.enter_async_context(desk_at(system, clock))
+
+
+@asynccontextmanager
+async def desk_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[Desk]:
+    async with desk_of(system.addresses, system.data, clock=clock) as desk, desk.orders.running():
+        yield desk
