@@ -59,7 +59,7 @@ export class Layers {
 
   _drawn(model, storey, name) {
     const kind = model.kind(name);
-    if (!kind.layer) return null;
+    if (!kind?.layer) return null; // also of what is not on the map any more
     const solid = model.solid(name);
     if (!solid || model.storeyOf(name) !== storey) return null;
     const seen = {
