@@ -31,8 +31,8 @@ class How:
     def __init__(self, form: Form) -> None:
         self._form = form
         with panel("How", "tune", "define how", "somrs-define-how") as self._panel:
-            with _field("Whose offer is taken"):
-                self._policy = _toggle({policy: word for policy, (word, _) in POLICIES.items()}, "Whose offer is taken")
+            with _field("Offers"):
+                self._policy = _toggle({policy: word for policy, (word, _) in POLICIES.items()}, "Which offer is taken")
             self._policy_line = ui.label().classes("somrs-soft")
             with ui.element("div").classes("somrs-define-inline") as self._worth:
                 self._time_value = _input("What a second is worth", "0.01").classes("somrs-define-short")
@@ -189,7 +189,7 @@ def _field(label: str) -> ui.element:
 
 
 def _toggle(options: dict[Any, str], label: str) -> ui.toggle:
-    return ui.toggle(options).props(f'dense no-caps unelevated role="radiogroup" aria-label="{label}"').classes("somrs-define-toggle")
+    return ui.toggle(options).props(f'dense no-caps unelevated role="group" aria-label="{label}"').classes("somrs-define-toggle")
 
 
 def _input(label: str, placeholder: str) -> ui.input:

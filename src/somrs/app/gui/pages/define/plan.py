@@ -20,8 +20,13 @@ class Plan:
         self._plan = FloorPlan(mode="pick").classes("somrs-define-plan")
         self._plan.on_dropped(self._dropped)
         self._plan.on_select(self._selected)
-        self._show()
+        self._plan.on_loaded(self._loaded)
         form.on_change(self._show)
+
+    def _loaded(self, _: dict[str, Any]) -> None:
+        """Arrows can be drawn to what is on the plan."""
+        self._pointed = []
+        self._show()
 
     async def _selected(self, said: dict[str, Any]) -> None:
         self._plan.choose(said.get("name"))
@@ -56,7 +61,7 @@ class Plan:
     def _show(self) -> None:
         effect = self._form.draft.effect
         lines = lines_of(effect, self._form.desk.context.ontology) if effect.strip() else []
-        if lines is None:
+        if lines is None or self._pointed is None:
             return
         pointed = [(line.thing, line.other) for line in lines if line.relation and not line.denied]
         if pointed != self._pointed:

@@ -23,7 +23,7 @@ ADVICE = (
     ("no service type brings it about", "Nothing that this system knows of can do this. Wish for something that a service brings about:"),
     ("which nobody offers now", "Start a device that offers it, or wait until one joins; the Fleet page shows who is there."),
     ("promised to other tasks", "Wait until the other tasks are done, or state this one with a higher priority."),
-    ("does not hold on the map", "Change the situation that it begins from, or leave it out, under How, Beginning."),
+    ("the task starts from", "Change the situation that it begins from, or leave it out, under How, Beginning."),
     ("there is no object", "Write the name of a thing that is on the map; the Map page shows them all."),
     ("in two places at a time", "Wish for less at once: what cannot be so at one moment takes several tasks, one after the other."),
 )
@@ -113,17 +113,18 @@ class Preview:
 
     def _totals(self, found: Previewed) -> None:
         count = f"{len(found.steps)} step{'' if len(found.steps) == 1 else 's'}"
-        price = f"{found.price:g} {found.currency}" if found.price is not None else "no price"
-        took = f"done in {lasted(found.seconds)}" if found.seconds is not None else "no time"
+        price = f"{found.price:g} {found.currency}" if found.price is not None else "unknown"
+        took = lasted(found.seconds) if found.seconds is not None else "unknown"
         about = "about " if found.estimate else ""
         with ui.element("dl").classes("somrs-define-totals"):
-            for name, value in (("Steps", str(len(found.steps))), ("Price", about + price), ("Time", about + took)):
+            for name, value in (("Steps", str(len(found.steps))), ("Price", about + price), ("Done in", about + took)):
                 with ui.element("div"):
                     with ui.element("dt"):
                         ui.label(name)
                     with ui.element("dd"):
                         ui.label(value)
-        self._panel.note.set_text(", ".join([count, *([price] if found.price is not None else []), *([took] if found.seconds else [])]))
+        known = [price] * (found.price is not None) + [f"done in {took}"] * (found.seconds is not None)
+        self._panel.note.set_text(", ".join([count, *known]))
 
     async def _impossible(self, explanation: str) -> None:
         reasons = reasons_of(explanation)
@@ -204,7 +205,7 @@ def _step(step: StepView, quotes: Sequence[Quotation], unserved: str) -> None:
         for quote in quotes:
             _quote(quote)
         if unserved:
-            with ui.element("tr").classes("somrs-tone-bad"), ui.element("td").props('colspan="4"').classes("somrs-terms-became"):
+            with ui.element("tr").classes("somrs-tone-bad"), ui.element("td").props('colspan="4"').classes("somrs-define-became"):
                 ui.icon("error").props('aria-hidden="true"')
                 ui.label(unserved)
 
@@ -219,7 +220,7 @@ def _quote(quote: Quotation) -> None:
         _cell(f"{quote.price:g} {quote.currency}" if quote.price is not None else "–")
         times = [lasted(max(0.0, at)) for at in (quote.start, quote.finish) if at is not None]
         _cell(" – ".join(times) or "–")
-        with ui.element("td").classes("somrs-terms-became"):
+        with ui.element("td").classes("somrs-define-became"):
             ui.icon(icon).props('aria-hidden="true"')
             with ui.element("div"):
                 ui.label(word + (", by what it asked last" if quote.estimate else "")).classes("somrs-terms-word")

@@ -1,0 +1,251 @@
+"""New task: a wish is written, chosen or dragged; seen beforehand; and becomes true."""
+
+from __future__ import annotations
+
+import json
+import urllib.request
+from collections.abc import Callable
+from typing import Any
+from urllib.parse import quote
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from .conftest import WIDTHS, Running, shoot
+
+TASK_TIME = 90_000
+"""Milliseconds that a robot may take to carry a jar through the room, at four times the speed of the clock, on a busy machine."""
+
+PREVIEW_TIME = 20_000
+
+
+def asked(system: Running, method: str, path: str, body: object | None = None) -> Any:
+    request = urllib.request.Request(f"{system.url}/api{path}", method=method, data=None if body is None else json.dumps(body).encode())
+    with urllib.request.urlopen(request) as answer:
+        return json.load(answer)
+
+
+def changed(system: Running, *changes: dict[str, Any]) -> None:
+    asked(system, "POST", "/map/changes", {"changes": [*changes], "author": "a test"})
+
+
+@pytest.fixture
+def opened(system: Running, window: Callable[..., Page]) -> Callable[..., Page]:
+    def open_(size: str = "1280", *, effect: str = "", dark: bool = False) -> Page:
+        page = window(f"{system.url}/define" + (f"?effect={quote(effect)}" if effect else ""), size, dark=dark)
+        page.locator("[data-name=Jar003]").first.wait_for(state="attached")
+        return page
+
+    return open_
+
+
+def field(page: Page) -> Locator:
+    return page.get_by_role("textbox", name="As a formula")
+
+
+def write(page: Page, text: str) -> None:
+    field(page).fill(text)
+    page.keyboard.press("Escape")
+    expect(page.get_by_text("This can be understood.")).to_be_visible()
+
+
+def middle(page: Page, name: str) -> tuple[float, float]:
+    box = page.locator(f".somrs-define-plan [data-name={name}]").first.bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+# The formula
+
+
+def test_a_formula_is_written_with_what_is_offered(opened: Callable[..., Page]) -> None:
+    page = opened()
+    field(page).focus()
+    page.keyboard.type("jar", delay=30)
+    offered = page.get_by_role("listbox", name="What can come here")
+    expect(offered.get_by_role("option")).to_have_count(2)
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    expect(offered.get_by_role("option", name="isOn")).to_be_visible()
+    page.keyboard.type("iso", delay=30)
+    expect(offered.get_by_role("option")).to_have_count(1)
+    page.keyboard.press("Tab")
+    page.keyboard.type("plat", delay=30)
+    expect(offered.get_by_role("option")).to_have_count(1)
+    shoot(page, "define-completion-1280-light")
+    page.keyboard.press("Enter")
+    expect(field(page)).to_have_value("Jar003 isOn Platform001 ")
+    page.keyboard.press("Escape")
+    expect(offered).to_be_hidden()
+    expect(page.get_by_text("This can be understood.")).to_be_visible()
+    expect(page.get_by_role("combobox", name="Of which")).to_have_value("Platform001")
+
+
+def test_what_is_wrong_is_underlined_and_can_be_mended(opened: Callable[..., Page]) -> None:
+    page = opened()
+    field(page).fill("Jar003 isOm Platform001\nAND Jar9 isOn Table001 AND")
+    page.keyboard.press("Escape")
+    wrong = page.locator(".somrs-fe-wrong")
+    expect(wrong).to_have_text(["isOm", "Jar9", "\u00a0"])
+    said = page.locator(".somrs-fe-said").first
+    expect(said).to_contain_text("there is no relation isOm; did you mean isOn?")
+    expect(said).to_contain_text("there is no object Jar9 on the map")
+    expect(field(page)).to_have_attribute("aria-invalid", "true")
+    shoot(page, "define-mistakes-1280-light")
+    page.get_by_role("button", name="Write isOn instead").click()
+    expect(field(page)).to_have_value("Jar003 isOn Platform001\nAND Jar9 isOn Table001 AND")
+    expect(wrong).to_have_text(["Jar9", "\u00a0"])
+    # What was mended can be taken back by the keyboard, as in any field.
+    page.keyboard.press("Control+z")
+    expect(field(page)).to_have_value("Jar003 isOm Platform001\nAND Jar9 isOn Table001 AND")
+
+
+def test_a_thing_that_goes_while_one_writes_is_missed_at_once(system: Running, opened: Callable[..., Page]) -> None:
+    page = opened()
+    cup = {"name": "Cup77", "type": "Cup", "values": {"PositionX": 4.0, "PositionY": 2.2, "PositionZ": 0.74}}
+    changed(
+        system,
+        {"type": "ObjectAdded", "object": cup},
+        {"type": "FactAdded", "fact": {"relation": "isPartOf", "arguments": ["Cup77", "Building001"]}},
+    )
+    write(page, "Cup77 isOn Platform001")
+    changed(system, {"type": "ObjectRemoved", "name": "Cup77"})
+    expect(page.locator(".somrs-fe-wrong")).to_have_text(["Cup77"])
+    expect(page.locator(".somrs-fe-said").first).to_contain_text("there is no object Cup77 on the map")
+    page.get_by_role("button", name="Start").click()
+    expect(page.get_by_text("This is no wish yet: there is no object Cup77 on the map")).to_be_visible()
+    expect(field(page)).to_have_value("Cup77 isOn Platform001")
+    assert page.url.endswith("/define")
+
+
+# By choosing
+
+
+def choose(page: Page, label: str, typed: str, number: int = 0) -> None:
+    box = page.get_by_role("combobox", name=label, exact=True).nth(number)
+    box.click()
+    page.keyboard.type(typed, delay=20)
+    expect(page.locator(".somrs-pick .somrs-fe-chosen:visible")).to_contain_text(typed, ignore_case=True)
+    page.keyboard.press("Enter")
+
+
+def test_lines_and_the_formula_stay_in_step(opened: Callable[..., Page]) -> None:
+    page = opened()
+    choose(page, "Thing", "Jar003")
+    choose(page, "Of which", "Platform001")
+    expect(field(page)).to_have_value("Jar003 isOn Platform001")
+    page.get_by_role("button", name="And also").click()
+    choose(page, "Thing", "Door001", 1)
+    choose(page, "What of it", "Open", 1)
+    choose(page, "Value", "TRUE")
+    page.get_by_role("button", name="And also").click()
+    choose(page, "Thing", "Robot1", 2)
+    choose(page, "What of it", "Charge", 2)
+    choose(page, "How it compares", ">=", 1)
+    page.get_by_role("textbox", name="Value").fill("20")
+    expect(field(page)).to_have_value("Jar003 isOn Platform001\nAND Door001.Open = TRUE\nAND Robot1.Charge >= 20 %")
+    shoot(page, "define-lines-1280-light")
+    # And the other way round.
+    field(page).fill("NOT Jar002 isHeldBy Robot2")
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("combobox", name="Thing")).to_have_count(1)
+    expect(page.get_by_role("combobox", name="Of which")).to_have_value("Robot2")
+    expect(page.get_by_role("button", name="Not so")).to_have_attribute("aria-pressed", "true")
+    field(page).fill("Jar002 isOn Table001 OR Jar002 isOn Table002")
+    expect(page.get_by_text("says more than lines can show")).to_be_visible()
+    field(page).fill("Jar002 isOn Table001")
+    expect(page.get_by_role("combobox", name="Of which")).to_have_value("Table001")
+
+
+# On the plan
+
+
+def test_a_thing_is_dragged_to_where_it_is_to_be_and_gets_there(system: Running, opened: Callable[..., Page]) -> None:
+    page = opened()
+    page.mouse.move(*middle(page, "Jar003"))
+    page.mouse.down()
+    page.mouse.move(*middle(page, "Platform001"), steps=8)
+    shoot(page, "define-drag-1280-light")
+    page.mouse.up()
+    expect(field(page)).to_have_value("Jar003 isOn Platform001")
+    page.get_by_role("button", name="Start").click()
+    page.wait_for_url("**/tasks/*")
+    expect(page.get_by_text("Accomplished").first).to_be_visible(timeout=TASK_TIME)
+    rows = asked(system, "GET", f"/map/query?formula={quote('Jar003 isOn Platform001')}")["rows"]
+    assert len(rows) == 1
+
+
+def test_pointing_at_a_thing_and_then_at_a_place_says_the_same(opened: Callable[..., Page]) -> None:
+    page = opened("820")
+    page.mouse.click(*middle(page, "Carton001"))
+    expect(page.get_by_role("combobox", name="Thing")).to_have_value("Carton001")
+    page.mouse.click(*middle(page, "Shelf001"))
+    expect(field(page)).to_have_value("Carton001 isOn Shelf001")
+
+
+# Beforehand
+
+
+def test_a_preview_says_what_would_be_done_and_what_it_costs(opened: Callable[..., Page]) -> None:
+    page = opened()
+    write(page, "Carton001 isOn Shelf001")
+    page.get_by_role("textbox", name="As a formula").press("Control+Enter")
+    plan = page.get_by_role("group", name="What would be done")
+    expect(plan).to_contain_text("TransferObject", timeout=PREVIEW_TIME)
+    quotes = page.get_by_role("table")
+    expect(quotes.get_by_role("row", name="Robot1.TransferObject")).to_contain_text("10 EUR")
+    expect(quotes.get_by_role("row", name="Robot1.TransferObject")).to_contain_text("Chosen")
+    expect(quotes.get_by_role("row", name="Robot2.TransferObject")).to_contain_text("25 EUR")
+    expect(quotes.get_by_role("row", name="Robot2.TransferObject")).to_contain_text("Not chosen")
+    expect(page.locator(".somrs-define-totals")).to_contain_text("10 EUR")
+    # Who wants it sooner gets another preview, and is told that this one is of another task.
+    page.get_by_role("button", name="Soonest").click()
+    expect(page.get_by_text("The task was changed since.")).to_be_visible()
+    page.get_by_role("button", name="Preview again").click()
+    expect(page.locator(".somrs-define-totals")).to_contain_text("25 EUR", timeout=PREVIEW_TIME)
+    assert page.url.endswith("/define"), "nothing was started"
+
+
+def test_an_impossible_wish_says_why(opened: Callable[..., Page]) -> None:
+    page = opened()
+    write(page, "Door001.Open = FALSE")
+    page.get_by_role("button", name="Preview").click()
+    refused = page.get_by_role("alert")
+    expect(refused).to_contain_text("There is no way to do this now", timeout=PREVIEW_TIME)
+    expect(refused).to_contain_text("Door001.Open = FALSE does not hold on the map, and no service type brings it about")
+    expect(refused).to_contain_text("?Object isOn ?Destination")
+    shoot(page, "define-impossible-1280-light")
+
+
+def test_a_link_opens_the_page_with_a_wish(opened: Callable[..., Page]) -> None:
+    page = opened(effect="Carton001 isOn Shelf001")
+    expect(field(page)).to_have_value("Carton001 isOn Shelf001")
+    expect(page.get_by_role("combobox", name="Of which")).to_have_value("Shelf001")
+
+
+def test_what_was_typed_outlives_the_server(system: Running, opened: Callable[..., Page]) -> None:
+    page = opened()
+    write(page, "Carton001 isOn Shelf001")
+    page.get_by_role("textbox", name="Deadline").fill("15")
+    page.get_by_role("button", name="High").click()
+    expect(page.get_by_text("cheapest, high priority, within 15 min")).to_be_visible()
+    page.evaluate("window.thisPage = true")
+    system.kill("gui")
+    field(page).press("End")
+    page.keyboard.type(" AND", delay=20)
+    page.wait_for_function("!window.thisPage", timeout=30_000)
+    expect(field(page)).to_have_value("Carton001 isOn Shelf001 AND")
+    expect(page.get_by_role("textbox", name="Deadline")).to_have_value("15")
+    expect(page.get_by_text("cheapest, high priority, within 15 min")).to_be_visible()
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_it_looks_as_it_should(opened: Callable[..., Page], dark: bool) -> None:
+    page = opened(effect="Carton001 isOn Shelf001", dark=dark)
+    page.get_by_role("button", name="Preview").click()
+    expect(page.locator(".somrs-define-graph svg")).to_be_visible(timeout=PREVIEW_TIME)
+    for size, (width, height) in WIDTHS.items():
+        page.set_viewport_size({"width": width, "height": height})
+        page.wait_for_timeout(400)
+        shoot(page, f"define-{size}-{'dark' if dark else 'light'}")
+        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
