@@ -1,0 +1,220 @@
+"""The Tasks pages: the list, and one task as it goes on, fails, recovers, is cancelled, or cannot be done."""
+
+from __future__ import annotations
+
+import json
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from .conftest import WIDTHS, Running, shoot
+
+Open = Callable[..., Page]
+WORK_TIME = 90_000
+"""Milliseconds for robots to carry something, with a failure on the way."""
+
+SCHEMES: tuple[Literal["dark", "light"], ...] = ("dark", "light")
+
+
+def call(system: Running, path: str, body: object = None, *, post: bool = False) -> Any:
+    content = json.dumps(body).encode() if body is not None else b"" if post else None
+    request = urllib.request.Request(f"{system.url}/api{path}", data=content, method="POST" if post else "GET")
+    with urllib.request.urlopen(request) as answer:
+        return json.load(answer)
+
+
+def stated(system: Running, effect: str, **more: object) -> str:
+    return str(call(system, "/tasks", {"effect": effect, **more}, post=True)["task"])
+
+
+def until(system: Running, task: str, is_so: Callable[[dict[str, Any]], bool], seconds: float = 60.0) -> dict[str, Any]:
+    """The task, once it is so."""
+    end = time.monotonic() + seconds
+    while not is_so(seen := call(system, f"/tasks/{task}")):
+        assert time.monotonic() < end, f"it did not come to that: {[event['text'] for event in seen['events']]}"
+        time.sleep(0.1)
+    return dict(seen)
+
+
+def over(seen: dict[str, Any]) -> bool:
+    return seen["view"]["outcome"] is not None
+
+
+def carries(seen: dict[str, Any]) -> bool:
+    return any("carries" in event["text"] for event in seen["events"])
+
+
+def holds(system: Running, formula: str) -> bool:
+    return bool(call(system, f"/map/query?formula={urllib.request.quote(formula)}")["rows"])  # type: ignore[attr-defined]
+
+
+def panel(page: Page, title: str) -> Locator:
+    return page.locator("details").filter(has=page.get_by_role("heading", name=title, exact=True))
+
+
+def message(page: Page, type: str) -> Locator:
+    return panel(page, "Messages").locator(".somrs-msg").filter(has_text=type)
+
+
+@pytest.fixture
+def jar_at_home(system: Running) -> Iterator[None]:
+    """Afterwards robots are whole, and the jar is where it was."""
+    yield
+    call(system, "/fleet/Robot1/faults/drive?repair=true", post=True)
+    if not holds(system, "Jar002 isOn Cupboard001"):
+        until(system, stated(system, "Jar002 isOn Cupboard001"), over)
+        assert holds(system, "Jar002 isOn Cupboard001")
+
+
+@pytest.mark.usefixtures("jar_at_home")
+def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Running, window: Open, tmp_path: Path) -> None:
+    listed = window(f"{system.url}/tasks")
+    task = stated(system, "Jar002 isOn Platform001", deadline=600, priority=3)
+    row = listed.get_by_role("row").filter(has=listed.locator(f'a[href$="{task.rpartition(":")[2]}"]'))
+    expect(row).to_contain_text("0 of 1 step")
+    row.get_by_role("link", name="Jar002 isOn Platform001").focus()
+    listed.keyboard.press("Enter")
+    page = listed
+    expect(page.get_by_role("heading", name="Jar002 isOn Platform001")).to_be_visible()
+    expect(panel(page, "Plan").get_by_role("button", name="step1: TransferObject, Jar002, Platform001: at work")).to_be_visible()
+    until(system, task, carries)
+    expect(panel(page, "Times")).to_contain_text("Robot1")
+    shoot(page, "task-under-way-1280-light")
+
+    call(system, "/fleet/Robot1/faults/drive", post=True)
+    told = panel(page, "Story")
+    expect(told).to_contain_text("Failure 1: Robot1.TransferObject", timeout=WORK_TIME)
+    expect(told).to_contain_text("the drive of Robot1 is dead")
+    expect(told).to_contain_text("It left: Jar002")
+    expect(told).to_contain_text("Rung 1: replace")
+    expect(message(page, "Failed")).to_have_count(1)
+    expect(message(page, "Arrange")).to_have_count(3)
+    expect(told).to_contain_text("Robot2.TransferObject did it: Jar002 isOn Platform001", timeout=WORK_TIME)
+    expect(page.locator("header").filter(has_text="Jar002 isOn Platform001")).to_contain_text("Accomplished")
+
+    terms = panel(page, "Terms")
+    for words in ("10 EUR", "25 EUR", "Chosen, failed", "Chosen, done", "another service was chosen by price"):
+        expect(terms).to_contain_text(words)
+    assert [one["state"] for one in call(system, f"/tasks/{task}")["contracts"]] == ["Failed", "Ended", "Completed"]
+    _read_a_message(page)
+    _export(page, tmp_path)
+    _every_size(page)
+    page.get_by_role("link", name="Back to all tasks").click()
+    expect(row).to_contain_text("Accomplished")
+    expect(row).to_contain_text("1 setback")
+
+
+def _read_a_message(page: Page) -> None:
+    """By mouse and by keyboard."""
+    chart = panel(page, "Messages")
+    message(page, "Failed").click()
+    body = chart.get_by_role("region", name="The message")
+    expect(body).to_contain_text("Robot1.TransferObject → Task Manager")
+    expect(body).to_contain_text("Robot1: the drive of Robot1 is dead")
+    chart.get_by_role("listbox").focus()
+    page.keyboard.press("ArrowDown")
+    expect(body).to_contain_text("Task Manager → Robot2.TransferObject")
+    expect(body).to_contain_text("Jar002.PositionX")
+    page.keyboard.press("Escape")
+    expect(body).to_have_count(0)
+    shown = message(page, "Progress").count()
+    chart.get_by_label("Every sign of life").check()
+    assert message(page, "Progress").count() > shown
+
+
+def _export(page: Page, folder: Path) -> None:
+    for way, begins, holds in (("SVG", "<svg", "Robot2.TransferObject"), ("JSON", "{", '"explanation"')):
+        page.get_by_role("button", name="Export").click()
+        with page.expect_download() as download:
+            page.get_by_role("link", name=way).click()
+        download.value.save_as(folder / way)
+        text = (folder / way).read_text()
+        assert text.startswith(begins)
+        assert holds in text
+        page.keyboard.press("Escape")
+
+
+def _every_size(page: Page) -> None:
+    for size, (width, height) in WIDTHS.items():
+        page.set_viewport_size({"width": width, "height": height})
+        for scheme in SCHEMES:
+            page.emulate_media(color_scheme=scheme)
+            page.evaluate("window.scrollTo(0, 0)")
+            page.wait_for_timeout(400)
+            assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), f"wider than {size}"
+            shoot(page, f"task-{size}-{scheme}")
+
+
+@pytest.mark.usefixtures("jar_at_home")
+def test_a_task_is_cancelled_and_undone(system: Running, window: Open) -> None:
+    wish = "Jar003 isOn Shelf001 AND Carton001 isOn Shelf001"
+    task = stated(system, wish)  # by the cheaper robot, one after the other: time enough to change one's mind
+    page = window(f"{system.url}/tasks/{task}")
+    (first,) = until(system, task, carries)["view"]["work"]
+    page.get_by_role("button", name="Cancel this task").click()
+    asked = page.get_by_role("dialog")
+    expect(asked).to_contain_text("Robot1.TransferObject is stopped (step")
+    expect(asked).to_contain_text(f"is undone: again {first['before']}.")
+    shoot(page, "task-cancel-1280-light")
+    asked.get_by_label("Reason").fill("the shelf is full")
+    asked.get_by_role("button", name="Cancel the task").click()
+    told = panel(page, "Story")
+    expect(told).to_contain_text("Undoing what was done", timeout=WORK_TIME)
+    expect(page.locator("header").filter(has_text=wish)).to_contain_text("Cancelled", timeout=WORK_TIME)
+    expect(page.get_by_role("status").filter(has_text="The shelf is full")).to_be_visible()
+    expect(panel(page, "Plan").get_by_role("button", name="undone").first).to_be_visible()
+    expect(page.get_by_role("button", name="Cancel this task")).to_be_hidden()
+    assert holds(system, "Jar003 isOn Cupboard001 AND Carton001 isOn Table002")
+
+
+def test_what_cannot_be_done_says_why_not(system: Running, window: Open) -> None:
+    task = stated(system, "Shelf001 isOn Platform001")
+    page = window(f"{system.url}/tasks/{task.rpartition(':')[2][:8]}", dark=True)
+    expect(page.get_by_role("status").filter(has_text="No plan")).to_contain_text("no service type brings it about")
+    expect(panel(page, "Terms")).to_contain_text("Nobody was asked")
+    shoot(page, "task-impossible-1280-dark")
+    page.goto(f"{system.url}/tasks/12345678")
+    expect(page.get_by_role("status")).to_contain_text("there is no task 12345678")
+
+
+def test_the_list_is_found_in_and_folded_panels_stay_so(system: Running, window: Open) -> None:
+    task = stated(system, "Shelf001 isOn Table002")
+    until(system, task, over)
+    page = window(f"{system.url}/tasks", "1920")
+    page.get_by_role("button", name="Failed").click()
+    page.get_by_label("Find").fill("shelf001 table002")
+    expect(page.get_by_role("link", name="Shelf001 isOn Table002").first).to_be_visible()
+    expect(page.get_by_role("link", name="Shelf001 isOn Platform001")).to_have_count(0)
+    page.get_by_label("Find").fill("nothing of that kind")
+    expect(page.get_by_text("No task is like that.")).to_be_visible()
+    for size, dark in (("1280", False), ("820", True)):
+        shot = window(f"{system.url}/tasks", size, dark=dark)
+        expect(shot.get_by_role("link", name="Shelf001 isOn Table002").first).to_be_visible()
+        assert shot.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+        shoot(shot, f"tasks-{size}-{'dark' if dark else 'light'}")
+    page.goto(f"{system.url}/tasks/{task}")
+    plan = panel(page, "Plan")
+    plan.locator("summary").focus()
+    page.keyboard.press("Enter")
+    expect(plan).not_to_have_attribute("open", "")
+    page.wait_for_timeout(300)
+    page.reload()
+    expect(panel(page, "Plan")).not_to_have_attribute("open", "")
+
+
+@pytest.mark.usefixtures("jar_at_home")
+def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: Running, window: Open) -> None:
+    task = stated(system, "Jar002 isOn Table001")
+    page = window(f"{system.url}/tasks/{task}")
+    until(system, task, carries)
+    system.kill("task-manager")
+    system.kill("gui")
+    story = panel(page, "Story")
+    expect(story).to_contain_text("step1 is done", timeout=WORK_TIME)
+    expect(page.locator("header").filter(has_text="Jar002 isOn Table001")).to_contain_text("Accomplished")
+    expect(message(page, "Completed")).to_have_count(1)
