@@ -20,6 +20,7 @@ from somrs.app.desk.orders import OrdersDesk
 from somrs.app.desk.questions import QuestionsDesk
 from somrs.app.desk.records import RecordsDesk
 from somrs.app.desk.scene import SceneDesk
+from somrs.app.desk.scheduler import Clock
 from somrs.app.desk.system import SystemDesk
 from somrs.app.desk.tasks import TasksDesk
 from somrs.app.host import Host
@@ -32,14 +33,14 @@ MAP_TIME = 60.0
 class Desk:
     """Each attribute is a part of the API; its operations are named after it."""
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, clock: Clock | None = None) -> None:
         self.context = context
         self.ontology = OntologyDesk(context)
         self.map = MapDesk(context)
         self.tasks = TasksDesk(context)
         self.fleet = FleetDesk(context)
         self.formulas = FormulasDesk(context)
-        self.orders = OrdersDesk(context)
+        self.orders = OrdersDesk(context, clock)
         self.questions = QuestionsDesk(context)
         self.records = RecordsDesk(context)
         self.scene = SceneDesk(context)
@@ -52,8 +53,9 @@ class Desk:
 
 
 @asynccontextmanager
-async def desk_of(addresses: Addresses, data: Path, host: str = "127.0.0.1") -> AsyncIterator[Desk]:
-    """The desk of a running system, once the map was read."""
+async def desk_of(addresses: Addresses, data: Path, host: str = "127.0.0.1", clock: Clock | None = None) -> AsyncIterator[Desk]:
+    """The desk of a running system, once the map was read. Orders are kept while `desk.orders.running()`, by one process at a time;
+    `clock` is what they go by."""
     hub, rim = Hub(), Host(host)
     await rim.start()
     listener = Listener(f"{rim.url}/desk", addresses.repository, addresses.registry, hub)
@@ -62,7 +64,7 @@ async def desk_of(addresses: Addresses, data: Path, host: str = "127.0.0.1") -> 
         async with Client(addresses) as client:
             async with asyncio.timeout(MAP_TIME):
                 await listener.ready.wait()
-            yield Desk(Context(addresses=addresses, data=data, client=client, listener=listener, hub=hub))
+            yield Desk(Context(addresses=addresses, data=data, client=client, listener=listener, hub=hub), clock)
     except TimeoutError:
         raise RemoteError(f"no map came from {addresses.repository} within {MAP_TIME:.0f} s; is the Repository running?") from None
     finally:

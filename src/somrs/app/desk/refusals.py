@@ -14,6 +14,10 @@ class NotFound(InputError):
     """There is no such thing."""
 
 
+class Changed(SomrsError):
+    """Somebody else changed it since it was read."""
+
+
 class Mistake(msgspec.Struct, frozen=True, kw_only=True):
     """What is wrong in a file, and in which line."""
 

@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
-import msgspec
+import json
+import re
+from collections.abc import Iterator, Mapping
 
+import msgspec
+from msgspec import structs
+
+from somrs.entish.parse import nearest
+from somrs.errors import FormulaError, UsageError
 from somrs.protocol.clients import Submit
+from somrs.protocol.replica import Replica
+from somrs.task_manager.setting import wrong_with
+
+VALUES = ("number", "text", "truth")
+"""What a blank can be besides an object of a type."""
+
+MOST_NAME = 80
+
+_BLANK = re.compile(r"{([^{}]*)}")
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_NUMBER = re.compile(r"-?\d+(\.\d+)?([eE][-+]?\d+)?( *[A-Za-z%°/]+)?")
 
 
 class Blank(msgspec.Struct, frozen=True, kw_only=True):
-    """What is filled in: `{Thing}` in the formulas of the task. `type` is a type of the ontology, or `number` or `text`; `default` is taken
-    when nothing is said."""
+    """What is filled in: `{Thing}` in the formulas of the task. `type` is a type of the ontology, or `number`, `text` or `truth`;
+    `default` is taken when nothing is said."""
 
     name: str
     type: str = "Object"
@@ -45,6 +63,129 @@ class TemplateSaved(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Filled(msgspec.Struct, frozen=True, kw_only=True):
-    """What is written in the blanks, by their names."""
+    """What is written in the blanks, by their names. `by`: who states the task."""
 
     values: dict[str, str] = {}
+    by: str | None = None
+
+
+def name_of(text: str) -> str:
+    """A name for a template or an order. Raises UsageError for what is none."""
+    name = " ".join(text.split())
+    if not name or len(name) > MOST_NAME or "/" in name or not name.isprintable():
+        raise UsageError(f"a name has 1 to {MOST_NAME} characters on one line, and no slash; {text!r} is no name")
+    return name
+
+
+def check(task: Submit, blanks: tuple[Blank, ...], replica: Replica) -> None:
+    """Raises UsageError or FormulaError where a task with blanks cannot be one, whatever is filled in."""
+    named = {blank.name: blank for blank in blanks}
+    for blank in blanks:
+        _check_blank(blank, replica)
+    if len(named) < len(blanks):
+        raise UsageError("two blanks have the same name; rename one of them")
+    used = dict.fromkeys(_used(task))
+    for name in used:
+        if name not in named:
+            raise UsageError(f"{{{name}}} is in a formula, and no blank of that name; say what may be filled in there")
+    for name in named:
+        if name not in used:
+            raise UsageError(f"the blank {name} is in no formula; write {{{name}}} where it belongs, or remove it")
+    examples = {name: _example(blank, replica) for name, blank in named.items()}
+    if (wrong := wrong_with(_written(task, examples), replica)) is not None:
+        told = f" (with {', '.join(f'{text} for {{{name}}}' for name, text in examples.items())})" if examples else ""
+        raise UsageError(f"{wrong}{told}")
+
+
+def filled(template: Template, values: Mapping[str, str], replica: Replica) -> Submit:
+    """The task, with the blanks filled in. Raises UsageError for what is missing, or does not fit."""
+    named = {blank.name: blank for blank in template.blanks}
+    for name in values:
+        if name not in named:
+            hint = nearest(name, named) or (f"it has {', '.join(named)}" if named else "it has none at all")
+            raise UsageError(f"{template.name} has no blank {name}; {hint}")
+    return _written(template.task, {name: _value(blank, values.get(name, ""), replica) for name, blank in named.items()})
+
+
+def _value(blank: Blank, text: str, replica: Replica) -> str:
+    """What is written for the blank, as Entish."""
+    said = text.strip() or blank.default.strip()
+    what = f"{blank.label or blank.name} ({blank.type})"
+    if not said and blank.type != "text":
+        raise UsageError(f"fill in {what}")
+    match blank.type:
+        case "number":
+            if _NUMBER.fullmatch(said) is None:
+                raise UsageError(f"{what}: {said!r} is no number; write it as 12.5, or with a unit, as 500 g")
+            return said
+        case "truth":
+            if said.upper() not in ("TRUE", "FALSE"):
+                raise UsageError(f"{what}: {said!r} is neither TRUE nor FALSE")
+            return said.upper()
+        case "text":
+            return json.dumps(said, ensure_ascii=False)
+    found = replica.map.objects.get(said)
+    if found is None:
+        of_type = _objects(blank.type, replica)
+        raise UsageError(f"{what}: there is no {said} on the map; {nearest(said, of_type) or 'choose one that there is'}")
+    if not replica.ontology.is_a(found.type, blank.type):
+        raise UsageError(f"{what}: {said} is a {found.type}, and no {blank.type}")
+    return said
+
+
+def _check_blank(blank: Blank, replica: Replica) -> None:
+    if _WORD.fullmatch(blank.name) is None:
+        raise UsageError(f"{blank.name!r} is no name for a blank; take letters, digits and _, such as Thing")
+    if blank.type not in VALUES and blank.type not in replica.ontology.types:
+        hint = nearest(blank.type, (*VALUES, *replica.ontology.types)) or "take a type of the ontology, or number, text or truth"
+        raise UsageError(f"the blank {blank.name}: there is no type {blank.type}; {hint}")
+    if blank.default:
+        _value(blank, blank.default, replica)
+
+
+def _example(blank: Blank, replica: Replica) -> str:
+    """Something that could be filled in, so that the formulas can be read."""
+    match blank.type:
+        case "number":
+            return blank.default or "0"
+        case "truth":
+            return blank.default.upper() or "TRUE"
+        case "text":
+            return json.dumps(blank.default, ensure_ascii=False)
+    return blank.default or next(iter(_objects(blank.type, replica)), f"?{blank.name}")
+
+
+def _objects(type: str, replica: Replica) -> list[str]:
+    return [name for name, object in replica.map.objects.items() if replica.ontology.is_a(object.type, type)]
+
+
+def _formulas(task: Submit) -> Iterator[str]:
+    yield from (task.effect, task.precondition or "")
+    for handler in task.handlers:
+        yield from (handler.effect, handler.when or "")
+
+
+def _used(task: Submit) -> Iterator[str]:
+    for formula in _formulas(task):
+        for found in _BLANK.finditer(formula):
+            name = found[1].strip()
+            if _WORD.fullmatch(name) is None:
+                raise FormulaError(formula, found.start(), "a blank is a name in braces", "such as {Thing}")
+            yield name
+
+
+def _written(task: Submit, values: Mapping[str, str]) -> Submit:
+    """The task with these texts in place of its blanks."""
+
+    def write(formula: str) -> str:
+        return _BLANK.sub(lambda found: values.get(found[1].strip(), found[0]), formula)
+
+    return structs.replace(
+        task,
+        effect=write(task.effect),
+        precondition=write(task.precondition) if task.precondition is not None else None,
+        handlers=tuple(
+            structs.replace(handler, effect=write(handler.effect), when=write(handler.when) if handler.when is not None else None)
+            for handler in task.handlers
+        ),
+    )

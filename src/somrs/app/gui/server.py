@@ -31,7 +31,7 @@ async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> Non
     """Serve the windows until this process is to end."""
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str((data / "gui").resolve()))  # read when NiceGUI is imported
     listening = bound(host, port)
-    async with desk_of(addresses, data, host) as desk:
+    async with desk_of(addresses, data, host) as desk, desk.orders.running():
         config = uvicorn.Config(
             _application(desk, data), log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
         )
