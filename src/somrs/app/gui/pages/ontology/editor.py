@@ -9,6 +9,7 @@ from datetime import datetime
 from nicegui import ui
 
 from somrs.app.desk.desk import Desk
+from somrs.app.desk.ontology import Consequences
 from somrs.app.gui.pages.ontology import forms
 from somrs.app.gui.pages.ontology.changes import FIELDS, differences
 from somrs.app.gui.pages.ontology.consequences import confirmed
@@ -35,6 +36,8 @@ class Ends:
     changed: Callable[[], None]
     attribute: Callable[[Callable[[str], None]], None]
     """Have a new attribute made, and hear its name."""
+    troubled: Callable[[Draft, Consequences | None], None]
+    """The draft would break something, or nothing any more."""
 
 
 class Editor:
@@ -51,12 +54,18 @@ class Editor:
             Word("h2", f"Edit {draft.name}" if draft.name is not None else f"New {what}")
         self._news = ui.element("div").classes("somrs-onto-news").props('role="status"')
         self._trouble = ui.element("div").classes("somrs-onto-trouble").props('role="alert"')
-        with ui.element("form").classes("somrs-onto-form").props('aria-label="Definition" novalidate').on("submit.prevent", self.save):
+        with (
+            ui.element("form")
+            .classes("somrs-onto-form")
+            .props('aria-label="Definition" novalidate')
+            .on("submit.prevent", self.save) as form
+        ):
             self._body = ui.element("div").classes("somrs-onto-fields")
             with ui.element("div").classes("somrs-onto-buttons somrs-onto-stick"):
                 self._save = ui.button("Save", icon="check").props("unelevated no-caps type=submit")
                 ui.button("Discard", on_click=self._discard).props("flat no-caps")
                 self._said = ui.label().classes("somrs-soft")
+        form.on("keydown.ctrl.s.prevent", self.save)
         self._build()
         self._changed()
         self.look()
@@ -200,6 +209,7 @@ class Editor:
             return
         change = self._change(definition)
         found = await self._desk.ontology.consider(change)
+        self._ends.troubled(self.draft, found if found.broken else None)
         own = [one for one in found.broken if one.section == section.key and one.subject == definition.name]
         if own:
             self._show(own, own=True)

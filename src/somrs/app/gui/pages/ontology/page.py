@@ -14,6 +14,7 @@ from nicegui.events import GenericEventArguments
 from somrs.app.desk.desk import Desk
 from somrs.app.desk.hub import News
 from somrs.app.desk.listener import MapNews
+from somrs.app.desk.ontology import Consequences
 from somrs.app.gui.following import follow
 from somrs.app.gui.pages.ontology import heading, sheet
 from somrs.app.gui.pages.ontology.actions import Actions
@@ -23,7 +24,7 @@ from somrs.app.gui.pages.ontology.exchange import Import, export_menu
 from somrs.app.gui.pages.ontology.index import Choices, Index
 from somrs.app.gui.pages.ontology.past import Past
 from somrs.app.gui.pages.ontology.pieces import Word, lasting, person, titled
-from somrs.app.gui.pages.ontology.sections import ATTRIBUTES, SECTION, SECTIONS, SERVICES, TYPES, Section
+from somrs.app.gui.pages.ontology.sections import ATTRIBUTES, SECTION, SECTIONS, TYPES, Section
 from somrs.app.gui.pages.ontology.seen import Seen
 from somrs.app.gui.parts.keeper import Keeper
 from somrs.app.gui.shell import author, guarded, page, tell
@@ -60,6 +61,7 @@ class OntologyPage:
         self._name: str | None = None
         self._drafts: dict[str, Draft] = {}
         self._marks: dict[tuple[str, str], str] = {}
+        self._wrong: dict[str, dict[tuple[str, str], str]] = {}  # by draft
         self._editor: Editor | None = None
         self._actions = Actions(desk, self._seen, self._there)
         self._past = Past(desk, self._actions)
@@ -126,7 +128,7 @@ class OntologyPage:
 
     def _turn(self, section: Section) -> None:
         """Another section's definitions on the left; what is open stays."""
-        self._index.show(section, self._name if section is self._section else None, self._marks, self._unsaved())
+        self._index.show(section, self._name if section is self._section else None, self._all_marks(), self._unsaved())
 
     @property
     def _key(self) -> str:
@@ -143,7 +145,13 @@ class OntologyPage:
         definition = self._seen.definition(self._section, self._name) if self._name is not None else None
         with self._main:
             if draft is not None:
-                ends = Ends(saved=self._saved, dropped=self._dropped, changed=self._show_unsaved, attribute=self._make_attribute)
+                ends = Ends(
+                    saved=self._saved,
+                    dropped=self._dropped,
+                    changed=self._show_unsaved,
+                    attribute=self._make_attribute,
+                    troubled=self._troubled,
+                )
                 self._editor = Editor(self._desk, self._seen, draft, self._keeper, ends)
             elif definition is not None:
                 ways = heading.Ways(edit=self.edit, below=self.new, rename=self._actions.rename, move=self._actions.ask_move,
@@ -158,7 +166,7 @@ class OntologyPage:
 
     def _show_index(self) -> None:
         self._said.text = f"version {self._seen.version}"
-        self._index.show(self._section, self._name, self._marks, self._unsaved())
+        self._index.show(self._section, self._name, self._all_marks(), self._unsaved())
 
     def _show_unsaved(self) -> None:
         """Ways to what was written elsewhere and not saved."""
@@ -202,14 +210,21 @@ class OntologyPage:
 
         async def dropped(draft: Draft) -> None:
             self._keeper.forget(draft.key)
+            draft.form = draft.base
             dialog.close()
+
+        def hidden() -> None:
+            if draft.dirty:  # whoever closed the dialog by mistake finds it among what is not saved
+                self._drafts[draft.key] = draft
+                self._show_unsaved()
+            dialog.delete()
 
         draft = begun(ATTRIBUTES, None, self._seen.version)
         with titled("New attribute") as dialog, ui.card().classes("somrs-onto-dialog somrs-onto"):
-            nothing = Ends(saved=saved, dropped=dropped, changed=lambda: None, attribute=lambda _: None)
+            nothing = Ends(saved=saved, dropped=dropped, changed=lambda: None, attribute=lambda _: None, troubled=lambda _, __: None)
             with ui.element("div").classes("somrs-onto-dialog-body"):
                 Editor(self._desk, self._seen, draft, self._keeper, nothing)
-        dialog.on("hide", dialog.delete)
+        dialog.on("hide", hidden)
         dialog.open()
 
     def _found(self, kept: list[Any]) -> None:
@@ -238,6 +253,7 @@ class OntologyPage:
     def _forget(self, draft: Draft) -> None:
         self._drafts = {key: one for key, one in self._drafts.items() if one is not draft}
         self._keeper.forget(draft.key)
+        self._wrong.pop(draft.key, None)
 
     @lasting
     async def _remove(self, section: Section, name: str) -> None:
@@ -303,18 +319,22 @@ class OntologyPage:
             found = await self._desk.ontology.consider(Define())
         except SomrsError:
             return  # problems are marks beside names; whatever is wrong with the connection is told where something is done
-        marks: dict[tuple[str, str], str] = {}
-        types = {name: type for type, names in self._seen.objects.items() for name in names}
-        for one in found.broken:
-            at = (one.section, one.subject) if one.section in SECTION else (TYPES.key, types.get(one.subject, ""))
-            marks.setdefault(at, f"{one.subject}: {one.message}")
-        for offer in found.offers:
-            marks.setdefault((SERVICES.key, offer.service.rpartition(".")[2]), f"{offer.provider}: {offer.problem}")
+        marks = self._seen.marks(found)
         if marks != self._marks:
             self._marks = marks
             self._show_index()
             if self._editor is None:
                 self._show()
+
+    def _troubled(self, draft: Draft, found: Consequences | None) -> None:
+        """Mark what a draft would break, while it is not mended."""
+        self._wrong.pop(draft.key, None)
+        if found is not None:
+            self._wrong[draft.key] = self._seen.marks(found)
+        self._show_index()
+
+    def _all_marks(self) -> dict[tuple[str, str], str]:
+        return {at: text for marks in (self._marks, *self._wrong.values()) for at, text in marks.items()}
 
     async def _look_around(self) -> None:
         """Nothing: what the map has is read with the ontology."""

@@ -45,7 +45,13 @@ class Past:
         self, body: ui.element, foot: ui.element, section: Section | None, name: str, before: int | None, dialog: ui.dialog
     ) -> None:
         found = await self._desk.ontology.history(before=before, limit=PAGE)
-        shown = [event for event in found.events if section is None or self._speaks(event, section, name)]
+        shown = []
+        for event in found.events:
+            revised = changed(event.revision, event.renamed)
+            if section is not None and not any(one.section is section and name in (one.name, one.old_name) for one in revised):
+                continue
+            shown.append(event)
+            name = next((one.old_name for one in revised if one.section is section and one.name == name), name)
         undone = {event.undoes for event in found.events}
         with body:
             for event in shown:
@@ -58,9 +64,6 @@ class Past:
                 ui.button("Show older", on_click=more).props("flat no-caps")
             elif not shown and before is None:
                 note("Nothing was changed since the system was set up.")
-
-    def _speaks(self, event: Event, section: Section, name: str) -> bool:
-        return any(one.section is section and name in (one.name, one.old_name) for one in changed(event.revision, event.renamed))
 
     def _entry(self, event: Event, undone: bool, dialog: ui.dialog) -> None:
         at = datetime.fromtimestamp(event.at)

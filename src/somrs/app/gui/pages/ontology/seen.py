@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from somrs.app.gui.pages.ontology.sections import ATTRIBUTES, FUNCTIONS, RELATIONS, SECTIONS, SERVICES, TYPES, Section
+from somrs.app.desk.ontology import Consequences
+from somrs.app.gui.pages.ontology.sections import ATTRIBUTES, FUNCTIONS, RELATIONS, SECTION, SECTIONS, SERVICES, TYPES, Section
 from somrs.entish.formula import Attribute, Relation, literals, terms, variables
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
@@ -57,6 +58,18 @@ class Seen:
         """The objects of the type and of those below it, each with its exact type."""
         exact = [one for one in self.ontology.subtypes(type_name) if one in self.objects]
         return sorted((name, one) for one in exact for name in self.objects[one])
+
+    def marks(self, found: Consequences) -> dict[tuple[str, str], str]:
+        """What is wrong with which definition, by section and name: an object's problem is its type's."""
+        marks: dict[tuple[str, str], str] = {}
+        types = {name: type for type, names in self.objects.items() for name in names}
+        for one in found.broken:
+            subject = one.subject.split(" ")[0].partition("(")[0]  # of a fact, its first object
+            at = (one.section, one.subject) if one.section in SECTION else (TYPES.key, types.get(subject, ""))
+            marks.setdefault(at, f"{one.subject}: {one.message}")
+        for offer in found.offers:
+            marks.setdefault((SERVICES.key, offer.service.rpartition(".")[2]), f"{offer.provider}: {offer.problem}")
+        return marks
 
     # Types
 
