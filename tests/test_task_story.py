@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from somrs.app import story as stories
+from somrs.app.gui.pages.task import asked_about
 from somrs.app.gui.pages.task_ending import consequences
 from somrs.app.gui.pages.task_story import Chapter, failures, story, summary
 from somrs.app.gui.pages.task_words import gist
@@ -69,6 +70,17 @@ def test_silence_is_one_failure_from_the_first_sign_to_what_was_seen() -> None:
     assert failure.step == "step1"
     assert rungs(failure) == ["Look"]
     assert failure.result == "It was done after all."
+
+
+def test_questions_about_what_is_looked_at_are_the_tasks() -> None:
+    system = patrolled("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    task = system.submit(WISH)
+    goes_silent(system, task)
+    assert asked_about(system.view(task)) == frozenset()
+    assert system.world.run(600, lambda: any(work.step.startswith("look") for work in system.view(task).work))
+    assert asked_about(system.view(task)) == {"Jar002"}
+    system.finish(task)
+    assert asked_about(system.view(task)) == frozenset()
 
 
 def test_a_new_plan_ends_the_failure_that_it_is_for() -> None:

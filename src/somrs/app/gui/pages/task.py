@@ -99,16 +99,16 @@ class _Seen:
                     PlanGraph(task=self._id, label=f"The plan of task {key(self._id)[:8]}", empty="There is no plan.")
                 with panel("Terms", "handshake", "task terms", "somrs-task-terms") as terms:
                     self._terms = Terms(terms)
+                with panel("Times", "view_timeline", "task times", "somrs-task-times"):
+                    DeviceTimeline(self._id)
             with ui.element("div").classes("somrs-task-column"):
                 with panel("Scene", "map", "task scene", "somrs-task-scene"):
                     self._scene = Scene()
                 with panel("Story", "auto_stories", "task story", "somrs-task-story") as told:
                     self._telling = Telling(told)
-            with ui.element("div").classes("somrs-task-column somrs-task-wide"):
-                with panel("Messages", "swap_horiz", "task messages", "somrs-task-messages"):
-                    MessageChart(self._id)
-                with panel("Times", "view_timeline", "task times", "somrs-task-times"):
-                    DeviceTimeline(self._id)
+            wide = ui.element("div").classes("somrs-task-column somrs-task-wide")
+            with wide, panel("Messages", "swap_horiz", "task messages", "somrs-task-messages"):
+                MessageChart(self._id)
         self._take(seen.events, seen.contracts)
         self._show()
         follow(desk.context.hub, f"task {self._id}", self._read, self._hear)
