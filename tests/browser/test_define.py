@@ -217,6 +217,58 @@ def test_an_impossible_wish_says_why(opened: Callable[..., Page]) -> None:
     shoot(page, "define-impossible-1280-light")
 
 
+# Again
+
+
+def test_a_template_is_kept_and_used(opened: Callable[..., Page]) -> None:
+    page = opened()
+    write(page, "Carton001 isOn Shelf001")
+    page.get_by_role("button", name="Templates").click()
+    page.get_by_text("Keep this task as a template").click()
+    page.get_by_role("textbox", name="Name").fill("To the store")
+    page.get_by_role("checkbox", name="Carton001").click()
+    choose(page, "What may stand for Carton001", "Graspable")
+    shoot(page, "define-template-1280-light")
+    page.get_by_role("button", name="Keep", exact=True).click()
+    expect(page.get_by_text("To the store is kept among the templates.")).to_be_visible()
+    page.get_by_role("button", name="Clear").click()
+    expect(field(page)).to_have_value("")
+    page.get_by_role("button", name="Templates").click()
+    page.get_by_role("menuitem", name="To the store").click()
+    choose(page, "Carton", "Jar002")
+    page.get_by_role("button", name="Write it").click()
+    expect(field(page)).to_have_value("Jar002 isOn Shelf001")
+    expect(page.get_by_role("combobox", name="Thing")).to_have_value("Jar002")
+    page.get_by_role("button", name="Templates").click()
+    page.get_by_role("button", name="Remove the template To the store").click()
+    page.get_by_role("button", name="Remove", exact=True).click()
+    page.get_by_role("button", name="Templates").click()
+    expect(page.get_by_text("There are none yet.")).to_be_visible()
+
+
+def test_an_order_is_given_and_rests_and_goes(opened: Callable[..., Page]) -> None:
+    page = opened()
+    write(page, "Carton001 isOn Table002")
+    choose(page, "When", "Every so often")
+    page.get_by_role("textbox", name="Minutes").fill("0")
+    page.get_by_role("textbox", name="Name of the order").fill("Tidy up")
+    page.get_by_role("button", name="Give the order").click()
+    expect(page.get_by_text("a number above 0, and 0 is none")).to_be_visible()
+    expect(field(page)).to_have_value("Carton001 isOn Table002")
+    page.get_by_role("textbox", name="Minutes").fill("600")
+    page.get_by_role("button", name="Give the order").click()
+    order = page.get_by_role("region", name="Tidy up")
+    expect(order).to_contain_text("every 10 h")
+    page.get_by_role("button", name="Let Tidy up rest").click()
+    expect(order).to_contain_text("rests")
+    page.get_by_role("button", name="Change Tidy up").click()
+    expect(field(page)).to_have_value("Carton001 isOn Table002")
+    expect(page.get_by_role("button", name="Change the order")).to_be_visible()
+    page.get_by_role("button", name="Remove Tidy up").click()
+    page.get_by_role("button", name="Remove", exact=True).click()
+    expect(order).to_be_hidden()
+
+
 def test_a_link_opens_the_page_with_a_wish(opened: Callable[..., Page]) -> None:
     page = opened(effect="Carton001 isOn Shelf001")
     expect(field(page)).to_have_value("Carton001 isOn Shelf001")

@@ -102,12 +102,7 @@ export default {
     },
   },
   watch: {
-    value(value) {
-      if (value === this.text) return;
-      this.text = value ?? "";
-      this.close();
-      this.check();
-    },
+    value(value) { this.write(value); },
     variables() { this.check(); },
     text(text) { this.$emit("update:value", text); },
   },
@@ -177,6 +172,12 @@ export default {
       this.replace(area.selectionStart, area.selectionEnd, word);
     },
     focus() { this.$refs.area.focus(); },
+    write(value) {
+      if ((value ?? "") === this.text) return;
+      this.text = value ?? "";
+      this.close();
+      this.check();
+    },
 
     // Completion
 

@@ -68,6 +68,12 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
         self.on("checked", checked)
         self.on("submit", submitted)
 
+    def _handle_value_change(self, value: Any) -> None:
+        super()._handle_value_change(value)
+        if self._send_update_on_value_change:
+            # What the browser has as its value may be this one already, while something else was typed.
+            self.run_method("write", value)
+
     @property
     def ok(self) -> bool:
         """Whether what is written now was checked, and is right."""

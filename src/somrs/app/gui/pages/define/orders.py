@@ -10,7 +10,7 @@ from typing import Any
 from nicegui import ui
 
 from somrs.app.desk.orders import OrderSaved, Run, RunState, StandingOrder
-from somrs.app.desk.recurrence import Daily, Every, Once, When
+from somrs.app.desk.recurrence import Daily, Every, Once, When, in_words
 from somrs.app.desk.templates import Filled
 from somrs.app.gui.following import follow
 from somrs.app.gui.pages.define.draft import DAILY, EVERY, ONCE, Repeat, number
@@ -22,7 +22,6 @@ from somrs.app.gui.shell import author, guarded, tell
 from somrs.app.gui.signs import OUTCOMES, Badge, Sign, clock
 from somrs.errors import SomrsError, UsageError
 
-DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 RUNS = {
     RunState.SUBMITTING: Sign("hourglass_empty", "Is being stated", "busy"),
     RunState.SUBMITTED: Sign("play_circle", "Runs", "busy"),
@@ -61,7 +60,7 @@ class Orders:
         with ui.element("section").classes("somrs-define-order-row").props(f'aria-label="{order.name}"'):
             with ui.element("div").classes("somrs-define-order-what"):
                 ui.label(order.name).classes("somrs-define-template-name")
-                ui.label(told(order.when) + ("" if order.enabled else ", rests")).classes("somrs-soft")
+                ui.label(in_words(order.when) + ("" if order.enabled else ", rests")).classes("somrs-soft")
                 if order.next is not None:
                     ui.label(f"next: {clock(order.next)}").classes("somrs-soft")
                 if order.last is not None:
@@ -93,7 +92,7 @@ async def give(form: Form) -> None:
     """Give the order that is written on the page, or change the one that it was."""
     draft, orders = form.draft, form.desk.orders
     saved = OrderSaved(
-        name=draft.repeat.name.strip() or " ".join(draft.effect.split()),
+        name=draft.repeat.name.strip() or " ".join(draft.effect.replace("/", " ").split())[:60],
         when=when_of(draft.repeat),
         task=draft.task(),
         skip=draft.repeat.skip,
@@ -101,7 +100,7 @@ async def give(form: Form) -> None:
         expected_version=draft.repeat.version if draft.repeat.order else None,
     )
     order = await (orders.save_order(draft.repeat.order, saved) if draft.repeat.order else orders.add_order(saved))
-    tell(f"The order {order.name} is given: {told(order.when)}.")
+    tell(f"The order {order.name} is given: {in_words(order.when)}.")
 
 
 def when_of(repeat: Repeat) -> When:
@@ -132,17 +131,6 @@ def repeat_of(order: StandingOrder) -> Repeat:
             then = datetime.fromtimestamp(at)
             repeat.how, repeat.date, repeat.time = ONCE, f"{then:%Y-%m-%d}", f"{then:%H:%M}"
     return repeat
-
-
-def told(when: When) -> str:
-    """In words."""
-    match when:
-        case Every(minutes=minutes):
-            return f"every {minutes:g} minutes"
-        case Daily(at=at, days=days):
-            return f"{'every day' if not days or len(days) == 7 else ', '.join(DAYS[day] for day in sorted(days))} at {at}"
-        case Once(at=at):
-            return f"once, at {clock(at)}"
 
 
 def _run(run: Run) -> None:

@@ -144,11 +144,14 @@ def _blank_field(blank: Blank, values: dict[str, str]) -> None:
     if blank.type in ("number", "text"):
         field = ui.input(value=blank.default, on_change=lambda event: values.update({blank.name: event.value or ""}))
         field.props(f'outlined dense aria-label="{blank.label or blank.name}"').classes("somrs-wide")
+        return
+    pick = partial(values.__setitem__, blank.name)
+    label, hint = blank.label or blank.name, f"Which {blank.type}"
+    if blank.type == "truth":
+        made = Picker(label, value=blank.default, options=[Choice(value="TRUE"), Choice(value="FALSE")], on_pick=pick)
     else:
-        pick = partial(values.__setitem__, blank.name)
-        Picker(
-            blank.label or blank.name, value=blank.default, placeholder=f"Which {blank.type}", source=things(type=blank.type), on_pick=pick
-        ).classes("somrs-wide")
+        made = Picker(label, value=blank.default, placeholder=hint, source=things(type=blank.type), on_pick=pick)
+    made.classes("somrs-wide")
 
 
 def _line(label: str, value: str, placeholder: str) -> ui.input:
