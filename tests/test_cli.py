@@ -39,6 +39,7 @@ COMMANDS = [
     "fault",
     "picture",
     "map",
+    "ontology",
     "run",
 ]
 

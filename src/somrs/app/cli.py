@@ -9,7 +9,9 @@ from typing import Annotated
 
 import typer
 
+from somrs.app.cli_ontology import SOMEBODY, Author, Before, Dry, Limit, Version, ontology_app
 from somrs.app.cli_options import HERE, LOOPBACK, Data, Formula, HostOption, Json, awaited, fail, guarded
+from somrs.app.cli_orders import orders_app, templates_app
 from somrs.app.cli_run import run_app
 from somrs.app.cli_tasks import PolicyOption, tasks_app
 
@@ -22,7 +24,10 @@ app = typer.Typer(
 )
 map_app = typer.Typer(help="Ask and change the map that the Repository keeps.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(map_app, name="map")
+app.add_typer(ontology_app, name="ontology")
 app.add_typer(tasks_app)
+app.add_typer(templates_app, name="templates")
+app.add_typer(orders_app, name="orders")
 app.add_typer(run_app, name="run")
 
 
@@ -221,6 +226,39 @@ def update(
     from somrs.app.commands import update as run
 
     awaited(run(situation, author, data))
+
+
+@map_app.command()
+def events(limit: Limit = 20, before: Before = None, data: Data = HERE, json: Json = False) -> None:
+    """What happened to the map and the ontology, newest first: by whom, when, and what."""
+    from somrs.app.editing import history as run
+
+    awaited(run(limit, data, ontology=False, before=before, json=json))
+
+
+@map_app.command()
+def undo(version: Version, author: Author = SOMEBODY, dry: Dry = False, data: Data = HERE, json: Json = False) -> None:
+    """Bring back what a version changed, if nothing changed it since."""
+    from somrs.app.editing import alter
+    from somrs.protocol.knowledge import Undo
+
+    sys.exit(awaited(alter(Undo(version=version, author=author), data, dry=dry, json=json)))
+
+
+@map_app.command()
+def rename(
+    name: Annotated[str, typer.Argument(help="An object of the map.")],
+    to: Annotated[str, typer.Argument(help="What it is to be called.")],
+    author: Author = SOMEBODY,
+    dry: Dry = False,
+    data: Data = HERE,
+    json: Json = False,
+) -> None:
+    """Give an object another name, everywhere where it is spoken of."""
+    from somrs.app.editing import alter
+    from somrs.protocol.knowledge import RenameObject
+
+    sys.exit(awaited(alter(RenameObject(name=name, to=to, author=author), data, dry=dry, json=json)))
 
 
 @map_app.command()

@@ -134,15 +134,14 @@ async def show_object(name: str, data: Path, *, json: bool) -> None:
 
 
 async def history(name: str, data: Path, *, json: bool) -> None:
+    from somrs.app.editing import told
+
     async with Client(Addresses.read(data)) as client:
         found = await client.history(name)
     if json:
         show.print_json(found.events)
         return
-    rows = (
-        (event.version, show.clock(event.at), event.author or "-", "\n".join(show.change(change) for change in event.changes))
-        for event in found.events
-    )
+    rows = ((event.version, show.clock(event.at), event.author or "-", "\n".join(told(event))) for event in found.events)
     show.console().print(show.table(name, ("version", "when", "who", "what"), rows) if found.events else f"nothing happened to {name} yet")
 
 

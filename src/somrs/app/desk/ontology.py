@@ -8,16 +8,17 @@ import msgspec
 
 from somrs.app.desk.context import Context
 from somrs.app.desk.operations import Document, operation
+from somrs.app.overwriting import leading_to
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dump import dump_ontology
 from somrs.ontology.files import load_definitions, upper
-from somrs.ontology.naming import Named, named
+from somrs.ontology.naming import Named
 from somrs.ontology.objects import Change
 from somrs.ontology.relied import relied
 from somrs.ontology.types import Ontology
 from somrs.protocol.directory import Offer
 from somrs.protocol.knowledge import BrokenRule, Define, Defined, Definitions, Events, ReadEvents, Revision, Undo, by_kind
-from somrs.repository.outcome import applied, revision
+from somrs.repository.outcome import applied
 
 YAML = "application/yaml"
 
@@ -125,14 +126,7 @@ class OntologyDesk:
 
     async def taken_over(self, ontology: Ontology, wanted: ImportOntology, dry: bool) -> Imported:
         """Have the ontology be this one, that a file says; `dry`: only say what would come of it."""
-        change = revision(self._context.ontology, ontology) or Revision()
-        there = set(map(named, change.after.each()))
-        define = Define(
-            definitions=change.after,
-            removed=tuple(what for what in map(named, change.before.each()) if what not in there),
-            author=wanted.author,
-            expected_version=wanted.expected_version,
-        )
+        define = leading_to(self._context.ontology, ontology, wanted.author, wanted.expected_version)
         consequences = await self._consequences(define)
         return Imported(consequences=consequences, version=None if dry else await self._context.client.define(define))
 
