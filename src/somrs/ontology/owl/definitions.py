@@ -1,0 +1,207 @@
+"""Definitions as OWL 2: types are classes, attributes and relations are properties, what an object must have is a cardinality."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TypeVar
+
+import msgspec
+from rdflib import OWL, RDF, RDFS, XSD, Graph, Literal, URIRef
+from rdflib.term import IdentifiedNode, Node
+
+from somrs.ontology.naming import Section
+from somrs.ontology.owl.ordering import ordered
+from somrs.ontology.owl.ranges import Nodes, Range, limited, range_of
+from somrs.ontology.owl.words import HAS_PART, ONTOLOGY, VALUES, V, argument, declarations, iri, literal, quote_name
+from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.types import AttributeType, Constraint, FunctionType, Kind, ObjectType, Ontology, Part, RelationType
+
+D = TypeVar("D")
+
+
+def write_definitions(ontology: Ontology, graph: Graph, nodes: Nodes) -> None:
+    """Put the whole ontology into the graph."""
+    _Writer(ontology, graph, nodes).write()
+
+
+def is_binary(relation: RelationType) -> bool:
+    """Whether it is a property; any other relation is a class of facts."""
+    return len(relation.joins) == 2
+
+
+class _Writer:
+    def __init__(self, ontology: Ontology, graph: Graph, nodes: Nodes) -> None:
+        self._ontology, self._graph, self._nodes = ontology, graph, nodes
+
+    def write(self) -> None:
+        self._add(ONTOLOGY, RDF.type, OWL.Ontology)
+        for triple in declarations(max((len(relation.joins) for relation in self._ontology.relations.values()), default=0)):
+            self._graph.add(triple)
+        ontology = self._ontology
+        self._each(ontology.attributes, self._attribute)
+        self._each(ontology.relations, self._relation)
+        self._each(ontology.functions, self._function)
+        self._each(ontology.types, self._type)
+        self._each(ontology.services, self._service)
+
+    def _each(self, definitions: Mapping[str, D], write: Callable[[D, Literal], None]) -> None:
+        for rank, definition in enumerate(definitions.values()):
+            write(definition, Literal(rank))
+
+    def _add(self, subject: IdentifiedNode, predicate: URIRef, *objects: Node | None) -> None:
+        for object in objects:
+            if object is not None:
+                self._graph.add((subject, predicate, object))
+
+    def _note(self, subject: IdentifiedNode, **notes: str | float | None) -> None:
+        """Annotations of our vocabulary, as far as there is anything to say."""
+        for name, value in notes.items():
+            if value or (value == 0 and name in ("minimum", "maximum")):
+                self._add(subject, V[name], literal(value))
+
+    def _named(self, section: Section, name: str, rank: Literal, doc: str, *kinds: URIRef) -> URIRef:
+        subject = iri(section, name)
+        self._add(subject, RDF.type, *kinds)
+        self._add(subject, RDFS.label, Literal(name))
+        self._add(subject, V.rank, rank)
+        self._add(subject, RDFS.comment, Literal(doc) if doc else None)
+        return subject
+
+    # Attributes
+
+    def _attribute(self, attribute: AttributeType, rank: Literal) -> None:
+        kind = OWL.ObjectProperty if attribute.kind is Kind.COMPLEX else OWL.DatatypeProperty
+        subject = self._named(Section.ATTRIBUTES, attribute.name, rank, attribute.doc, kind, OWL.FunctionalProperty)
+        self._note(subject, unit=attribute.unit, tolerance=attribute.tolerance)
+        if attribute.kind is not Kind.COMPLEX:
+            self._add(subject, RDFS.range, range_of(attribute, self._graph, self._nodes))
+            self._note(subject, order=ordered(attribute.values))
+            return
+        value = VALUES[quote_name(attribute.name)]
+        self._add(subject, RDFS.range, value)
+        self._add(value, RDF.type, OWL.Class)
+        self._add(value, RDFS.subClassOf, V.Value)
+        self._add(value, RDFS.label, Literal(f"{attribute.name} value"))
+        self._may_have(value, attribute.attributes)
+        self._note(value, order=ordered(attribute.attributes))
+
+    def _restriction(self, on: Node, *facets: tuple[URIRef, Node]) -> IdentifiedNode:
+        node = self._nodes.new()
+        self._add(node, RDF.type, OWL.Restriction)
+        self._add(node, OWL.onProperty, on)
+        for facet, value in facets:
+            self._add(node, facet, value)
+        return node
+
+    def _may_have(self, subject: IdentifiedNode, attributes: Iterable[str]) -> None:
+        for name in attributes:
+            self._add(subject, RDFS.subClassOf, self._restriction(iri(Section.ATTRIBUTES, name), (OWL.maxCardinality, count(1))))
+
+    def _must_have(self, subject: IdentifiedNode, attributes: Iterable[str]) -> None:
+        for name in attributes:
+            self._add(subject, RDFS.subClassOf, self._restriction(iri(Section.ATTRIBUTES, name), (OWL.cardinality, count(1))))
+
+    # Relations
+
+    def _relation(self, relation: RelationType, rank: Literal) -> None:
+        if is_binary(relation):
+            kinds = [
+                OWL.ObjectProperty,
+                *([OWL.FunctionalProperty] if relation.functional else []),
+                *([OWL.SymmetricProperty] if relation.symmetric else []),
+            ]
+            subject = self._named(Section.RELATIONS, relation.name, rank, relation.doc, *kinds)
+            self._add(subject, RDFS.domain, iri(Section.TYPES, relation.joins[0]))
+            self._add(subject, RDFS.range, iri(Section.TYPES, relation.joins[1]))
+        else:
+            subject = self._named(Section.RELATIONS, relation.name, rank, relation.doc, OWL.Class)
+            self._add(subject, RDFS.subClassOf, V.Fact)
+            for number, joined in enumerate(relation.joins, 1):
+                only = self._restriction(argument(number), (OWL.allValuesFrom, iri(Section.TYPES, joined)))
+                self._add(subject, RDFS.subClassOf, only)
+            # OWL can say neither of facts.
+            self._add(subject, V.functional, Literal(True) if relation.functional else None)
+            self._add(subject, V.symmetric, Literal(True) if relation.symmetric else None)
+        self._note(subject, excludes=relation.excludes)
+
+    # Functions and services
+
+    def _function(self, function: FunctionType, rank: Literal) -> None:
+        subject = self._named(Section.FUNCTIONS, function.name, rank, function.doc, OWL.NamedIndividual, V.Function)
+        table = json.dumps(function.values, ensure_ascii=False) if function.values else None
+        self._note(subject, parameters=" ".join(function.parameters), reads=function.attribute, unit=function.unit, values=table)
+
+    def _service(self, service: ServiceType, rank: Literal) -> None:
+        subject = self._named(Section.SERVICES, service.name, rank, service.doc, OWL.Class)
+        self._add(subject, RDFS.subClassOf, iri(Section.SERVICES, service.parent) if service.parent is not None else V.Service)
+        handlers = msgspec.json.encode(service.handlers).decode() if service.handlers else None
+        self._note(
+            subject,
+            kind=service.kind.value,
+            inputs=_parameters(service.inputs),
+            outputs=_parameters(service.outputs),
+            precondition=service.precondition,
+            effect=service.effect,
+            cost=service.cost,
+            handlers=handlers,
+        )
+
+    # Types
+
+    def _type(self, type: ObjectType, rank: Literal) -> None:
+        subject = self._named(Section.TYPES, type.name, rank, type.doc, OWL.Class)
+        self._add(subject, RDFS.subClassOf, iri(Section.TYPES, type.parent) if type.parent is not None else None)
+        self._may_have(subject, type.attributes)
+        self._must_have(subject, type.required)
+        self._note(subject, order=ordered([*dict.fromkeys((*type.attributes, *type.required))]), driver=type.driver)
+        self._note(subject, parts=ordered([part.type for part in type.parts]))
+        for part in type.parts:
+            for facet, number in _counts(part):
+                on_class = (OWL.onClass, iri(Section.TYPES, part.type))
+                self._add(subject, RDFS.subClassOf, self._restriction(HAS_PART, (facet, count(number)), on_class))
+        for path, value in type.defaults.items():
+            self._note(subject, default=f"{path} = {json.dumps(value, ensure_ascii=False)}")
+        for number, constraint in enumerate(type.constraints):
+            self._constraint(subject, constraint, number)
+
+    def _constraint(self, subject: URIRef, constraint: Constraint, rank: int) -> None:
+        """Said of the class; that it was said is annotated with its place and its meaning."""
+        predicate: URIRef = V.constraint
+        target: Node = literal(constraint.formula or "")
+        if constraint.attribute is not None:
+            limits = Range(minimum=constraint.minimum, maximum=constraint.maximum, values=constraint.values)
+            predicate, target = RDFS.subClassOf, self._only(constraint.attribute, limited(limits, self._graph, self._nodes))
+        self._add(subject, predicate, target)
+        axiom = self._nodes.new()
+        self._add(axiom, RDF.type, OWL.Axiom)
+        self._add(axiom, OWL.annotatedSource, subject)
+        self._add(axiom, OWL.annotatedProperty, predicate)
+        self._add(axiom, OWL.annotatedTarget, target)
+        self._add(axiom, V.rank, Literal(rank))
+        self._note(axiom, order=ordered(constraint.values))
+        self._add(axiom, RDFS.comment, Literal(constraint.doc) if constraint.doc else None)
+
+    def _only(self, path: str, values: IdentifiedNode) -> IdentifiedNode:
+        """`Shape only (Height only ...)` for `Shape.Height`."""
+        for name in reversed(path.split(".")):
+            values = self._restriction(iri(Section.ATTRIBUTES, name), (OWL.allValuesFrom, values))
+        return values
+
+
+def count(number: int) -> Literal:
+    return Literal(str(number), datatype=XSD.nonNegativeInteger, normalize=False)
+
+
+def _counts(part: Part) -> Iterator[tuple[URIRef, int]]:
+    if part.minimum == part.maximum:
+        yield OWL.qualifiedCardinality, part.minimum
+        return
+    if part.minimum or part.maximum is None:
+        yield OWL.minQualifiedCardinality, part.minimum
+    if part.maximum is not None:
+        yield OWL.maxQualifiedCardinality, part.maximum
+
+
+def _parameters(parameters: tuple[Parameter, ...]) -> str:
+    return ", ".join(f"{parameter.name}: {parameter.type}" for parameter in parameters)

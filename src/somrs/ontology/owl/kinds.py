@@ -1,0 +1,95 @@
+"""What each thing in an OWL file is to us: a type, an attribute, a relation, a function, a service type, an object."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rdflib import OWL, RDF, RDFS, SH, BNode, URIRef
+from rdflib.term import Node
+
+from somrs.ontology.naming import Section
+from somrs.ontology.owl.source import Source, each
+from somrs.ontology.owl.words import SHAPES, VALUES, V, section_of
+
+LITTLE = {RDF.type, RDFS.label}
+"""What is said of a thing that is only mentioned."""
+
+
+class Kinds:
+    """By IRI: what each is called. Those of `base` that are only mentioned are there, too."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        graph = source.graph
+        classes = [node for node in each(s for kind in (OWL.Class, RDFS.Class) for s in graph.subjects(RDF.type, kind)) if not ours(node)]
+        self.services = self._below(classes, V.Service, Section.SERVICES)
+        self.facts = self._below(classes, V.Fact, Section.RELATIONS)
+        self.values = [node for node in classes if V.Value in self._above(node)]
+        other = [node for node in classes if node not in self.services and node not in self.facts and node not in self.values]
+        self.types = {node: source.name(node, Section.TYPES) for node in other if not node.startswith(str(VALUES))}
+        properties = each(graph.subjects(RDF.type, OWL.ObjectProperty))
+        complex = [node for node in properties if self._is_complex(node)]
+        simple = each(graph.subjects(RDF.type, OWL.DatatypeProperty))
+        named = [*simple, *complex, *self._mentioned(Section.ATTRIBUTES)]
+        self.attributes: dict[Node, str] = {node: source.name(node, Section.ATTRIBUTES) for node in dict.fromkeys(named)}
+        between = [node for node in properties if node not in self.attributes and not ours(node)]
+        self.relations = {node: source.name(node, Section.RELATIONS) for node in [*between, *self.facts]}
+        self.functions = {node: source.name(node, Section.FUNCTIONS) for node in each(graph.subjects(RDF.type, V.Function))}
+        self._objects: dict[URIRef, str] | None = None
+
+    @property
+    def objects(self) -> dict[URIRef, str]:
+        """Individuals that are objects of a map."""
+        if self._objects is None:
+            graph, source = self._source.graph, self._source
+            typed = [node for node, kind in graph.subject_objects(RDF.type) if kind == OWL.NamedIndividual or self.is_type(kind)]
+            known = {*self.types, *self.services, *self.facts, *self.values, *self.attributes, *self.relations, *self.functions}
+            own = [node for node in each(iter(typed)) if node not in known and not ours(node) and not self._is_value(node)]
+            self._objects = {node: source.name(node, Section.OBJECTS) for node in own}
+        return self._objects
+
+    def is_type(self, node: Node) -> bool:
+        return node in self.types or (isinstance(node, URIRef) and section_of(node) is Section.TYPES)
+
+    def is_mentioned_only(self, node: URIRef, known: Mapping[str, Any], name: str) -> bool:
+        """Whether it is one of ours of which nothing is said: others refer to it."""
+        graph = self._source.graph
+        if section_of(node) is None or name not in known or any(word not in LITTLE for word in graph.predicates(node)):
+            return False
+        for kind in graph.objects(node, RDF.type):
+            self._source.used(node, RDF.type, kind)
+        return True
+
+    def _is_value(self, node: URIRef) -> bool:
+        return node.startswith(str(VALUES)) or any(kind in self.values for kind in self._source.graph.objects(node, RDF.type))
+
+    def _is_complex(self, node: URIRef) -> bool:
+        if section_of(node) is Section.ATTRIBUTES:
+            return True
+        return any(one in self.values or str(one).startswith(str(VALUES)) for one in self._source.graph.objects(node, RDFS.range))
+
+    def _mentioned(self, section: Section) -> list[URIRef]:
+        """Those of ours that a file uses without declaring them."""
+        graph = self._source.graph
+        words = {*graph.predicates(), *graph.objects()}
+        return sorted(word for word in words if isinstance(word, URIRef) and section_of(word) is section)
+
+    def _below(self, classes: list[URIRef], top: URIRef, section: Section) -> dict[Node, str]:
+        found = [node for node in classes if section_of(node) is section or top in self._above(node)]
+        return {node: self._source.name(node, section) for node in found}
+
+    def _above(self, node: URIRef) -> set[Node]:
+        seen: set[Node] = set()
+        waiting: list[Node] = [node]
+        while waiting:
+            for above in self._source.graph.objects(waiting.pop(), RDFS.subClassOf):
+                if above not in seen and not isinstance(above, BNode):
+                    seen.add(above)
+                    waiting.append(above)
+        return seen
+
+
+def ours(node: Node) -> bool:
+    """Whether it belongs to the vocabulary, to OWL itself, or is a shape."""
+    return isinstance(node, URIRef) and str(node).startswith((str(V), str(OWL), str(RDFS), str(RDF), str(SHAPES), str(SH)))

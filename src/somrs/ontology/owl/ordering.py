@@ -1,0 +1,46 @@
+"""Small texts in annotations: in which order names come, and defaults."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
+
+from somrs.ontology.types import Value
+
+T = TypeVar("T", bound=Value)
+
+
+def ordered(items: Sequence[Value]) -> str:
+    """A hint that keeps the order of what OWL has as a set; one thing needs none."""
+    return json.dumps(list(items), ensure_ascii=False) if len(items) > 1 else ""
+
+
+def in_order(items: Iterable[T], hint: str | None) -> tuple[T, ...]:
+    """The items, each once, as a hint orders them; those that it does not have come last, by name. A hint may also be names with spaces
+    between them, as people write it."""
+    text = (hint or "").strip()
+    try:
+        wanted = json.loads(text) if text.startswith("[") else text.split()
+    except ValueError:
+        wanted = []
+    place = {_key(item): number for number, item in enumerate(wanted)}
+    return tuple(sorted(dict.fromkeys(items), key=lambda item: (place.get(_key(item), len(place)), str(item))))
+
+
+def _key(item: object) -> tuple[type, object]:
+    """TRUE is not 1."""
+    return (float, float(item)) if isinstance(item, int | float) and not isinstance(item, bool) else (type(item), str(item))
+
+
+def read_default(text: str) -> tuple[str, Value]:
+    """A default as it is written: `Shape.Height = 0.14`. Raises ValueError."""
+    path, sign, value = text.partition("=")
+    if not sign:
+        raise ValueError("there is no = in it")
+    found = json.loads(value)
+    if isinstance(found, bool | str):
+        return path.strip(), found
+    if isinstance(found, int | float):
+        return path.strip(), float(found)
+    raise ValueError("it is no number, text or truth")

@@ -1,0 +1,272 @@
+"""Definitions and objects of an OWL file, whether we wrote it, Protégé changed it, or somebody else did."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+import msgspec
+from rdflib import OWL, RDF, RDFS, SH, URIRef
+from rdflib.term import Node
+
+from somrs.errors import ModelError
+from somrs.ontology.naming import Section
+from somrs.ontology.owl import Read
+from somrs.ontology.owl.kinds import Kinds
+from somrs.ontology.owl.ordering import in_order
+from somrs.ontology.owl.ranges import Range, Unclear, read_range
+from somrs.ontology.owl.reading_map import read_map
+from somrs.ontology.owl.reading_shapes import read_shapes
+from somrs.ontology.owl.reading_types import read_type
+from somrs.ontology.owl.restrictions import Argument, MayHave, MustHave, read_restriction
+from somrs.ontology.owl.source import Source, each
+from somrs.ontology.owl.words import HAS_PART, NOTES, ONTOLOGY, V, local
+from somrs.ontology.services import Handler, Parameter, ServiceKind, ServiceType
+from somrs.ontology.types import ROOT, AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
+
+D = TypeVar("D", bound=Definition)
+T = TypeVar("T")
+
+
+def read(text: str, file: str, base: Ontology) -> Read:
+    """What the file says. Raises ModelError."""
+    source = Source(text, file, base)
+    reading = _Reading(source, base)
+    definitions = reading.definitions()
+    ontology = Ontology(definitions)
+    map = read_map(source, reading.kinds, base.extended(definitions))
+    source.tell_the_rest()
+    if source.problems:
+        raise ModelError(sorted(dict.fromkeys(source.problems), key=lambda problem: problem.line or 0))
+    notes = sorted(dict.fromkeys(source.notes), key=lambda note: (note.line or 0, note.subject))
+    return Read(ontology=ontology, renamings=tuple(dict.fromkeys(source.renamings)), map=map, notes=tuple(notes))
+
+
+class _Reading:
+    def __init__(self, source: Source, base: Ontology) -> None:
+        self._source, self._base = source, base
+        self.kinds = Kinds(source)
+
+    def definitions(self) -> list[Definition]:
+        """In the order in which they were written."""
+        self._vocabulary()
+        kinds = self.kinds
+        found: list[Definition] = [
+            *self._each(kinds.attributes, self._attribute),
+            *self._each(kinds.relations, self._relation),
+            *self._each(kinds.functions, self._function),
+        ]
+        types = {type.name: type for type in self._each(kinds.types, self._type)}
+        read_shapes(self._source, kinds, types, self._base.extended(found))
+        return [*found, *types.values(), *self._each(kinds.services, self._service)]
+
+    def _vocabulary(self) -> None:
+        """What every file of ours has."""
+        source = self._source
+        source.take(ONTOLOGY, RDF.type)
+        for node in [*NOTES, V.Value, V.Fact, V.Function, V.Service, HAS_PART]:
+            source.use(node)
+        for subject in each(source.graph.subjects()):
+            if str(subject).startswith((str(V), str(SH))):
+                source.use(subject)
+        for property in each(source.graph.subjects(RDF.type, OWL.AnnotationProperty)):
+            source.used(property, RDF.type, OWL.AnnotationProperty)
+        for ontology in set(source.graph.subjects(RDF.type, OWL.Ontology)):
+            source.used(ontology, RDF.type, OWL.Ontology)
+            source.take(ontology, OWL.versionInfo)
+            source.take(ontology, RDFS.comment)
+
+    def _each(self, nodes: Iterable[Node], read: Callable[[URIRef], D | None]) -> list[D]:
+        found = {node: definition for node in each(iter(nodes)) if (definition := read(node)) is not None}
+        names: dict[str, URIRef] = {}
+        for node, definition in found.items():
+            if definition.name in names:
+                other = names[definition.name]
+                self._source.problem(node, "duplicate", f"is called as <{other}> is; give one of them another name", definition.name)
+            names[definition.name] = node
+        return [found[node] for node in sorted(found, key=self._source.rank)]
+
+    def _doc(self, node: Node) -> str:
+        return self._source.text_of(node, RDFS.comment) or ""
+
+    # Attributes
+
+    def _attribute(self, node: URIRef) -> AttributeType | None:
+        source, name = self._source, self.kinds.attributes[node]
+        if self.kinds.is_mentioned_only(node, self._base.attributes, name):
+            return None
+        for kind in (OWL.DatatypeProperty, OWL.ObjectProperty, OWL.FunctionalProperty):
+            source.used(node, RDF.type, kind)
+        doc, unit, tolerance = self._doc(node), source.text_of(node, V.unit), source.number_of(node, V.tolerance)
+        ranges = source.take(node, RDFS.range)
+        value = next((one for one in ranges if one in self.kinds.values), None)
+        if value is not None:
+            assert isinstance(value, URIRef), "a class of values has an IRI"
+            return AttributeType(name=name, kind=Kind.COMPLEX, attributes=self._made_of(value), doc=doc)
+        limits = self._range(node, ranges)
+        return AttributeType(
+            name=name,
+            kind=limits.kind or Kind.TEXT,
+            unit=unit,
+            tolerance=tolerance or 0.0,
+            minimum=limits.minimum,
+            maximum=limits.maximum,
+            values=in_order(map(str, limits.values), source.text_of(node, V.order)),
+            doc=doc,
+        )
+
+    def _range(self, node: URIRef, ranges: list[Node]) -> Range:
+        if not ranges:
+            self._source.note(node, "it has no range, and is taken for a text; give it one: xsd:decimal, xsd:string, xsd:boolean")
+            return Range(kind=Kind.TEXT)
+        if len(ranges) > 1:
+            self._source.problem(node, "range", f"has {len(ranges)} ranges; an attribute has one")
+        try:
+            found = read_range(ranges[0], self._source.graph)
+        except Unclear as unclear:
+            self._source.note(node, f"its range is {unclear}; it is taken for a text")
+            return Range(kind=Kind.TEXT)
+        self._source.use(ranges[0])
+        if found.kind is None:
+            self._source.note(node, "its range lists what are no texts; it is taken for a list of names")
+        return msgspec.structs.replace(found, kind=found.kind or Kind.ENUMERATION)
+
+    def _made_of(self, value: URIRef) -> tuple[str, ...]:
+        source = self._source
+        source.used(value, RDF.type, OWL.Class)
+        source.take(value, RDFS.label)
+        source.take(value, RDFS.comment)
+        found: list[str] = []
+        for above in source.graph.objects(value, RDFS.subClassOf):
+            if above == V.Value:
+                source.used(value, RDFS.subClassOf, above)
+                continue
+            try:
+                said = read_restriction(above, source, self.kinds.attributes)
+            except Unclear as unclear:
+                source.note(value, f"says {unclear}")
+            else:
+                if isinstance(said, MayHave | MustHave):
+                    found.append(said.attribute)
+                    source.used(value, RDFS.subClassOf, above)
+                    source.use(above)
+        return in_order(found, source.text_of(value, V.order))
+
+    # Relations
+
+    def _relation(self, node: URIRef) -> RelationType | None:
+        source, name = self._source, self.kinds.relations[node]
+        if self.kinds.is_mentioned_only(node, self._base.relations, name):
+            return None
+        functional, symmetric = ((node, RDF.type, kind) in source.graph for kind in (OWL.FunctionalProperty, OWL.SymmetricProperty))
+        for kind in (OWL.ObjectProperty, OWL.FunctionalProperty, OWL.SymmetricProperty, OWL.Class):
+            source.used(node, RDF.type, kind)
+        if node in self.kinds.facts:
+            joins = self._arguments(node)
+            functional, symmetric = (source.text_of(node, word) == "true" for word in (V.functional, V.symmetric))
+        else:
+            joins = (self._joined(node, RDFS.domain), self._joined(node, RDFS.range))
+        excludes = source.text_of(node, V.excludes)
+        return RelationType(name=name, joins=joins, symmetric=symmetric, functional=functional, excludes=excludes, doc=self._doc(node))
+
+    def _joined(self, node: URIRef, side: URIRef) -> str:
+        source = self._source
+        found = source.take(node, side)
+        named = [one for one in found if isinstance(one, URIRef) and one != OWL.Thing]
+        if len(named) == 1 and len(found) == 1:
+            return source.name(named[0], Section.TYPES)
+        why = "it has none" if not found else "what it has is not one class"
+        source.note(node, f"{local(side)} is to be one class, and {why}; {ROOT} is taken")
+        for one in found:
+            source.use(one)
+        return ROOT
+
+    def _arguments(self, node: URIRef) -> tuple[str, ...]:
+        source = self._source
+        found: dict[int, str] = {}
+        for above in source.graph.objects(node, RDFS.subClassOf):
+            if above == V.Fact:
+                source.used(node, RDFS.subClassOf, above)
+                continue
+            try:
+                said = read_restriction(above, source, self.kinds.attributes)
+            except Unclear as unclear:
+                source.note(node, f"says {unclear}")
+                continue
+            if isinstance(said, Argument):
+                found[said.number] = said.type
+                source.used(node, RDFS.subClassOf, above)
+                source.use(above)
+        if not found or sorted(found) != list(range(1, len(found) + 1)):
+            source.problem(node, "relation", "has no arguments, or misses one; say `argument1 only TYPE`, and so on")
+        return tuple(found[number] for number in sorted(found))
+
+    # Functions and services
+
+    def _function(self, node: URIRef) -> FunctionType | None:
+        source = self._source
+        name = self.kinds.functions[node]
+        for kind in (OWL.NamedIndividual, V.Function):
+            source.used(node, RDF.type, kind)
+        table = source.text_of(node, V["values"])
+        return FunctionType(
+            name=name,
+            parameters=tuple((source.text_of(node, V.parameters) or "").split()),
+            attribute=source.text_of(node, V.reads),
+            values=self._json(node, table, dict[str, float]) if table else {},
+            unit=source.text_of(node, V.unit),
+            doc=self._doc(node),
+        )
+
+    def _json(self, node: URIRef, text: str, type: type[T]) -> T:
+        try:
+            return msgspec.json.decode(text, type=type)
+        except msgspec.MsgspecError as error:
+            self._source.problem(node, "value", f"{text[:60]!r} cannot be read: {error}; export the ontology to see how it is written")
+            return type()
+
+    def _service(self, node: URIRef) -> ServiceType | None:
+        source, name = self._source, self.kinds.services[node]
+        if self.kinds.is_mentioned_only(node, self._base.services, name):
+            return None
+        source.used(node, RDF.type, OWL.Class)
+        above = [one for one in source.take(node, RDFS.subClassOf) if isinstance(one, URIRef)]
+        parents = sorted(source.name(one, Section.SERVICES) for one in above if one != V.Service)
+        if len(parents) > 1:
+            source.problem(node, "parent", f"is below {' and '.join(parents)}; a service type has one parent", name)
+        handlers, kind = source.text_of(node, V.handlers), source.text_of(node, V.kind) or ServiceKind.PHYSICAL.value
+        if kind not in [*ServiceKind]:
+            source.problem(node, "value", f"the kind is physical, cognitive or software, not {kind!r}")
+            kind = ServiceKind.PHYSICAL.value
+        effect = source.text_of(node, V.effect)
+        if effect is None:
+            source.problem(node, "effect", "has no effect; say with somrs:effect what holds after it", name)
+        return ServiceType(
+            name=name,
+            effect=effect or "",
+            precondition=source.text_of(node, V.precondition),
+            inputs=self._parameters(node, source.text_of(node, V.inputs)),
+            outputs=self._parameters(node, source.text_of(node, V.outputs)),
+            kind=ServiceKind(kind),
+            parent=parents[0] if parents else None,
+            handlers=tuple(self._json(node, handlers, list[Handler])) if handlers else (),
+            cost=source.text_of(node, V.cost),
+            doc=self._doc(node),
+        )
+
+    def _parameters(self, node: URIRef, text: str | None) -> tuple[Parameter, ...]:
+        found: list[Parameter] = []
+        for part in (text or "").split(",") if text else ():
+            name, sign, type = (one.strip() for one in part.partition(":"))
+            if not (name and sign and type):
+                self._source.problem(node, "value", f"{part.strip()!r} is no variable with its type, such as Object: Graspable")
+                continue
+            found.append(Parameter(name=name.removeprefix("?"), type=type))
+        return tuple(found)
+
+    # Types
+
+    def _type(self, node: URIRef) -> ObjectType | None:
+        if self.kinds.is_mentioned_only(node, self._base.types, self.kinds.types[node]):
+            return None
+        return read_type(node, self._source, self.kinds, self._doc(node))

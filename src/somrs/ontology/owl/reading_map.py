@@ -1,0 +1,93 @@
+"""The individuals of an OWL file as objects with values, and the facts between them."""
+
+from __future__ import annotations
+
+from rdflib import OWL, RDF, BNode, Literal, URIRef
+from rdflib.term import Node
+
+from somrs.ontology.naming import Section
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.owl.kinds import Kinds
+from somrs.ontology.owl.ranges import value_of
+from somrs.ontology.owl.source import Source
+from somrs.ontology.owl.words import argument, local, section_of
+from somrs.ontology.types import Ontology, Value
+
+DEEP = 8
+"""So deep may the values of complex attributes be."""
+
+
+def read_map(source: Source, kinds: Kinds, ontology: Ontology) -> Map:
+    """Whether it obeys its types is `conformance`'s business."""
+    reading = _Reading(source, kinds, ontology)
+    objects = [reading.object(node, name) for node, name in kinds.objects.items()]
+    return Map([one for one in objects if one is not None], reading.facts())
+
+
+class _Reading:
+    def __init__(self, source: Source, kinds: Kinds, ontology: Ontology) -> None:
+        self._source, self._kinds, self._ontology = source, kinds, ontology
+
+    def object(self, node: URIRef, name: str) -> Object | None:
+        source = self._source
+        source.used(node, RDF.type, OWL.NamedIndividual)
+        types = [kind for kind in source.take(node, RDF.type) if isinstance(kind, URIRef) and self._kinds.is_type(kind)]
+        names = sorted({source.name(kind, Section.TYPES) for kind in types})
+        names = [one for one in names if not any(other != one and self._ontology.is_a(other, one) for other in names)]
+        if len(names) != 1:
+            if not names and not self._is_spoken_of(node):
+                source.note(node, "it is an individual of no type that there is here, and is left out; give it one of the types")
+                return None
+            how = f"is of the types {' and '.join(names)}" if names else "is of no type"
+            source.problem(node, "type", f"{how}; an object has one type", name)
+            return None
+        return Object(name=name, type=names[0], values=dict(self._values(node, "", 0)))
+
+    def _is_spoken_of(self, node: URIRef) -> bool:
+        """Whether values or facts make it an object all the same."""
+        return any(word in self._kinds.attributes or word in self._kinds.relations for word in self._source.graph.predicates(node))
+
+    def _values(self, node: Node, prefix: str, depth: int) -> list[tuple[str, Value]]:
+        source = self._source
+        found: list[tuple[str, Value]] = []
+        for word, object in source.graph.predicate_objects(node):
+            name = self._kinds.attributes.get(word)
+            if name is None:
+                continue
+            source.used(node, word, object)
+            path = f"{prefix}{name}"
+            if isinstance(object, Literal):
+                found.append((path, value_of(object)))
+            elif depth < DEEP:
+                for kind in source.take(object, RDF.type):
+                    source.used(object, RDF.type, kind)
+                found += self._values(object, f"{path}.", depth + 1)
+        return found
+
+    def facts(self) -> list[Fact]:
+        source, objects = self._source, self._kinds.objects
+        found: list[Fact] = []
+        for one, word, other in source.graph:
+            relation = self._relation(word)
+            if relation is not None and one in objects and isinstance(other, URIRef):
+                found.append(Fact(relation, (objects[one], objects.get(other) or source.name(other, Section.OBJECTS))))  # type: ignore[index]  # it is in them
+                source.used(one, word, other)
+        for node, kind in source.graph.subject_objects(RDF.type):
+            relation = self._relation(kind)
+            if relation is not None and (isinstance(node, BNode) or node in objects):
+                found.append(Fact(relation, self._arguments(node)))
+                source.use(node)
+        return found
+
+    def _relation(self, word: Node) -> str | None:
+        if word in self._kinds.relations:
+            return self._kinds.relations[word]
+        if isinstance(word, URIRef) and section_of(word) is Section.RELATIONS:
+            return local(word)
+        return None
+
+    def _arguments(self, node: Node) -> tuple[str, ...]:
+        found: list[str] = []
+        while (one := self._source.graph.value(node, argument(len(found) + 1))) is not None and isinstance(one, URIRef):
+            found.append(self._kinds.objects.get(one) or self._source.name(one, Section.OBJECTS))
+        return tuple(found)

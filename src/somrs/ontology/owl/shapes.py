@@ -1,0 +1,211 @@
+"""The rules for maps as SHACL shapes, so that somebody else's validator can judge a map, too.
+
+They are made of the definitions, and say the same. What SHACL has no words for is left to our own check: formulas, that a map has one
+root, and that everything is somewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rdflib import OWL, RDF, SH, Graph, Literal, URIRef
+from rdflib.term import IdentifiedNode, Node
+
+from somrs.ontology.naming import Section
+from somrs.ontology.owl.definitions import is_binary
+from somrs.ontology.owl.ranges import DATATYPES, Nodes, list_of
+from somrs.ontology.owl.words import SHAPES, VALUES, V, argument, iri, literal, quote_name
+from somrs.ontology.types import PART_OF, ROOT, AttributeType, Constraint, Kind, ObjectType, Ontology, Part, RelationType
+
+
+def write_shapes(ontology: Ontology, graph: Graph, nodes: Nodes) -> None:
+    """Put the shapes into the graph."""
+    _Shapes(ontology, graph, nodes).write()
+
+
+class _Shapes:
+    def __init__(self, ontology: Ontology, graph: Graph, nodes: Nodes) -> None:
+        self._ontology, self._graph, self._nodes = ontology, graph, nodes
+        self._having: dict[str, list[IdentifiedNode]] = {}
+        """The classes whose instances may have an attribute."""
+
+    def write(self) -> None:
+        for type in self._ontology.types.values():
+            for name in (*type.attributes, *type.required):
+                self._having.setdefault(name, []).append(iri(Section.TYPES, type.name))
+        for attribute in self._ontology.attributes.values():
+            for name in attribute.attributes:
+                self._having.setdefault(name, []).append(VALUES[quote_name(attribute.name)])
+        for attribute in self._ontology.attributes.values():
+            self._attribute(attribute)
+        for type in self._ontology.types.values():
+            self._type(type)
+        for relation in self._ontology.relations.values():
+            self._relation(relation)
+        self._groups()
+        self._map()
+
+    def _add(self, subject: IdentifiedNode, **statements: Node | None) -> None:
+        for name, object in statements.items():
+            if object is not None:
+                self._graph.add((subject, SH[name], object))
+
+    def _shape(self, name: str, message: str = "", **target: Node) -> URIRef:
+        shape = SHAPES[quote_name(name) if "." not in name else name]
+        self._graph.add((shape, RDF.type, SH.NodeShape))
+        self._add(shape, **target, message=Literal(message) if message else None)
+        return shape
+
+    def _property(self, shape: IdentifiedNode, path: Node, **limits: Node | None) -> None:
+        node = self._nodes.new()
+        self._add(node, path=path, **limits)
+        self._add(shape, property=node)
+
+    def _list(self, items: Sequence[Node]) -> IdentifiedNode:
+        return list_of(items, self._graph, self._nodes)
+
+    def _of_class(self, classes: Iterable[Node]) -> list[Node]:
+        found: list[Node] = []
+        for name in classes:
+            node = self._nodes.new()
+            self._add(node, **{"class": name})
+            found.append(node)
+        return found
+
+    # Attributes
+
+    def _attribute(self, attribute: AttributeType) -> None:
+        word = iri(Section.ATTRIBUTES, attribute.name)
+        shape = self._shape(f"attribute.{quote_name(attribute.name)}", targetSubjectsOf=word)
+        one = Literal(1)
+        if attribute.kind is Kind.COMPLEX:
+            self._property(shape, word, maxCount=one, **{"class": VALUES[quote_name(attribute.name)]})
+        else:
+            limits = self._limits(attribute.minimum, attribute.maximum, attribute.values)
+            self._property(shape, word, maxCount=one, datatype=DATATYPES[attribute.kind], **limits)
+        having = self._having.get(attribute.name, [])
+        if having:
+            self._add(shape, **{"or": self._list(self._of_class(having))})
+        else:
+            self._property(shape, word, maxCount=Literal(0))
+
+    def _limits(self, minimum: float | None, maximum: float | None, values: Sequence[float | str | bool]) -> dict[str, Node]:
+        found: dict[str, Node] = {}
+        if minimum is not None:
+            found["minInclusive"] = literal(minimum)
+        if maximum is not None:
+            found["maxInclusive"] = literal(maximum)
+        if values:
+            found["in"] = self._list([literal(value) for value in values])
+        return found
+
+    # Types
+
+    def _type(self, type: ObjectType) -> None:
+        word = iri(Section.TYPES, type.name)
+        shape = self._shape(f"type.{quote_name(type.name)}", targetClass=word)
+        for name in type.required:
+            self._required(shape, type.name, name)
+        for part in type.parts:
+            self._part(shape, part)
+        for constraint in type.constraints:
+            if constraint.attribute is not None:
+                self._constraint(shape, constraint)
+
+    def _required(self, shape: URIRef, type_name: str, name: str) -> None:
+        """Of objects whose type gives it a default it is not asked."""
+        path = iri(Section.ATTRIBUTES, name)
+        if any(self._defaults(above, name) for above in self._ontology.ancestors(type_name)):
+            return
+        exempt = [iri(Section.TYPES, below) for below in self._ontology.subtypes(type_name) if self._defaults(below, name)]
+        if not exempt:
+            self._property(shape, path, minCount=Literal(1))
+            return
+        having = self._nodes.new()
+        self._property(having, path, minCount=Literal(1))
+        one_of = self._list([having, *self._of_class(exempt)])
+        self._graph.add((shape, SH["or"], one_of))
+
+    def _defaults(self, type_name: str, name: str) -> bool:
+        return any(path.split(".")[0] == name for path in self._ontology.types[type_name].defaults)
+
+    def _part(self, shape: URIRef, part: Part) -> None:
+        below, inverse = self._nodes.new(), self._nodes.new()
+        self._add(inverse, inversePath=iri(Section.RELATIONS, PART_OF))
+        self._add(below, oneOrMorePath=inverse)
+        (of_class,) = self._of_class([iri(Section.TYPES, part.type)])
+        most = Literal(part.maximum) if part.maximum is not None else None
+        self._property(shape, below, qualifiedValueShape=of_class, qualifiedMinCount=Literal(part.minimum), qualifiedMaxCount=most)
+
+    def _constraint(self, shape: URIRef, constraint: Constraint) -> None:
+        assert constraint.attribute is not None, "only those are asked for"
+        steps = [iri(Section.ATTRIBUTES, step) for step in constraint.attribute.split(".")]
+        path = steps[0] if len(steps) == 1 else self._list(steps)
+        message = Literal(constraint.doc) if constraint.doc else None
+        self._property(shape, path, message=message, **self._limits(constraint.minimum, constraint.maximum, constraint.values))
+
+    # Relations
+
+    def _relation(self, relation: RelationType) -> None:
+        word = iri(Section.RELATIONS, relation.name)
+        name = f"relation.{quote_name(relation.name)}"
+        joined = [iri(Section.TYPES, type_name) for type_name in relation.joins]
+        if not is_binary(relation):
+            self._facts(relation, name, word, joined)
+            return
+        self._add(self._shape(f"{name}.from", targetSubjectsOf=word), **{"class": joined[0]})
+        self._add(self._shape(f"{name}.to", targetObjectsOf=word), **{"class": joined[1]})
+        if relation.functional:
+            self._property(SHAPES[f"{name}.from"], word, maxCount=Literal(1))
+        many = self._shape(f"{name}.many", f"{relation.name} joins 2 objects", targetClass=word)
+        self._property(many, argument(1), maxCount=Literal(0))
+
+    def _facts(self, relation: RelationType, name: str, word: URIRef, joined: Sequence[URIRef]) -> None:
+        shape = self._shape(name, targetClass=word)
+        for number, type_name in enumerate(joined, 1):
+            self._property(shape, argument(number), minCount=Literal(1), maxCount=Literal(1), **{"class": type_name})
+        self._add(shape, closed=Literal(True), ignoredProperties=self._list([RDF.type]))
+        if relation.functional:
+            twice = f"?one a <{word}> ; <{argument(1)}> $this . ?other a <{word}> ; <{argument(1)}> $this . FILTER (?one != ?other)"
+            once = self._shape(f"{name}.once", f"{relation.name} holds once of an object", targetObjectsOf=argument(1))
+            self._sparql(once, twice)
+
+    def _sparql(self, shape: URIRef, pattern: str) -> None:
+        node = self._nodes.new()
+        self._add(node, select=Literal(f"SELECT DISTINCT $this WHERE {{ {pattern} }}"))
+        self._add(shape, sparql=node)
+
+    def _groups(self) -> None:
+        """Of the relations of a group, one holds of an object."""
+        groups: dict[str, list[RelationType]] = {}
+        for relation in self._ontology.relations.values():
+            if relation.excludes:
+                groups.setdefault(relation.excludes, []).append(relation)
+        for group, relations in groups.items():
+            pairs = [f"{{ {_holds(one, 1)} {_holds(other, 2)} }}" for at, one in enumerate(relations) for other in relations[at + 1 :]]
+            if not pairs:
+                continue
+            message = f"Of {', '.join(relation.name for relation in relations)}, one holds at a time"
+            shape = self._shape(f"group.{quote_name(group)}", message)
+            for relation in relations:
+                if is_binary(relation):
+                    self._add(shape, targetSubjectsOf=iri(Section.RELATIONS, relation.name))
+                else:
+                    self._add(shape, targetObjectsOf=argument(1))
+            self._sparql(shape, " UNION ".join(pairs))
+
+    def _map(self) -> None:
+        if PART_OF in self._ontology.relations:
+            part_of = iri(Section.RELATIONS, PART_OF)
+            shape = self._shape("cycle", "Nothing is a part of itself", targetSubjectsOf=part_of)
+            self._sparql(shape, f"$this <{part_of}>+ $this")
+        known = self._shape("object", "Every object is of a type that there is", targetClass=OWL.NamedIndividual)
+        self._add(known, **{"or": self._list(self._of_class([iri(Section.TYPES, ROOT), V.Value, V.Function]))})
+
+
+def _holds(relation: RelationType, number: int) -> str:
+    """A pattern: the relation holds, with `$this` as its first argument."""
+    word = iri(Section.RELATIONS, relation.name)
+    if is_binary(relation):
+        return f"$this <{word}> ?to{number} ."
+    return f"?fact{number} a <{word}> ; <{argument(1)}> $this ."

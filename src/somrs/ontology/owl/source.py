@@ -1,0 +1,230 @@
+"""An OWL file as it was read: its graph, what of it was understood, and where things stand in its text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from xml.sax import SAXParseException
+
+from rdflib import OWL, RDF, RDFS, SH, SKOS, BNode, Graph, Literal, URIRef
+from rdflib.plugins.parsers.notation3 import BadSyntax
+from rdflib.term import IdentifiedNode, Node
+
+from somrs.errors import ModelError, Problem
+from somrs.ontology.files import NAME
+from somrs.ontology.naming import SINGULAR, Named, Renaming, Section, find
+from somrs.ontology.owl.words import ONTOLOGY, V, local, section_of
+from somrs.ontology.types import Ontology
+
+WORDS = frozenset(("AND", "OR", "NOT", "TRUE", "FALSE"))
+"""Entish's own."""
+
+ADVICE = {
+    OWL.imports: "other files are not read; merge them into this one (in Protégé: Refactor, Merge ontologies)",
+    OWL.disjointWith: "it is not kept; types have one parent each, so that nothing is of two types that are apart",
+    OWL.disjointUnionOf: "it is not kept; types have one parent each, so that nothing is of two types that are apart",
+    OWL.equivalentClass: "it is not kept; say it as `SubClass Of`, or as a formula with somrs:constraint",
+    OWL.propertyDisjointWith: "it is not kept; relations that exclude each other name the same group with somrs:excludes",
+    OWL.inverseOf: "it is not kept; name the relation in one direction only",
+    RDFS.subPropertyOf: "it is not kept; attributes and relations stand by themselves",
+    OWL.equivalentProperty: "it is not kept; use one of the two",
+    RDFS.seeAlso: "it is not kept; put it into the comment",
+    SKOS.prefLabel: "it is not kept; names are rdfs:label without a language",
+    OWL.sameAs: "it is not kept; an object has one name",
+    OWL.differentFrom: "it need not be said: different names are different objects",
+}
+"""By property: what to do about what we have no words for."""
+
+KINDS = {
+    OWL.TransitiveProperty: "relations are not transitive; effects of services say what follows",
+    OWL.InverseFunctionalProperty: "a relation is functional from its first argument only",
+    OWL.AsymmetricProperty: "it is not kept",
+    OWL.ReflexiveProperty: "it is not kept",
+    OWL.IrreflexiveProperty: "it is not kept",
+    OWL.AllDisjointClasses: "it is not kept; types have one parent each, so that nothing is of two types that are apart",
+    OWL.AllDifferent: "it need not be said: different names are different objects",
+}
+"""By what a thing is said to be."""
+
+NOT_KEPT = "there are no words for it here, and it is not kept"
+
+
+class Source:
+    """The graph of a file. Whatever `take` and the like have returned counts as understood."""
+
+    def __init__(self, text: str, file: str, base: Ontology) -> None:
+        self.text, self.file, self._base = text, file, base
+        self.problems: list[Problem] = []
+        self.notes: list[Problem] = []
+        self.renamings: list[Renaming] = []
+        self.graph = self._parsed()
+        self._used: set[tuple[Node, Node, Node]] = set()
+        self._names: dict[IdentifiedNode, str] = {}
+
+    # Text
+
+    def _parsed(self) -> Graph:
+        graph = Graph(bind_namespaces="none")
+        is_xml = self.text.lstrip("\ufeff \t\r\n").startswith("<?xml") or "<rdf:RDF" in self.text
+        if is_xml and "<!DOCTYPE" in self.text:
+            raise self._broken(None, "has a document type declaration, which is not read; save the file as Turtle")
+        try:
+            graph.parse(data=self.text, format="xml" if is_xml else "turtle")
+        except BadSyntax as error:
+            raise self._broken(error.lines + 1, f"this is not Turtle: {error._why}") from None  # it has no other way to say why
+        except SAXParseException as error:
+            raise self._broken(error.getLineNumber(), f"this is not XML: {error.getMessage()}") from None
+        except Exception as error:  # noqa: BLE001  # rdflib's parsers raise whatever happens to them
+            raise self._broken(None, f"this is neither Turtle nor RDF/XML: {error}") from None
+        return graph
+
+    def _broken(self, line: int | None, message: str) -> ModelError:
+        return ModelError([Problem(file=self.file, line=line, subject="file", rule="syntax", message=message)])
+
+    def line(self, node: Node) -> int | None:
+        """Where a thing is first spoken of as what a statement is about, as far as can be told."""
+        if not isinstance(node, URIRef):
+            return None
+        name = re.escape(str(node)[len(str(node)) - len(local(node)) :] or str(node))
+        for pattern in (rf"^\s*(?:<[^>\n]*{name}>|[\w.-]*:{name})\s", rf"rdf:about=\"[^\"\n]*{name}\"", rf"{name}\b"):
+            if (found := re.search(pattern, self.text, re.MULTILINE)) is not None:
+                start = found.start() + len(found[0]) - len(found[0].lstrip())
+                return self.text.count("\n", 0, start) + 1
+        return None
+
+    def problem(self, node: Node, rule: str, message: str, name: str = "") -> None:
+        """Something is wrong, and nothing can be taken over before it is mended."""
+        self.problems.append(Problem(file=self.file, line=self.line(node), subject=name or self.said(node), rule=rule, message=message))
+
+    def note(self, node: Node, message: str) -> None:
+        """Something is not taken over."""
+        self.notes.append(Problem(file=self.file, line=self.line(node), subject=self.said(node), rule="not-kept", message=message))
+
+    def said(self, node: Node) -> str:
+        """A node as people know it."""
+        if isinstance(node, BNode):
+            return "something without a name"
+        return local(node) if isinstance(node, URIRef) else str(node)
+
+    # Statements
+
+    def take(self, subject: Node, predicate: Node) -> list[Node]:
+        """The objects, in no order."""
+        found = list(self.graph.objects(subject, predicate))
+        self._used.update((subject, predicate, object) for object in found)
+        return found
+
+    def text_of(self, subject: Node, predicate: Node) -> str | None:
+        """The text; None if there is none. Of several, the first in order of the alphabet."""
+        found = sorted(str(object) for object in self.take(subject, predicate) if isinstance(object, Literal))
+        if len(found) > 1:
+            self.note(subject, f"{self.said(predicate)} is there {len(found)} times; the first counts")
+        return found[0] if found else None
+
+    def number_of(self, subject: Node, predicate: Node) -> float | None:
+        text = self.text_of(subject, predicate)
+        try:
+            return float(text) if text is not None else None
+        except ValueError:
+            self.problem(subject, "value", f"{self.said(predicate)} is a number, not {text!r}")
+            return None
+
+    def rank(self, subject: Node) -> tuple[float, str]:
+        """To put things into the order in which they were written; what is new comes last, by name."""
+        found = self.number_of(subject, V.rank)
+        return (found if found is not None else float("inf"), self.said(subject))
+
+    def use(self, node: Node) -> None:
+        """All that is said of a node, and of nodes without a name in it, counts as understood."""
+        waiting, seen = [node], set[Node]()
+        while waiting:
+            current = waiting.pop()
+            seen.add(current)
+            for predicate, object in self.graph.predicate_objects(current):
+                self._used.add((current, predicate, object))
+                if isinstance(object, BNode) and object not in seen:
+                    waiting.append(object)
+
+    def used(self, subject: Node, predicate: Node, object: Node) -> None:
+        self._used.add((subject, predicate, object))
+
+    def is_new(self, statement: tuple[Node, Node, Node]) -> bool:
+        return statement not in self._used
+
+    # Names
+
+    def name(self, node: Node, section: Section) -> str:
+        """What a thing is called: what its IRI says, if that is one of ours that is known; otherwise its label, or the end of its IRI."""
+        assert isinstance(node, URIRef), "what has no IRI has no name"
+        if node not in self._names:
+            self._names[node] = self._named(node, section)
+        return self._names[node]
+
+    def _named(self, node: URIRef, section: Section) -> str:
+        plain = self._labels(node)
+        name = local(node)
+        if section_of(node) is section and (not plain or name in plain):
+            return name
+        if section is Section.OBJECTS and section_of(node) is section:
+            self.note(node, f"the label {plain[0]!r} does not rename an object; give it another name on the map itself")
+            return name
+        if section_of(node) is section and find(self._base, Named(section=section, name=name)) is not None:
+            if is_name(plain[0]):
+                self.renamings.append(Renaming(section=section, name=name, to=plain[0]))
+            else:
+                self.note(node, f"the label {plain[0]!r} is no name (letters, digits, _ and -), so that it keeps its own")
+            return name
+        found = next((label for label in [*plain, name] if is_name(label)), None)
+        if found is None:
+            message = f"is no name for a {SINGULAR[section]}; give it a label of a letter and then letters, digits, _ or -"
+            self.problem(node, "name", message)
+        return found or name
+
+    def _labels(self, node: Node) -> list[str]:
+        """Its labels in no language in particular."""
+        labels = [label for label in self.graph.objects(node, RDFS.label) if isinstance(label, Literal) and not label.language]
+        for label in labels:
+            self.used(node, RDFS.label, label)
+        return sorted(map(str, labels))
+
+    # What was not understood
+
+    def tell_the_rest(self) -> None:
+        """Name what nobody has taken."""
+        inner = {object for _, _, object in self.graph if isinstance(object, BNode)}
+        rest = sorted(
+            (
+                statement
+                for statement in self.graph
+                if self.is_new(statement) and not (isinstance(statement[0], BNode) and statement[0] in inner)
+            ),
+            key=lambda statement: tuple(map(str, statement)),
+        )
+        for subject, predicate, object in rest:
+            self.note(subject, self._unknown(subject, predicate, object))
+
+    def _unknown(self, subject: Node, predicate: Node, object: Node) -> str:
+        if predicate == RDF.type:
+            return f"it is said to be of {self.short(object)}: {KINDS.get(object, NOT_KEPT)}"  # type: ignore[call-overload]  # any node
+        if subject == ONTOLOGY and predicate not in ADVICE:
+            return f"{self.short(predicate)} of the ontology: {NOT_KEPT}"
+        advice = ADVICE.get(predicate, NOT_KEPT)  # type: ignore[call-overload]  # any node
+        what = f" {self.short(object)}" if not isinstance(object, BNode) else ""
+        return f"{self.short(predicate)}{what}: {advice}"
+
+    def short(self, node: Node) -> str:
+        """A node with the prefix of the common vocabularies."""
+        text = self.said(node)
+        for prefix, space in (("owl", OWL), ("rdfs", RDFS), ("rdf", RDF), ("sh", SH), ("somrs", V)):
+            if isinstance(node, URIRef) and node.startswith(str(space)):
+                return f"{prefix}:{text}"
+        return text if len(text) < 60 else f"{text[:57]}..."
+
+
+def is_name(text: str) -> bool:
+    return NAME.fullmatch(text) is not None and text not in WORDS
+
+
+def each(nodes: Iterator[Node]) -> list[URIRef]:
+    """Those with an IRI, each once, in the order of their IRIs."""
+    return sorted({node for node in nodes if isinstance(node, URIRef)})
