@@ -9,6 +9,7 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,7 +17,7 @@ from somrs.errors import ModelError, Problem
 from somrs.ontology.conformance import violations
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dump import dump_map, dump_ontology
-from somrs.ontology.files import Loaded, load, load_text, upper
+from somrs.ontology.files import Loaded, load, load_definitions, load_text, upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.schema import json_schema, published
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
@@ -242,6 +243,47 @@ def test_definitions_build_on_the_base_ontology() -> None:
 
 def test_published_schema_is_the_models() -> None:
     assert published() == json.loads(json.dumps(json_schema())), "write ontology/data/somrs.schema.json anew from json_schema()"
+
+
+def test_what_the_upper_ontology_has_can_be_left_out_or_defined_anew() -> None:
+    text = "without: [types Cup, types Can, services TransferObject]\ntypes:\n  Can: {parent: Graspable, doc: Ours}\n"
+    with pytest.raises(ModelError) as caught:
+        load_text(text, "own.yaml")
+    assert [(problem.line, problem.subject, problem.rule) for problem in caught.value.problems] == [(1, "TransferObject", "relied")]
+    ontology = load_text(text.replace(", services TransferObject", "")).ontology
+    assert "Cup" not in ontology.types
+    assert ontology.types["Can"].doc == "Ours"
+    written = dump_ontology(ontology, upper(), "own")
+    assert yaml.safe_load(written)["without"] == ["types Can", "types Cup"]
+    assert list(yaml.safe_load(written)["types"]) == ["Can"]
+    for whole in (written, dump_ontology(ontology, upper(), "own", whole=True)):
+        assert {(type(one), one.name): one for one in load_text(whole).ontology} == {(type(one), one.name): one for one in ontology}
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ("types Cupp", "did you mean Cup"),
+        ("cups", "names no definition"),
+        ("types Graspable", "neither removed nor renamed"),
+        ("attributes Texture", "no attribute is called Texture"),
+    ],
+)
+def test_what_cannot_be_left_out_is_said_with_its_line(entry: str, said: str) -> None:
+    found = problems(f"ontology: own\nwithout:\n  - {entry}\n")
+    assert any(said in problem.message for problem in found), found
+    assert (3 in [problem.line for problem in found]) is (entry != "attributes Texture")
+
+
+def test_definitions_of_a_text_take_the_place_of_others() -> None:
+    text = "map: X\nobjects:\n  A: {type: Nothing}\ntypes:\n  Jar: {parent: Graspable}\n  Vat: {parent: Support}\nwithout: [types Cup]\n"
+    ontology = load_definitions(text, "own.yaml", upper())
+    assert ontology.types["Jar"].defaults == {}
+    assert ontology.types["Vat"].parent == "Support"
+    assert "Cup" not in ontology.types
+    assert len([*ontology]) == len([*upper()])
+    with pytest.raises(ModelError, match=r"own.yaml:2: Jar: no type is called Grasp"):
+        load_definitions("types:\n  Jar: {parent: Grasp}\n", "own.yaml", upper())
 
 
 def test_examples_in_the_documentation_load() -> None:

@@ -148,7 +148,9 @@ class _Reading:
         for source in good:
             self._definitions(source)
         ontology = self.base.extended(self.definitions.values())
-        for violation in ontology_violations(ontology, self.definitions.values()):
+        # What the base has is in order, unless something of it is gone; what replaces something is looked at by whoever has the map, too.
+        concerned = self.definitions.values() if self.replacing or self.base is given else None
+        for violation in ontology_violations(ontology, concerned):
             self._report(violation)
         for violation in lost(given, ontology):
             self._report(violation)

@@ -1,0 +1,67 @@
+"""What programs call by name is what nobody can take away from them."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import somrs
+from somrs.errors import ModelError
+from somrs.ontology.files import load_text, upper
+from somrs.ontology.naming import Named, named
+from somrs.ontology.relied import RELIED, relied
+
+SOURCE = Path(somrs.__file__).parent
+PROGRAMS = ("ontology", "planner", "protocol", "registry", "repository", "task_manager", "service_manager", "devices", "entish")
+LOOKS = ("looks.py", "colours.py", "appearance.py")
+"""Say how things of some types look: of others, they look plainer."""
+
+EXAMPLES = {
+    "Jar", "Shelf", "Can", "range", "Table", "Charge", "isAt",
+    # Parameters' names, and words of a sentence.
+    "Open", "Site", "Bin",
+}  # fmt: skip
+"""Named in what people read, or as an example."""
+
+
+def strings(file: Path) -> Iterator[str]:
+    """The texts in a program, but for those that say what it is about."""
+    tree = ast.parse(file.read_text("utf-8"))
+    docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    yield from (
+        node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docs
+    )
+
+
+def test_programs_rely_on_nothing_else_of_the_upper_ontology() -> None:
+    names = {definition.name for definition in upper()}
+    kept = {name for section in RELIED.values() for name in section}
+    found: dict[str, set[str]] = {}
+    for part in PROGRAMS:
+        for file in (SOURCE / part).rglob("*.py"):
+            if file.name in (*LOOKS, "relied.py"):
+                continue
+            for text in strings(file):
+                for word in set(re.findall(r"[A-Za-z]\w*", text)) & names - kept - EXAMPLES:
+                    found.setdefault(word, set()).add(f"{file.relative_to(SOURCE)}: {text[:60]}")
+    assert found == {}
+
+
+def test_all_of_it_is_in_the_upper_ontology() -> None:
+    known = set(map(named, upper()))
+    listed = {Named(section=section, name=name) for section, names in RELIED.items() for name in names}
+    assert listed <= known
+    assert set(relied(upper())) == listed
+
+
+def test_a_file_cannot_take_it_away_either() -> None:
+    with pytest.raises(ModelError, match="neither removed nor renamed"):
+        load_text("without: [types Device]\n")
+    with pytest.raises(ModelError, match="kind stays number"):
+        load_text("without: [attributes Weight]\nattributes:\n  Weight: {kind: text}\n")
+    ontology = load_text("without: [attributes Weight]\nattributes:\n  Weight: {kind: number, unit: kg, maximum: 50}\n").ontology
+    assert ontology.attributes["Weight"].maximum == 50
