@@ -11,6 +11,7 @@ from msgspec import structs
 
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError, UsageError
+from somrs.ontology.check import check as check_formula
 from somrs.protocol.clients import Submit
 from somrs.protocol.replica import Replica
 from somrs.task_manager.setting import wrong_with
@@ -92,9 +93,27 @@ def check(task: Submit, blanks: tuple[Blank, ...], replica: Replica) -> None:
         if name not in used:
             raise UsageError(f"the blank {name} is in no formula; write {{{name}}} where it belongs, or remove it")
     examples = {name: _example(blank, replica) for name, blank in named.items()}
+    for formula in (task.effect, task.precondition):
+        if formula is not None:
+            _check_formula(formula, examples, replica)
     if (wrong := wrong_with(_written(task, examples), replica)) is not None:
-        told = f" (with {', '.join(f'{text} for {{{name}}}' for name, text in examples.items())})" if examples else ""
-        raise UsageError(f"{wrong}{told}")
+        raise UsageError(wrong)
+
+
+def _check_formula(formula: str, examples: Mapping[str, str], replica: Replica) -> None:
+    """Raises FormulaError, which says where in the formula as it was written, with its blanks."""
+    written = _write(formula, examples)
+    try:
+        check_formula(written, replica.ontology, replica.map)
+    except FormulaError as error:
+        position = error.position
+        for found in _BLANK.finditer(formula):
+            if found.start() >= position:
+                break
+            example = examples[found[1].strip()]
+            # Behind a blank everything is elsewhere; in one, it is the blank that is wrong.
+            position = max(found.start(), position - len(example) + len(found[0]))
+        raise FormulaError(formula, min(position, len(formula)), error.problem, error.hint) from None
 
 
 def filled(template: Template, values: Mapping[str, str], replica: Replica) -> Submit:
@@ -177,15 +196,18 @@ def _used(task: Submit) -> Iterator[str]:
 def _written(task: Submit, values: Mapping[str, str]) -> Submit:
     """The task with these texts in place of its blanks."""
 
-    def write(formula: str) -> str:
-        return _BLANK.sub(lambda found: values.get(found[1].strip(), found[0]), formula)
+    def write(formula: str | None) -> str | None:
+        return _write(formula, values) if formula is not None else None
 
     return structs.replace(
         task,
-        effect=write(task.effect),
-        precondition=write(task.precondition) if task.precondition is not None else None,
+        effect=_write(task.effect, values),
+        precondition=write(task.precondition),
         handlers=tuple(
-            structs.replace(handler, effect=write(handler.effect), when=write(handler.when) if handler.when is not None else None)
-            for handler in task.handlers
+            structs.replace(handler, effect=_write(handler.effect, values), when=write(handler.when)) for handler in task.handlers
         ),
     )
+
+
+def _write(formula: str, values: Mapping[str, str]) -> str:
+    return _BLANK.sub(lambda found: values.get(found[1].strip(), found[0]), formula)
