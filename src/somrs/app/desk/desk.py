@@ -14,9 +14,9 @@ from somrs.app.desk.formulas import FormulasDesk
 from somrs.app.desk.hub import Hub
 from somrs.app.desk.listener import Listener
 from somrs.app.desk.map import MapDesk
-from somrs.app.desk.ontology import OntologyDesk
 from somrs.app.desk.operations import Operation, operations
 from somrs.app.desk.orders import OrdersDesk
+from somrs.app.desk.owl import OwlDesk
 from somrs.app.desk.questions import QuestionsDesk
 from somrs.app.desk.records import RecordsDesk
 from somrs.app.desk.scene import SceneDesk
@@ -35,7 +35,7 @@ class Desk:
 
     def __init__(self, context: Context, clock: Clock | None = None) -> None:
         self.context = context
-        self.ontology = OntologyDesk(context)
+        self.ontology = OwlDesk(context)
         self.map = MapDesk(context)
         self.tasks = TasksDesk(context)
         self.fleet = FleetDesk(context)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 
 from somrs.errors import Problem, UsageError
-from somrs.ontology.naming import Renaming
+from somrs.ontology.naming import Named, Renaming
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 
@@ -29,10 +29,12 @@ class Format(StrEnum):
 
 
 class Read(Struct, frozen=True, kw_only=True):
-    """What a file says. `ontology` are the definitions that are in it, under the names that their IRIs give them; `renamings` says which of
-    them got another name. `notes`: what else is in the file, which is not taken over, and what to do about it."""
+    """What a file says. `ontology` are the definitions that are in it, under the names that their IRIs give them; `renamings` says which
+    of them got another name, `removed` which are marked as deprecated. `notes`: what else is in the file, which is not taken over, and
+    what to do about it."""
 
     ontology: Ontology
+    removed: tuple[Named, ...] = ()
     renamings: tuple[Renaming, ...] = ()
     map: Map
     notes: tuple[Problem, ...] = ()

@@ -10,7 +10,7 @@ from rdflib import OWL, RDF, RDFS, SH, URIRef
 from rdflib.term import Node
 
 from somrs.errors import ModelError
-from somrs.ontology.naming import Section
+from somrs.ontology.naming import Section, named
 from somrs.ontology.owl import Read
 from somrs.ontology.owl.kinds import Kinds
 from somrs.ontology.owl.ordering import in_order
@@ -39,7 +39,8 @@ def read(text: str, file: str, base: Ontology) -> Read:
     if source.problems:
         raise ModelError(sorted(dict.fromkeys(source.problems), key=lambda problem: problem.line or 0))
     notes = sorted(dict.fromkeys(source.notes), key=lambda note: (note.line or 0, note.subject))
-    return Read(ontology=ontology, renamings=tuple(dict.fromkeys(source.renamings)), map=map, notes=tuple(notes))
+    renamings = tuple(dict.fromkeys(source.renamings))
+    return Read(ontology=ontology, removed=tuple(source.removed), renamings=renamings, map=map, notes=tuple(notes))
 
 
 class _Reading:
@@ -78,6 +79,7 @@ class _Reading:
 
     def _each(self, nodes: Iterable[Node], read: Callable[[URIRef], D | None]) -> list[D]:
         found = {node: definition for node in each(iter(nodes)) if (definition := read(node)) is not None}
+        found = {node: definition for node, definition in found.items() if not self._is_removed(node, definition)}
         names: dict[str, URIRef] = {}
         for node, definition in found.items():
             if definition.name in names:
@@ -85,6 +87,12 @@ class _Reading:
                 self._source.problem(node, "duplicate", f"is called as <{other}> is; give one of them another name", definition.name)
             names[definition.name] = node
         return [found[node] for node in sorted(found, key=self._source.rank)]
+
+    def _is_removed(self, node: URIRef, definition: Definition) -> bool:
+        if not any(str(mark) in ("true", "1") for mark in self._source.take(node, OWL.deprecated)):
+            return False
+        self._source.removed.append(named(definition))
+        return True
 
     def _doc(self, node: Node) -> str:
         return self._source.text_of(node, RDFS.comment) or ""

@@ -57,6 +57,7 @@ class Source:
         self.problems: list[Problem] = []
         self.notes: list[Problem] = []
         self.renamings: list[Renaming] = []
+        self.removed: list[Named] = []
         self.graph = self._parsed()
         self._used: set[tuple[Node, Node, Node]] = set()
         self._names: dict[IdentifiedNode, str] = {}
