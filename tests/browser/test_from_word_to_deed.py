@@ -1,0 +1,82 @@
+"""The whole way through both windows: a word for a thing, the thing, a wish about it, and the deed; and a wish that a broken robot
+does not spoil."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from .conftest import Running, shoot
+from .test_define import field, middle
+from .test_ontology import heading, new_type, row, save
+from .test_scene import show, where
+from .test_tasks import WORK_TIME, call, carries, holds, jar_at_home, over, panel, until
+
+Open = Callable[..., Page]
+__all__ = ["jar_at_home"]
+
+
+def test_a_new_type_a_thing_of_it_and_a_task_with_it(system: Running, window: Open) -> None:
+    page = window(f"{system.url}/ontology")
+    new_type(page, "Jar", "Vase")
+    save(page)
+    expect(heading(page, "Vase")).to_be_visible()
+
+    page.goto(f"{system.url}/map")
+    other = window(f"{system.url}/map")
+    other.locator("[data-name=Table002]").first.wait_for(state="attached")
+    page.get_by_role("tab", name="Add").click()
+    page.get_by_role("searchbox", name="Find a type").fill("Vase")
+    row(page, "Vase").click()
+    table = page.locator("[data-name=Table002]").first.bounding_box()
+    assert table is not None
+    page.mouse.click(table["x"] + 0.3 * table["width"], table["y"] + 0.7 * table["height"])
+    dialog = page.get_by_role("dialog", name="New Vase")
+    dialog.get_by_role("textbox", name="Name").fill("Vase001")
+    dialog.get_by_role("button", name="Add").click()
+    expect(dialog).to_be_hidden()
+    expect(page.locator("[data-name=Vase001]").first).to_be_attached()
+    expect(other.locator("[data-name=Vase001]").first).to_be_attached()
+    assert holds(system, "Vase001 isOn Table002")
+
+    page.goto(f"{system.url}/define?effect=Vase001%20isOn%20Platform001")
+    page.get_by_role("button", name="Start").click()
+    page.wait_for_url("**/tasks/*")
+    expect(page.get_by_text("Accomplished").first).to_be_visible(timeout=WORK_TIME)
+    assert holds(system, "Vase001 isOn Platform001")
+
+
+@pytest.mark.usefixtures("jar_at_home")
+def test_a_wish_that_is_dragged_comes_true_though_a_robot_breaks(system: Running, window: Open) -> None:
+    page = window(f"{system.url}/define")
+    drawn = page.locator(".somrs-define-plan [data-name=Jar002]").first
+    drawn.wait_for(state="attached")
+    drawn.scroll_into_view_if_needed()
+    page.wait_for_load_state("networkidle")
+    page.mouse.move(*middle(page, "Jar002"))
+    page.mouse.down()
+    page.mouse.move(*middle(page, "Platform001"), steps=8)
+    page.mouse.up()
+    expect(field(page)).to_have_value("Jar002 isOn Platform001")
+    page.get_by_role("button", name="Start").click()
+    page.wait_for_url("**/tasks/*")
+    task = page.url.rpartition("/")[2]
+    until(system, task, carries)
+    call(system, "/fleet/Robot1/faults/drive", post=True)
+    told = panel(page, "Story")
+    expect(told).to_contain_text("Rung 1: replace", timeout=WORK_TIME)
+    shoot(page, "task-recovering-1280-light")
+    assert until(system, task, over, 120)["view"]["outcome"] == "accomplished"
+    expect(page.get_by_text("Accomplished").first).to_be_visible()
+
+    show(system, page)
+    page.wait_for_function(
+        """() => {
+            const at = somrsScene.where('Jar002');
+            return at && Math.hypot(at.x - 8.2, at.y - 2.5) < 0.5 && Math.abs(at.z - 0.3) < 0.05;
+        }"""
+    )
+    assert where(page, "Jar002")["z"] == pytest.approx(0.3, abs=0.05)
+    shoot(page, "map-3d-delivered-1280-light")
