@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import uuid
 
-from nicegui import background_tasks, ui
+from nicegui import app, background_tasks, ui
 
 from somrs.app.desk.desk import Desk
 from somrs.app.desk.formulas import CheckFormula
@@ -19,6 +19,7 @@ from somrs.app.gui.pages.define.wish import Wish
 from somrs.app.gui.pages.task_words import path
 from somrs.app.gui.shell import guarded, page, tell
 from somrs.errors import SomrsError
+from somrs.protocol.clients import Submit
 
 SETTLED = 0.4
 """Seconds within which the browser says what it kept."""
@@ -39,7 +40,7 @@ class _Define:
         self._desk = desk
         self._client = ui.context.client
         self._form = form = Form(desk, Draft(effect=effect, link=effect))
-        self._once = uuid.uuid4().hex
+        self._tried: tuple[Submit, str] | None = None
         with ui.element("div").classes("somrs-define-head"):
             ui.label("New task").classes("somrs-title").props('role="heading" aria-level="1"')
             self._templates = TemplateMenu(form)
@@ -91,10 +92,13 @@ class _Define:
             await give(self._form)
             self._form.clear()
             return
+        task = draft.task()
+        if self._tried is None or self._tried[0] != task:
+            self._tried = task, uuid.uuid4().hex
         self._start_button.disable()
         try:
-            # The same word until it was taken: then a task is not stated twice when an answer is lost.
-            submitted = await self._desk.tasks.submit(draft.task(), once=self._once)
+            # With the same word until it was taken: then it is not stated twice when an answer is lost.
+            submitted = await self._desk.tasks.submit(task, once=self._tried[1], by=app.storage.user.get("author"))
         except SomrsError:
             self._start_button.enable()
             raise

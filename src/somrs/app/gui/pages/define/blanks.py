@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 from msgspec import structs
 
@@ -58,12 +58,11 @@ def _instead(word: str, blanks: Mapping[str, str]) -> str:
     return f"{{{blanks[name]}}}{point}{path}" if name in blanks and not word.startswith(("?", '"', "#")) else word
 
 
-def proposed(things: Sequence[str], map: Map) -> dict[str, str]:
-    """A name for the blank of each thing: of its type, and numbered where that would not tell them apart."""
+def proposed(types: Mapping[str, str]) -> dict[str, str]:
+    """A name for the blank of each thing: of the type that may stand there, numbered where that would not tell them apart."""
     found: dict[str, str] = {}
-    for thing in things:
-        type_name = map.objects[thing].type
-        count = sum(1 for name in found.values() if name.rstrip("0123456789") == type_name)
+    for thing, type_name in types.items():
+        count = sum(1 for other in found if types[other] == type_name)
         found[thing] = f"{type_name}{count + 1}" if count else type_name
     return found
 

@@ -149,7 +149,9 @@ class _Repeating:
                 for day, name in enumerate(DAYS):
                     ui.checkbox(name, value=day in repeat.days, on_change=self._day(day)).props("dense")
             ui.label("Without a day: on all of them.").classes("somrs-soft")
-        self._field("Name of the order", "name", 'placeholder="What people call it"').classes("somrs-wide")
+        with ui.element("div").classes("somrs-define-inline"):
+            ui.label("called").classes("somrs-soft")
+            self._field("Name of the order", "name", 'placeholder="what people call it"').classes("somrs-define-name")
         if repeat.how != ONCE:
             skip = ui.checkbox("Leave a time out while the task before still runs", value=repeat.skip).props("dense")
             skip.on_value_change(lambda event: self._put("skip", event.value))

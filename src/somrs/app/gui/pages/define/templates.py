@@ -89,13 +89,12 @@ class TemplateMenu:
             return
         context = self._form.desk.context
         found = named(task, context.map)
-        blanks = proposed(found, context.map)
         asked = dict.fromkeys(found, False)
         types = {thing: context.map.objects[thing].type for thing in found}
         self._dialog.clear()
         with self._dialog, ui.card().classes("somrs-dialog"):
             ui.label("Keep as a template").classes("somrs-title")
-            name = _line("Name", self._form.draft.template, "What people call it")
+            called = _line("Name", self._form.draft.template, "What people call it")
             note = _line("Note", "", "What it is for")
             if found:
                 ui.label("What is asked for each time it is used").classes("somrs-define-label somrs-define-or")
@@ -110,14 +109,14 @@ class TemplateMenu:
                 ui.button("Cancel", on_click=self._dialog.close).props("flat no-caps")
 
                 async def save() -> None:
-                    wanted = [thing for thing in found if asked[thing]]
+                    blanks = proposed({thing: types[thing] for thing in found if asked[thing]})
                     saved = TemplateSaved(
-                        task=blanked(task, {thing: blanks[thing] for thing in wanted}),
-                        blanks=tuple(Blank(name=blanks[thing], type=types[thing], default=thing) for thing in wanted),
+                        task=blanked(task, blanks),
+                        blanks=tuple(Blank(name=name, type=types[thing], default=thing) for thing, name in blanks.items()),
                         note=(note.value or "").strip(),
                         by=author(),
                     )
-                    await self._save((name.value or "").strip(), saved)
+                    await self._save((called.value or "").strip(), saved)
 
                 ui.button("Keep", on_click=guarded(save)).props("unelevated no-caps color=primary")
         self._dialog.open()

@@ -19,7 +19,8 @@ class Wish:
 
     def __init__(self, form: Form, submit: Callable[[], Awaitable[None]]) -> None:
         self._form = form
-        with panel("What is to be", "flag", "define wish", "somrs-define-wish"):
+        with panel("What is to be", "flag", "define wish", "somrs-define-wish") as made:
+            made.note.set_text("Ctrl+Space: what can come. Ctrl+Enter: preview.")
             self.field = FormulaField(
                 "As a formula",
                 value=form.draft.effect,
