@@ -112,6 +112,8 @@ export default {
     version() {
       this.feed.stop();
       this.motion.restart();
+      this.world.works.clear();
+      this.alive = true;
       this.begin();
     },
   },
@@ -135,7 +137,10 @@ export default {
       drawn: () => Boolean(this.shown),
       refined: () => Boolean(this.stage?.refined),
     };
-    this.timer = setInterval(() => this.toldLate && this.tell(), 500);
+    this.timer = setInterval(() => {
+      if (this.none) this.step(performance.now() / 1000); // it is told in words, where things are
+      if (this.toldLate) this.tell();
+    }, 500);
   },
 
   beforeUnmount() {
@@ -177,8 +182,6 @@ export default {
     },
 
     begin() {
-      this.shown = false;
-      const version = this.version;
       this.feed = new Feed(
         {
           scene: (scene) => this.show(scene),
@@ -192,13 +195,12 @@ export default {
           robots: (works) => this.work(works),
           frame: (clock, which, values) => {
             this.motion.hear(clock, which, values, performance.now() / 1000);
-            this.stage?.want();
-            if (!this.stage) this.step(performance.now() / 1000);
+            if (which.length) this.stage?.want();
           },
           alive: (alive) => (this.alive = alive),
           trouble: (text) => (this.trouble = text),
         },
-        version,
+        this.version,
       );
       this.feed.isMover = (name) => this.motion.tracks.has(name);
     },
@@ -271,8 +273,11 @@ export default {
     // Drawing
 
     step(now) {
-      this.motion.play(now, (name, pose) => this.world.move(name, pose));
-      if (this.motion.active) this.toldLate = true;
+      if (this.motion.active) {
+        this.motion.play(now, (name, pose) => this.world.move(name, pose));
+        this.toldLate = true;
+        this.stage?.moved();
+      }
       const goes = this.pilot?.step(now);
       this.marks?.place();
       return this.motion.active || goes;
@@ -386,6 +391,7 @@ export default {
 
     onScreen(name) {
       // Where in the picture the object is, in px, for tests.
+      this.stage.camera.updateMatrixWorld();
       const point = this.point(name)?.project(this.stage.camera);
       const { clientWidth, clientHeight } = this.$refs.view;
       return point ? { x: ((point.x + 1) / 2) * clientWidth, y: ((1 - point.y) / 2) * clientHeight } : null;

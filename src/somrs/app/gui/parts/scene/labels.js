@@ -2,6 +2,7 @@
 import { THREE } from "nicegui-scene";
 
 const MOST = 90; // labels at once
+const KEPT = 400; // labels that are not made anew when they are seen again
 const GAP = 3; // px
 const BELOW = new Set(["furniture", "place"]);
 const SHARES = { floor: 0.5, furniture: 0, place: 0 }; // of a label's height that is above its point
@@ -47,7 +48,7 @@ export class Labels {
     if (name === this.selected || this.marked.has(name)) return 1000;
     if (!this.on) return this.world.works.get(name)?.faults?.length ? 900 : 0;
     if (body.kind === "robot") return this.world.works.get(name)?.faults?.length ? 900 : 500;
-    if (body.kind === "thing") return pixels > 5 ? 300 + pixels : 0;
+    if (body.kind === "thing") return pixels > 5 || this.few ? 300 + pixels : 0;
     if (body.kind === "place") return pixels > 22 ? 150 : 0;
     if (body.kind === "floor") return body.label && pixels > 150 ? 250 : 0;
     if (body.kind === "camera") return pixels > 4 ? 160 : 0;
@@ -58,6 +59,7 @@ export class Labels {
   draw(width, height) {
     const { camera } = this.stage;
     const scale = height / 2 / Math.tan(THREE.MathUtils.degToRad(camera.fov) / 2);
+    this.few = this.world.drawn.size < 60;
     const looking = camera.getWorldDirection(new THREE.Vector3());
     const above = Math.abs(looking.z); // 1: it is looked at from right above
     const found = [];
@@ -86,7 +88,7 @@ export class Labels {
     found.sort((a, b) => b.weight - a.weight);
     const taken = [];
     const shown = new Set();
-    for (const { name, body, left, top, weight } of found) {
+    for (const { name, body, left, top, weight } of found.slice(0, 3 * MOST)) {
       if (shown.size >= MOST) break;
       const label = this.label(name, body);
       const x = Math.round(Math.min(Math.max(left - label.width / 2, 2), width - label.width - 2));
@@ -100,7 +102,8 @@ export class Labels {
       label.shown = true;
     }
     for (const [name, label] of this.known) {
-      if (label.shown && !shown.has(name)) {
+      if (!shown.has(name) && this.known.size > KEPT) this.changed(name);
+      else if (label.shown && !shown.has(name)) {
         label.element.style.visibility = "hidden";
         label.shown = false;
       }

@@ -1,6 +1,8 @@
 // Motion between the poses that are told: what is drawn is where things were a tenth of a second ago, between the poses before and after.
+// Where poses come unevenly, as from a busy machine, it is drawn later, up to a limit, so that it stays even.
 
 const BEHIND = 0.1; // s
+const MOST_BEHIND = 0.6;
 const TICK = 0.05; // s between poses while something moves
 const MOST = 12; // poses kept of one mover
 const ANGLES = { 4: [3], 6: [3, 4, 5], 9: [3, 4, 7] };
@@ -16,6 +18,9 @@ export class Motion {
     this.moving = new Set();
     this.tracks.clear();
     this.offset = null;
+    this.late = 0;
+    this.behind = BEHIND;
+    this.played = null;
   }
 
   set(movers) {
@@ -57,6 +62,18 @@ export class Motion {
     if (this.offset === null || Math.abs(offset - this.offset) > 5) this.offset = offset;
     else if (offset < this.offset) this.offset += 0.2 * (offset - this.offset);
     else this.offset += 0.002 * (offset - this.offset);
+    this.late = Math.max(0.98 * this.late, offset - this.offset);
+  }
+
+  time(now) {
+    // The time of the other clock that is drawn now: it neither jumps nor goes back.
+    const wanted = Math.min(Math.max(BEHIND, this.late + TICK), MOST_BEHIND);
+    const passed = this.played === null ? Infinity : now - this.played;
+    this.played = now;
+    const change = wanted - this.behind;
+    // Later is at once half as fast, earlier slowly.
+    this.behind += Math.max(Math.min(change, 0.5 * passed), -0.1 * passed);
+    return now - this.offset - this.behind;
   }
 
   get active() {
@@ -66,7 +83,7 @@ export class Motion {
   // Call `draw(name, numbers)` for all that moved since it was called last.
   play(now, draw) {
     if (!this.moving.size) return;
-    const clock = now - this.offset - BEHIND;
+    const clock = this.time(now);
     for (const track of this.moving) {
       const poses = track.poses;
       while (poses.length > 1 && poses[1].clock <= clock) poses.shift();

@@ -26,10 +26,17 @@ export class Pilot {
   // Views
 
   fit(box, { fromAbove = false, at_once = false } = {}) {
-    // As near as all corners fit into the picture.
+    // As near as all corners fit into the picture; from as high above as that does not make it smaller.
     this.moved = false;
-    const toward = fromAbove ? new THREE.Vector3(0, -1e-3, 1) : new THREE.Vector3(-0.07, -0.85, 1.1);
-    toward.normalize();
+    const views = (fromAbove ? [90] : [66, 60, 54, 48, 42]).map((degrees) => this.framing(box, THREE.MathUtils.degToRad(degrees)));
+    const nearest = Math.min(...views.map((view) => view.distance));
+    const { target, position } = views.find((view) => view.distance <= 1.04 * nearest);
+    this.go(target, position, at_once);
+  }
+
+  framing(box, elevation) {
+    const toward = new THREE.Vector3(-0.06, -1, 0).setLength(Math.cos(elevation) + 1e-3).setZ(Math.sin(elevation)).normalize();
+    if (elevation > 1.5) toward.x = 0;
     const right = new THREE.Vector3().crossVectors(new THREE.Vector3(0, 0, 1), toward).normalize();
     const up = new THREE.Vector3().crossVectors(toward, right);
     const high = Math.tan(THREE.MathUtils.degToRad(this.camera.fov) / 2) * 0.94;
@@ -51,7 +58,7 @@ export class Pilot {
       target.addScaledVector(up, ((Math.max(...ys) + Math.min(...ys)) / 2) * distance * 0.8);
       target.addScaledVector(right, ((Math.max(...xs) + Math.min(...xs)) / 2) * distance * 0.8);
     }
-    this.go(target, target.clone().addScaledVector(toward, distance), at_once);
+    return { target, distance, position: target.clone().addScaledVector(toward, distance) };
   }
 
   look(at, distance) {

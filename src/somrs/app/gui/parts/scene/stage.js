@@ -6,10 +6,12 @@ const REST = 250; // ms after which all is at rest
 const FARTHEST = 30; // m around what is looked at in which shadows fall, in large buildings
 
 function drawnByProcessor() {
+  // Throws where nothing draws at all.
   const gl = document.createElement("canvas").getContext("webgl2");
-  const about = gl?.getExtension("WEBGL_debug_renderer_info");
+  if (!gl) throw new Error("no WebGL");
+  const about = gl.getExtension("WEBGL_debug_renderer_info");
   const name = about ? gl.getParameter(about.UNMASKED_RENDERER_WEBGL) : "";
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }
 
@@ -24,6 +26,7 @@ export class Stage {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.slow, alpha: true, powerPreference: "low-power" });
     this.renderer.setPixelRatio(this.ratio);
     this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.autoUpdate = false; // the camera's moves leave shadows as they are
     this.renderer.setClearColor(0x000000, 0);
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(38, 1, 0.05, 500);
@@ -60,6 +63,12 @@ export class Stage {
     this.want();
   }
 
+  moved() {
+    // Something throws its shadow elsewhere.
+    this.renderer.shadowMap.needsUpdate = true;
+    this.want();
+  }
+
   enclose(box) {
     // The ground lies under all there is; the light comes from where it throws short shadows to the north-east.
     this.box = box.clone();
@@ -71,6 +80,7 @@ export class Stage {
     this.camera.far = 12 * across + 100;
     this.camera.updateProjectionMatrix();
     this.shine(middle);
+    this.moved();
   }
 
   shine(target) {
@@ -88,6 +98,7 @@ export class Stage {
     this.sun.position.copy(at).add(new THREE.Vector3(-0.42, -0.5, 0.95).normalize().multiplyScalar(far));
     Object.assign(camera, { left: -half, right: half, top: half, bottom: -half, near: 0.5, far: 2 * far + whole });
     camera.updateProjectionMatrix();
+    this.renderer.shadowMap.needsUpdate = true;
     this.want();
   }
 
@@ -139,6 +150,7 @@ export class Stage {
     const shadows = this.refined ? THREE.PCFSoftShadowMap : THREE.BasicShadowMap;
     if (this.renderer.shadowMap.type !== shadows) {
       this.renderer.shadowMap.type = shadows;
+      this.renderer.shadowMap.needsUpdate = true;
       this.scene.traverse(({ material }) => material && (material.needsUpdate = true));
     }
     this.renderer.render(this.scene, this.camera);

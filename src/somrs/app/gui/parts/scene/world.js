@@ -1,6 +1,7 @@
 // All that there is, by name, and how it is drawn: the building and what stands around as a few geometries, what can move one by one.
 import { THREE } from "nicegui-scene";
 import { shell } from "./building.js";
+import { Crowd } from "./crowd.js";
 import { form } from "./forms.js";
 import { ownerOf, Pieces } from "./pieces.js";
 import { RobotBody } from "./robots.js";
@@ -33,6 +34,7 @@ export class World {
     this.bodies = new Map();
     this.types = {};
     this.drawn = new Map(); // what can move, by name: { object, set(pose), top }
+    this.crowds = new Map(); // of things that look the same
     this.works = new Map();
     this.low = true;
     this.level = null;
@@ -132,7 +134,7 @@ export class World {
     this.mesh(around, this.materials.solid);
     this.mesh(marks, this.materials.mark, { cast: false });
     this.mesh(made.glass, this.materials.glass, { cast: false });
-    for (const [name, one] of this.drawn) one.object.visible = this.seen(this.bodies.get(name), one.object.position.z);
+    for (const name of this.drawn.keys()) this.hide(name);
   }
 
   mesh(pieces, material, { cast = true } = {}) {
@@ -151,42 +153,69 @@ export class World {
     if (body.kind === "robot") {
       const robot = new RobotBody(body.radius ? body : { ...body, radius: body.size }, this.materials.solid);
       one = { object: robot.group, set: (pose) => robot.set(pose), dispose: () => robot.dispose(), top: () => robot.top };
+      this.group.add(robot.group);
     } else {
       one = this.thing(body);
     }
     this.drawn.set(body.name, one);
-    this.group.add(one.object);
   }
 
   thing(body) {
-    const pieces = new Pieces();
-    form(pieces, body, this.types[body.type] ?? []);
-    const mesh = new THREE.Mesh(pieces.geometry(), body.unknown ? this.materials.ghost : this.materials.solid);
-    mesh.castShadow = !body.unknown;
-    mesh.receiveShadow = true;
-    mesh.userData.name = body.name;
-    mesh.rotation.order = "ZYX";
+    const crowd = this.crowdOf(body);
+    const object = crowd.enter(body.name);
     const set = ([x, y, z, yaw, pitch = 0, roll = 0]) => {
-      mesh.position.set(x, y, z);
-      mesh.rotation.set(roll, pitch, yaw);
+      object.position.set(x, y, z);
+      object.rotation.set(roll, pitch, yaw);
+      object.place();
     };
     set([body.x, body.y, body.z, body.yaw]);
-    return { object: mesh, set, dispose: () => mesh.geometry.dispose(), top: () => body.height };
+    return { object, set, crowd, top: () => body.height };
+  }
+
+  crowdOf(body) {
+    const { type, form: shape, width, depth, height, radius, outline, color, unknown = false } = body;
+    const key = JSON.stringify([type, shape, width, depth, height, radius, outline, color, unknown]);
+    if (!this.crowds.has(key)) {
+      const pieces = new Pieces();
+      form(pieces, body, this.types[type] ?? []);
+      const material = unknown ? this.materials.ghost : this.materials.solid;
+      const crowd = new Crowd(this.group, pieces.geometry(), material, !unknown);
+      crowd.key = key;
+      this.crowds.set(key, crowd);
+    }
+    return this.crowds.get(key);
   }
 
   undraw(name) {
     const one = this.drawn.get(name);
     if (!one) return;
-    this.group.remove(one.object);
-    one.dispose();
     this.drawn.delete(name);
+    if (!one.crowd) {
+      this.group.remove(one.object);
+      one.dispose();
+      return;
+    }
+    one.crowd.leave(one.object);
+    if (one.crowd.empty) {
+      one.crowd.dispose();
+      this.crowds.delete(one.crowd.key);
+    }
   }
 
   move(name, pose) {
     const one = this.drawn.get(name);
     if (!one) return;
     one.set(pose);
-    if (this.level !== null) one.object.visible = this.seen(this.bodies.get(name), pose[2]);
+    if (this.level !== null) this.hide(name);
+  }
+
+  hide(name) {
+    // Whether it is on the level that is looked at.
+    const { object } = this.drawn.get(name);
+    const visible = this.seen(this.bodies.get(name), object.position.z);
+    if (visible === object.visible) return;
+    object.visible = visible;
+    object.place?.();
   }
 
   // Asked by others
@@ -224,15 +253,19 @@ export class World {
 
   bounds() {
     const box = new THREE.Box3().setFromObject(this.still);
-    for (const one of this.drawn.values()) if (one.object.visible) box.expandByObject(one.object);
+    const corner = new THREE.Vector3();
+    for (const [name, { object }] of this.drawn) {
+      const { x, y, z } = object.position;
+      if (object.visible) box.expandByPoint(corner.set(x, y, z)).expandByPoint(corner.set(x, y, z + this.top(name)));
+    }
     return box.isEmpty() ? new THREE.Box3(new THREE.Vector3(-2, -2, 0), new THREE.Vector3(2, 2, 1)) : box;
   }
 
   pick(raycaster) {
     // The nearest object in sight that the ray meets.
     for (const hit of raycaster.intersectObjects([this.group], true)) {
-      const { name, owners } = hit.object.userData;
-      const found = name ?? (owners ? ownerOf(owners, hit.faceIndex) : null);
+      const { name, names, owners } = hit.object.userData;
+      const found = name ?? names?.(hit.instanceId) ?? (owners ? ownerOf(owners, hit.faceIndex) : null);
       if (found && this.visible(found)) return found;
     }
     return null;

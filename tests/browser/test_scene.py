@@ -1,0 +1,317 @@
+"""The 3D view, with the simulator's robots moving in it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import time
+import urllib.request
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from .conftest import Running, shoot
+
+Window = Callable[..., Page]
+PATIENCE = 60_000.0
+"""Milliseconds; a busy machine draws slowly."""
+
+
+def opened(system: Running, window: Window, size: str = "1280", *, dark: bool = False) -> Page:
+    """A page that shows the building in three dimensions."""
+    page = window("about:blank", size, dark=dark)
+    show(system, page)
+    return page
+
+
+def show(system: Running, page: Page) -> None:
+    page.goto(f"{system.url}/map")
+    page.get_by_role("button", name="3D", exact=True).click()
+    page.wait_for_function("window.somrsScene?.drawn() && somrsScene.names().length > 20 && somrsScene.frames() > 0", timeout=PATIENCE)
+
+
+def at_rest(page: Page) -> None:
+    """Wait until it draws no more, and in full quality."""
+    page.wait_for_function(
+        """() => {
+            const frames = somrsScene.frames();
+            if (frames !== window.before) [window.before, window.since] = [frames, performance.now()];
+            return somrsScene.refined() && performance.now() - window.since > 700;
+        }""",
+        timeout=PATIENCE,
+    )
+
+
+def asked(system: Running, method: str, path: str, body: object = None) -> Any:
+    request = urllib.request.Request(f"{system.url}/api{path}", method=method)
+    if body is not None:
+        request.data = json.dumps(body).encode()
+    with urllib.request.urlopen(request, timeout=30) as answer:
+        return json.loads(answer.read() or b"null")
+
+
+def done(system: Running, wish: str) -> str:
+    """Submit a task. Its id."""
+    return str(asked(system, "POST", "/tasks", {"effect": wish, "author": "Ada"})["task"])
+
+
+def over(system: Running, task: str) -> None:
+    """Wait for the task's good end."""
+    until = time.monotonic() + 120
+    while time.monotonic() < until:
+        outcome = asked(system, "GET", f"/tasks/{task}")["view"]["outcome"]
+        if outcome is not None:
+            assert outcome == "accomplished"
+            return
+        time.sleep(0.3)
+    raise AssertionError(f"{task} does not end")
+
+
+def where(page: Page, name: str) -> dict[str, float]:
+    return dict(page.evaluate("name => somrsScene.where(name)", name))
+
+
+def facts(system: Running) -> list[list[str]]:
+    return [[fact["relation"], *fact["arguments"]] for fact in asked(system, "GET", "/map")["facts"]]
+
+
+def apart(one: dict[str, float], two: dict[str, float]) -> float:
+    return math.dist((one["x"], one["y"]), (two["x"], two["y"]))
+
+
+TRACE = """() => {
+    window.trace = [];
+    const look = () => {
+        const [one, two, jar] = ["Robot1", "Robot2", "Jar002"].map((name) => somrsScene.where(name));
+        window.trace.push({ one, two, jar });
+        requestAnimationFrame(look);
+    };
+    look();
+}"""
+
+
+def test_a_jar_is_seen_on_its_way_to_the_platform_by_all_who_look(system: Running, window: Window) -> None:
+    if ["isOn", "Jar002", "Platform001"] in facts(system):
+        over(system, done(system, "Jar002 isOn Cupboard001"))
+    pages = [opened(system, window), opened(system, window)]
+    for page in pages:
+        page.set_viewport_size({"width": 640, "height": 480})  # quickly drawn, even without a graphics card
+    start = where(pages[0], "Jar002")
+    assert where(pages[1], "Jar002") == pytest.approx(start, abs=0.005)
+    for page in pages:
+        page.evaluate(TRACE)
+    over(system, done(system, "Jar002 isOn Platform001"))
+    for page in pages:
+        page.wait_for_function("Math.hypot(somrsScene.where('Jar002').x - 8.2, somrsScene.where('Jar002').y - 2.5) < 0.5", timeout=PATIENCE)
+        expect(page.get_by_role("application")).to_have_attribute("aria-label", re.compile("2 robots"), timeout=PATIENCE)
+        at_rest(page)
+        jar = where(page, "Jar002")
+        assert jar["z"] == pytest.approx(0.3, abs=0.02), "it stands on the platform, which is 0.3 m high"
+        trace = page.evaluate("window.trace")
+        way = [one for one in trace if apart(one["jar"], start) > 0.7 and apart(one["jar"], jar) > 0.7]
+        assert way, "the jar is seen on its way"
+        assert all(min(apart(one["jar"], one[robot]) for robot in ("one", "two")) < 0.4 for one in way), "as a robot carries it"
+        places = {tuple(one[robot][axis] for robot in ("one", "two") for axis in "xy") for one in trace}
+        assert len(places) > 10, "the robot is seen on its way"
+    assert where(pages[0], "Jar002") == pytest.approx(where(pages[1], "Jar002"), abs=0.005), "both see the same"
+    pages[0].set_viewport_size({"width": 1280, "height": 800})
+    at_rest(pages[0])
+    shoot(pages[0], "scene-jar-1280-light")
+
+
+EVEN = """async ([late]) => {
+    const { Motion } = await import("somrs-scene");
+    const motion = new Motion();
+    motion.set([{ name: "Robot1", numbers: 4 }]);
+    // Poses of a robot that drives 1 m/s for 3 s and turns through the south, told at 20 Hz by another clock, some of them late.
+    const told = [];
+    for (let tick = 0; tick <= 60; tick++) {
+        const clock = tick / 20;
+        const yaw = Math.PI - 0.5 + clock / 3;
+        const pose = [clock, 0, 0, yaw > Math.PI ? yaw - 2 * Math.PI : yaw];
+        told.push({ clock, pose, at: 500 + clock + 0.002 + (tick % 9 === 4 ? late : 0) });
+    }
+    const steps = [];
+    let last = null;
+    for (let now = 500; now < 505; now += 1 / 60) {
+        while (told.length && told[0].at <= now) {
+            const { clock, pose } = told.shift();
+            motion.hear(1000 + clock, [0], new Float32Array(pose), now);
+        }
+        motion.play(now, (name, pose) => {
+            if (last) steps.push([pose[0] - last[0], Math.abs(Math.atan2(Math.sin(pose[3] - last[3]), Math.cos(pose[3] - last[3])))]);
+            last = [...pose];
+        });
+    }
+    return { steps, last, active: motion.active };
+}"""
+
+
+@pytest.mark.parametrize("late", [0.0, 0.08])
+def test_robots_are_drawn_in_even_motion_between_poses(system: Running, window: Window, late: float) -> None:
+    page = opened(system, window, "820")
+    drawn = page.evaluate(EVEN, [late])
+    assert drawn["last"][0] == pytest.approx(3)
+    assert not drawn["active"], "and when it stands, nothing is drawn"
+    begun = drawn["steps"][30:-10]  # once it knows how late poses come
+    assert all(0 <= step <= 2.1 / 60 for step, _ in begun), "it neither jumps nor goes back"
+    assert sum(step > 0.3 / 60 for step, _ in begun) > 0.8 * len(begun), "nor stands between two poses"
+    assert max(turn for _, turn in begun) < 0.05, "it turns the short way"
+
+
+def test_it_draws_only_when_something_changed(system: Running, window: Window) -> None:
+    page = opened(system, window)
+    at_rest(page)
+    frames = page.evaluate("somrsScene.frames()")
+    page.wait_for_timeout(2000)
+    assert page.evaluate("somrsScene.frames()") == frames
+
+
+def at(page: Page, name: str) -> tuple[float, float]:
+    found = page.evaluate("name => somrsScene.at(name)", name)
+    return found["x"], found["y"]
+
+
+def test_the_camera_is_moved_by_keys_and_buttons(system: Running, window: Window) -> None:
+    page = opened(system, window)
+    at_rest(page)
+    view = page.get_by_role("application")
+    middle = (view.bounding_box() or {"width": 0})["width"] / 2
+    before = at(page, "Cupboard001"), at(page, "Shelf001")
+    page.get_by_role("application").focus()
+
+    def span() -> float:
+        return math.dist(at(page, "Cupboard001"), at(page, "Shelf001"))
+
+    page.keyboard.press("ArrowLeft")
+    assert at(page, "Cupboard001") != before[0]
+    page.keyboard.press("ArrowRight")
+    assert at(page, "Cupboard001") == pytest.approx(before[0], abs=1)
+    near = span()
+    page.keyboard.press("+")
+    assert span() > 1.1 * near
+    page.keyboard.press("-")
+    assert span() == pytest.approx(near, rel=0.01)
+    page.keyboard.press("Shift+ArrowRight")
+    assert at(page, "Shelf001")[0] < before[1][0] - 10
+    page.keyboard.press("f")
+    page.wait_for_function(
+        "([x, y]) => Math.hypot(somrsScene.at('Shelf001').x - x, somrsScene.at('Shelf001').y - y) < 2", arg=list(before[1])
+    )
+    page.get_by_role("button", name="From above").click()
+    at_rest(page)
+    cupboard, shelf = at(page, "Cupboard001"), at(page, "Shelf001")
+    assert cupboard[1] == pytest.approx(shelf[1], abs=12), "from above, what stands at the same y is at the same height"
+    page.get_by_label("Follow").select_option("Robot1")
+    page.wait_for_function("middle => Math.abs(somrsScene.at('Robot1').x - middle) < 3", arg=middle, timeout=PATIENCE)
+
+
+def test_things_are_chosen_by_clicking_and_found_by_their_names(system: Running, window: Window) -> None:
+    page = opened(system, window)
+    at_rest(page)
+    box = page.get_by_role("application").bounding_box()
+    assert box is not None
+    x, y = at(page, "Platform001")
+    page.mouse.click(box["x"] + x, box["y"] + y)
+    card = page.locator(".somrs-scene-card")
+    expect(card).to_contain_text("Platform001")
+    expect(page.locator(".somrs-scene-label-selected")).to_have_text("Platform001")
+    page.get_by_role("application").focus()
+    page.keyboard.press("Escape")
+    expect(card).to_have_count(0)
+    page.get_by_role("button", name="List").click()
+    places = page.get_by_role("region", name="Where things are")
+    expect(places.get_by_role("button", name="Robot2")).to_contain_text("in Laboratory")
+    expect(places.get_by_role("button", name="Carton001")).to_contain_text("on Table002")
+    page.get_by_label("Find by name or type").fill("shelf")
+    places.get_by_role("button", name="Shelf001").click()
+    expect(card).to_contain_text("Shelf001")
+    expect(card).to_contain_text("in Store")
+
+
+def test_a_broken_robot_is_labelled_as_such(system: Running, window: Window) -> None:
+    page = opened(system, window)
+    label = page.locator(".somrs-scene-label-robot", has_text="Robot2")
+    expect(label).to_be_visible(timeout=PATIENCE)
+    asked(system, "POST", "/fleet/Robot2/faults/gripper")
+    try:
+        expect(label).to_contain_text("gripper stuck", timeout=PATIENCE)
+        expect(page.get_by_role("application")).to_have_attribute("aria-label", re.compile("Robot2: .*gripper stuck"), timeout=PATIENCE)
+    finally:
+        asked(system, "POST", "/fleet/Robot2/faults/gripper?repair=true")
+    expect(label).to_have_text("Robot2", timeout=PATIENCE)
+
+
+SOCKETS = """const Real = WebSocket;
+window.sockets = [];
+window.WebSocket = class extends Real {
+    constructor(...how) {
+        super(...how);
+        window.sockets.push(this);
+    }
+};"""
+
+
+def test_what_is_added_and_removed_is_seen_also_when_connections_are_lost(system: Running, window: Window) -> None:
+    page = window("about:blank")
+    page.add_init_script(SOCKETS)
+    show(system, page)
+    values = {"PositionX": 9.0, "PositionY": 5.0, "PositionZ": 0.0, "Shape.Form": "Box", "Shape.Width": 0.6, "Shape.Depth": 0.6}
+    table = {"name": "Table009", "type": "Table", "values": {**values, "Shape.Height": 0.7}}
+    asked(system, "POST", "/map/changes", {"changes": [{"type": "ObjectAdded", "object": table}], "author": "Ada"})
+    page.wait_for_function("somrsScene.where('Table009')?.x === 9", timeout=PATIENCE)
+    move = {"type": "ValueSet", "object": "Table009", "path": "PositionX", "value": 9.5}
+    asked(system, "POST", "/map/changes", {"changes": [move], "author": "Ada"})
+    page.wait_for_function("somrsScene.where('Table009').x === 9.5", timeout=PATIENCE)
+    page.evaluate("sockets.filter((one) => one.url.includes('/api/')).forEach((one) => one.close())")
+    asked(system, "POST", "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Table009"}], "author": "Ada"})
+    page.wait_for_function("somrsScene.where('Table009') === null", timeout=PATIENCE)
+    asked(system, "POST", "/fleet/Robot1/faults/gripper")
+    label = page.locator(".somrs-scene-label-robot", has_text="Robot1")
+    try:
+        expect(label).to_contain_text("gripper stuck", timeout=PATIENCE)
+    finally:
+        asked(system, "POST", "/fleet/Robot1/faults/gripper?repair=true")
+    expect(label).to_have_text("Robot1", timeout=PATIENCE)
+    expect(page.get_by_text("is being made again")).to_have_count(0)
+
+
+def test_without_webgl_it_is_told_in_words(system: Running, window: Window) -> None:
+    page = window("about:blank")
+    page.add_init_script(
+        """const real = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+            return /webgl/.test(kind) ? null : real.call(this, kind, ...more);
+        };"""
+    )
+    page.goto(f"{system.url}/map")
+    page.get_by_role("button", name="3D", exact=True).click()
+    expect(page.get_by_role("alert")).to_contain_text("WebGL is missing")
+    places = page.get_by_role("region", name="Where things are")
+    expect(places.get_by_role("button", name="Robot2")).to_contain_text("in Laboratory", timeout=PATIENCE)
+
+
+@pytest.mark.parametrize(("size", "dark"), [("1280", False), ("1920", True), ("820", False)])
+def test_it_looks_good(system: Running, window: Window, size: str, dark: bool) -> None:
+    page = opened(system, window, size, dark=dark)
+    at_rest(page)
+    view = page.get_by_role("application").bounding_box()
+    assert view is not None
+    for name in ("WallWest", "StoreWallEast", "WallNorth", "StoreWallSouth", "Robot1", "Jar003"):
+        x, y = at(page, name)
+        assert 0 < x < view["width"], f"{name} is in the picture"
+        assert 0 < y < view["height"], f"{name} is in the picture"
+    boxes = [box for one in page.locator(".somrs-scene-label").all() if one.is_visible() and (box := one.bounding_box())]
+    assert len(boxes) >= 8
+    for i, a in enumerate(boxes):
+        for b in boxes[i + 1 :]:
+            beside = a["x"] + a["width"] <= b["x"] or b["x"] + b["width"] <= a["x"]
+            above = a["y"] + a["height"] <= b["y"] or b["y"] + b["height"] <= a["y"]
+            assert beside or above, "no name lies upon another"
+    shoot(page, f"scene-{size}-{'dark' if dark else 'light'}")
+    page.get_by_label("Follow").select_option("Robot1")
+    at_rest(page)
+    shoot(page, f"scene-follow-{size}-{'dark' if dark else 'light'}")
