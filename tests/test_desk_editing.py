@@ -20,7 +20,7 @@ from somrs.app.desk.rest import application
 from somrs.errors import ModelError
 from somrs.ontology.files import load, load_text, upper
 from somrs.ontology.naming import Named, Renaming, Section
-from somrs.ontology.objects import Map, ValueSet
+from somrs.ontology.objects import Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import ObjectType, RelationType
 from somrs.protocol.knowledge import Define, Definitions, RenameObject, UpdateMap
 
@@ -186,6 +186,22 @@ def test_the_map_is_changed_renamed_undone_and_looked_back_on(tmp_path: Path) ->
         await known(desk, undone.version)
         now = await desk.map.read()
         assert Map(now.objects, now.facts) == Map(first.objects, first.facts)
+
+    desk(tmp_path, use)
+
+
+def test_the_map_of_the_past_is_the_same_however_it_is_found(tmp_path: Path) -> None:
+    async def use(desk: Desk) -> None:
+        await desk.map.change(UpdateMap(situation="Jar001 isOn Platform001"))
+        await desk.ontology.change(Define(renamed=(Renaming(section=Section.TYPES, name="Jar", to="Pot"),)))
+        await desk.map.rename(RenameObject(name="Platform001", to="Stage001"))
+        await desk.map.change(UpdateMap(changes=(ObjectRemoved("Tin001"), ValueSet("Jar001", "Weight", 0.5))))
+        last = await desk.map.undo(3)
+        await known(desk, last.version)
+        for version in range(last.version + 1):
+            seen = await desk.map.read(version=version)
+            assert seen.version == version
+            assert Map(seen.objects, seen.facts) == await desk.context.client.map(version)
 
     desk(tmp_path, use)
 

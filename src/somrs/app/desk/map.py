@@ -7,10 +7,14 @@ import msgspec
 from somrs.app.desk.context import Context
 from somrs.app.desk.operations import Document, operation
 from somrs.app.sitefile import dump_site
-from somrs.ontology.objects import Fact, Object
+from somrs.ontology.objects import Fact, Map, Object
 from somrs.protocol.knowledge import Considered, Events, History, ReadEvents, RenameObject, Rows, Updated, UpdateMap
+from somrs.repository.past import rewound
 
 YAML = "application/yaml"
+
+NEAR = 100
+"""So many changes are told in less time than a map of thousands of objects."""
 
 
 class MapSeen(msgspec.Struct, frozen=True, kw_only=True):
@@ -30,7 +34,7 @@ class MapDesk:
         """The whole map as it is now, or as it was at a version."""
         map, now = self._context.map, self._context.version
         if version is not None and version != now:
-            map, now = await self._context.client.map(version), version
+            map, now = await self._as_it_was(map, now, version), version
         return MapSeen(version=now, objects=tuple(map.objects.values()), facts=tuple(map.facts()))
 
     @operation("POST", "/map/changes")
@@ -80,3 +84,12 @@ class MapDesk:
         """The whole site as it is now, as a file that `somrs up` takes: the map, and what its ontology has beyond the upper one."""
         text = dump_site(self._context.ontology, self._context.map)
         return Document(content=text.encode(), media_type=YAML, name="site.yaml")
+
+    async def _as_it_was(self, map: Map, now: int, version: int) -> Map:
+        """The map at a version: of one that is near, what leads back is soon told; any other is read as a whole."""
+        if 0 < now - version <= NEAR:
+            found = await self._context.client.happened(ReadEvents(after=version, limit=now - version))
+            whole = [event.version for event in found.events] == [*range(version + 1, now + 1)] and found.since <= version
+            if whole and all(event.all_changes is None for event in found.events):
+                return rewound(map, (event.before for event in reversed(found.events)))
+        return await self._context.client.map(version)
