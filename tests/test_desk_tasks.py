@@ -13,6 +13,7 @@ from somrs.app.desk.desk import Desk
 from somrs.app.desk.hub import News
 from somrs.app.desk.refusals import NotFound
 from somrs.app.desk.tasks import TaskChanged, TasksChanged
+from somrs.app.tasks import task as shown
 from somrs.errors import UsageError
 from somrs.protocol.clients import ContractView, MessageView, Phase, Submit
 from somrs.protocol.frp import Outcome, State
@@ -216,3 +217,19 @@ def test_a_thousand_messages_are_followed_without_reading_them_again(tmp_path: P
         assert len(heard) < 100, "what happens in a fifth of a second is told together"
 
     played(tmp_path, scenario, Porter("Robot1", seconds=3, steps=1000))
+
+
+def test_the_command_line_shows_bids_and_messages_of_a_task_that_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    async def scenario(system: SmallSystem, desk: Desk) -> None:
+        system.addresses.write(tmp_path)
+        task = (await desk.tasks.submit(Submit(effect=WISH))).task
+        while (await desk.tasks.read(task)).view.phase is not Phase.EXECUTING:
+            await asyncio.sleep(0.02)
+        await shown(task, tmp_path, messages=False, picture=None, json=False)
+        said = capsys.readouterr().out
+        assert "✔ 10 EUR" in said
+        assert "another service was" in said
+        await shown(task, tmp_path, messages=True, picture=None, json=False)
+        assert "Execute" in capsys.readouterr().out
+
+    played(tmp_path, scenario, Porter("Robot1", price=10, seconds=5), Porter("Robot2", price=20))

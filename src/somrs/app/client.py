@@ -260,15 +260,27 @@ class Client:
             after, more = news.version, news.more
         return tuple(sorted(found.values(), key=lambda row: (row.submitted_at, row.task), reverse=True))
 
-    async def events(self, task: str) -> tuple[clients.TaskView, tuple[clients.TaskEvent, ...]]:
-        """The task as it is now, and all that happened to it."""
+    async def seen(self, task: str) -> clients.TaskNews:
+        """The task as it is now, with all that happened to it, and, as long as it runs, all who were asked for its steps."""
         events: tuple[clients.TaskEvent, ...] = ()
-        while True:
-            watch = clients.WatchTask(task=task, after=len(events), wait=0)
-            news = await self.watch(watch)
+        contracts: dict[str, clients.ContractView] = {}
+        changed, more = 0, True
+        while more:
+            news = await self.watch(clients.WatchTask(task=task, after=len(events), contracts=changed, wait=0))
             events += news.events
-            if not news.more:
-                return news.view, events
+            contracts |= {contract.participant: contract for contract in news.contracts}
+            changed, more = news.contracts_at, news.more
+        asked = sorted(contracts.values(), key=lambda contract: contract.number)
+        return msgspec.structs.replace(news, events=events, contracts=tuple(asked))
+
+    async def all_messages(self, task: str) -> tuple[clients.MessageView, ...]:
+        """Those of a task, whether it runs or is over."""
+        found: tuple[clients.MessageView, ...] = ()
+        more = True
+        while more:
+            page = await self.messages(task, len(found))
+            found, more = found + page.messages, page.more
+        return found
 
     async def tasks(self, *, running: bool = False, limit: int | None = None) -> tuple[clients.TaskView, ...]:
         """The tasks that the Task Manager has in mind, newest first: all, or those that are not over."""

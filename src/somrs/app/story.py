@@ -19,15 +19,16 @@ from somrs.protocol.frp import State
 
 
 class Story(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known of a task. Only of one that is over there is a record, with its terms and messages."""
+    """What is known of a task. Only of one that is over there is a record."""
 
     view: TaskView
     events: tuple[TaskEvent, ...] = ()
+    contracts: tuple[ContractView, ...] = ()
     record: TaskRecord | None = None
 
     @classmethod
     def of(cls, record: TaskRecord) -> Story:
-        return cls(view=view(record), events=record.events, record=record)
+        return cls(view=view(record), events=record.events, contracts=record.contracts, record=record)
 
 
 def view(record: TaskRecord) -> TaskView:
@@ -38,7 +39,8 @@ def view(record: TaskRecord) -> TaskView:
 
 def builtins(story: Story) -> dict[str, Any]:
     """For programs: one flat object, with the fields of a TaskView, and `events`; and of a TaskRecord, once there is one."""
-    found: dict[str, Any] = msgspec.to_builtins(story.view) | {"events": msgspec.to_builtins(story.events)}
+    more = {"events": story.events, "contracts": story.contracts}
+    found: dict[str, Any] = msgspec.to_builtins(story.view) | msgspec.to_builtins(more)
     return found if story.record is None else found | msgspec.to_builtins(story.record)
 
 
@@ -50,8 +52,8 @@ def tell(story: Story, console: Console) -> None:
         parts.append(show.steps("Plan" if record is None else "Last plan", seen.steps))
     if seen.work:
         parts.append(work(seen.work))
-    if record is not None and record.contracts:
-        parts.append(contracts(record.contracts))
+    if story.contracts:
+        parts.append(contracts(story.contracts))
     if story.events:
         parts.append(Group(Text("Events", style="bold"), show.events(story.events)))
     for number, part in enumerate(parts):

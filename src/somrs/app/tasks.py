@@ -14,7 +14,7 @@ from somrs.app.client import Addresses, Client
 from somrs.app.past import Past, past
 from somrs.app.procedures import handler
 from somrs.app.story import Story
-from somrs.app.trace import Follower, Line, lines_of, without_heartbeats
+from somrs.app.trace import Line, lines_from, lines_of, without_heartbeats
 from somrs.errors import FormulaError, UsageError
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.clients import EventKind, ReadRecords, Submit, TaskNews, TaskView
@@ -101,7 +101,7 @@ async def task(name: str, data: Path, *, messages: bool, picture: Path | None, j
         raise UsageError(f"`somrs task` shows a task, by its id; to have a formula made true: somrs do '{name}'")
     async with past(data) as archive:
         found = await _story(name, archive)
-    lines = lines_of(found.record) if found.record is not None else _passed(found.view.task, data)
+        lines = await _lines(found, archive) if messages or picture is not None else []
     if picture is not None:
         picture.write_text(chart(without_heartbeats(lines), found.view.effect), encoding="utf-8")
         print(f"{picture}: {len(lines)} messages")
@@ -113,9 +113,12 @@ async def task(name: str, data: Path, *, messages: bool, picture: Path | None, j
         story.tell(found, show.console())
 
 
-def _passed(task: str, data: Path) -> list[Line]:
-    """The messages of a task that runs, as far as they are written down here."""
-    return [line for line in Follower(data / "messages.jsonl").new() if line.transaction == task]
+async def _lines(found: Story, archive: Past) -> list[Line]:
+    """The messages of the task, so far."""
+    if found.record is not None:
+        return lines_of(found.record)
+    assert archive.client is not None, "what is not kept was heard from the running system"
+    return lines_from(await archive.client.all_messages(found.view.task), found.view.task)
 
 
 async def _story(name: str, archive: Past) -> Story:
@@ -125,8 +128,8 @@ async def _story(name: str, archive: Past) -> Story:
     if records:
         return Story.of(records[0])
     assert archive.client is not None, "what is not kept was heard from the running system"
-    view, events = await archive.client.events(id)
-    return Story(view=view, events=events)
+    seen = await archive.client.seen(id)
+    return Story(view=seen.view, events=seen.events, contracts=seen.contracts)
 
 
 async def _kept(name: str, archive: Past) -> list[str]:

@@ -19,7 +19,6 @@ from somrs.errors import RemoteError, UsageError
 from somrs.protocol.clients import (
     ContractView,
     Messages,
-    MessageView,
     Phase,
     Preview,
     Previewed,
@@ -29,7 +28,6 @@ from somrs.protocol.clients import (
     TaskEvent,
     TaskRow,
     TaskView,
-    WatchTask,
 )
 from somrs.protocol.envelope import message_id
 
@@ -101,11 +99,7 @@ class TasksDesk:
     async def chart(self, id: str) -> Document:
         """The messages of a task as a picture (SVG): of signs of life in a row, the last."""
         task = await self._named(id)
-        found: tuple[MessageView, ...] = ()
-        more = True
-        while more:
-            page = await self._client.messages(task, len(found))
-            found, more = found + page.messages, page.more and bool(page.messages)
+        found = await self._client.all_messages(task)
         seen = await self.read(task)
         drawn = chart(without_heartbeats(lines_from(found, task)), seen.view.effect)
         return Document(content=drawn.encode(), media_type="image/svg+xml", name=f"messages-{task.rpartition(':')[2][:8]}.svg")
@@ -117,22 +111,15 @@ class TasksDesk:
 
     async def _known(self, task: str) -> TaskSeen | None:
         """As the Task Manager has it in mind, if it does."""
-        events: tuple[TaskEvent, ...] = ()
-        contracts: dict[str, ContractView] = {}
-        changed, more = 0, True
-        while more:
-            try:
-                news = await self._client.watch(WatchTask(task=task, after=len(events), contracts=changed, wait=0))
-            except Unanswered:
-                raise
-            except RemoteError:
-                return None
-            events += news.events
-            contracts |= {contract.participant: contract for contract in news.contracts}
-            changed, more = news.contracts_at, news.more
-        over = news.view.phase is Phase.ENDED
-        asked = await final_contracts(self._client, task) if over else sorted(contracts.values(), key=lambda contract: contract.number)
-        return TaskSeen(view=news.view, events=events, contracts=tuple(asked), messages=news.messages)
+        try:
+            seen = await self._client.seen(task)
+        except Unanswered:
+            raise
+        except RemoteError:
+            return None
+        over = seen.view.phase is Phase.ENDED
+        contracts = await final_contracts(self._client, task) if over else seen.contracts
+        return TaskSeen(view=seen.view, events=seen.events, contracts=contracts, messages=seen.messages)
 
     async def _kept(self, task: str) -> TaskSeen:
         """As its record says."""
