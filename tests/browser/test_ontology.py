@@ -29,8 +29,10 @@ def choose(page: Page, where: Locator, label: str, value: str) -> None:
     """Choose in a list by typing, as people do."""
     field = where.get_by_role("combobox", name=label)
     field.click()
+    page.get_by_role("option").first.wait_for()
     field.fill(value)
-    page.get_by_role("option", name=value, exact=True).first.click()
+    page.get_by_role("option", name=value, exact=True).click()
+    expect(page.get_by_role("option")).to_have_count(0)
 
 
 def new_type(page: Page, parent: str, name: str) -> None:

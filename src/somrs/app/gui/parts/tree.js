@@ -42,8 +42,9 @@ export default {
     this.reveal(this.selected);
   },
   mounted() {
-    const row = this.row(this.selected);
-    if (row) this.$refs.rows.scrollTop = row.offsetTop - this.$refs.rows.offsetTop - this.$refs.rows.clientHeight / 2;
+    const rows = this.$refs.rows;
+    const below = (this.row(this.selected)?.offsetTop ?? 0) - rows.offsetTop;
+    if (below > rows.clientHeight - 60) rows.scrollTop = below - rows.clientHeight / 2;
   },
   watch: {
     nodes(now, before) {

@@ -60,7 +60,8 @@ class Actions:
             choice.props("outlined dense autofocus options-dense").classes("somrs-onto-full")
             _buttons(dialog, "Move", lambda: (choice.value,))
         answer = await dialog
-        dialog.delete()
+        if not dialog.is_deleted:
+            dialog.delete()
         if answer is not None and answer[0] != definition.parent:
             await self.move(section, name, answer[0])
 
@@ -141,7 +142,8 @@ async def _asked(title: str, label: str, value: str) -> str | None:
         field.on("keydown.enter", lambda: dialog.submit(field.value.strip()))
         _buttons(dialog, "Go on", lambda: field.value.strip())
     answer: str | None = await dialog
-    dialog.delete()
+    if not dialog.is_deleted:
+        dialog.delete()
     return answer
 
 

@@ -29,7 +29,8 @@ async def confirmed(title: str, verb: str, found: Consequences, renamed: Sequenc
             if possible:
                 ui.button(verb, on_click=lambda: dialog.submit(True)).props("unelevated no-caps autofocus")
     answer = await dialog
-    dialog.delete()
+    if not dialog.is_deleted:
+        dialog.delete()
     return bool(answer)
 
 
@@ -46,12 +47,12 @@ def show(found: Consequences, renamed: Sequence[Renaming] = ()) -> None:
                         Word("td", offer.service)
                         Word("td", offer.provider)
                         Word("td", offer.problem)
-    revised = changed(found.revision, renamed)
+    revised = changed(found.revision, renamed) if not found.broken else []
     if revised:
         with ui.element("section"):
             _heading("edit_note", f"{_count(len(revised), 'definition')} {'changes' if len(revised) == 1 else 'change'}", "accent")
             revision(revised)
-    if found.changes:
+    if found.changes and not found.broken:
         with ui.element("section"):
             total = max(found.all_changes, len(found.changes))
             _heading("map", f"The map changes with it: {_count(total, 'change')}", "accent")

@@ -30,6 +30,9 @@ class Shown(Protocol):
     error: str | None
 
     @property
+    def id(self) -> int: ...
+
+    @property
     def is_deleted(self) -> bool: ...
 
     def run_method(self, name: str) -> object: ...
@@ -53,6 +56,10 @@ class Formula:
     def error(self, error: str | None) -> None:
         self._said.text = error or ""
         self._said.visible = error is not None
+
+    @property
+    def id(self) -> int:
+        return self.field.id
 
     @property
     def is_deleted(self) -> bool:
@@ -152,7 +159,7 @@ class Fields:
         field = ui.select(
             known, label=label, value=value if value in known else None, with_input=len(known) > 8, on_change=self._hear(path, then)
         )
-        field.props("outlined dense options-dense").props(add="clearable" if len(known) > 8 and None not in known else "")
+        field.props("outlined dense options-dense")
         mirror = CHOSEN if not isinstance(options, Mapping) else f"{json.dumps([*known])}[value?.value] ?? null"
         return self._made(field, path, hint, width, "update:model-value", mirror)
 
@@ -236,7 +243,9 @@ class Fields:
                 self.keep()
                 first = next((field for known, field in self._at.items() if f"{known}.".startswith(f"{path}.{last}.")), None)
                 if first is not None:
-                    first.run_method("focus")
+                    # Whoever was quicker has opened its list already, which focusing would close.
+                    quicker = f"document.getElementById('c{first.id}')?.contains(document.activeElement)"
+                    ui.run_javascript(f"if (!{quicker}) runMethod({first.id}, 'focus', [])")
 
             again()
             with ui.element("div"):

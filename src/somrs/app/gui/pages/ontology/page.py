@@ -69,7 +69,8 @@ class OntologyPage:
         self._frame()
         ui.on("somrs-ontology-back", self._back)
         follow(desk.context.hub, "ontology", self._refresh, self._heard)
-        follow(desk.context.hub, "map", self._look_around, self._moved)
+        # The Repository takes no change that breaks a rule: what is broken all the same is so from the start.
+        follow(desk.context.hub, "map", self._look_for_problems, self._moved)
 
     def _frame(self) -> None:
         with ui.element("div").classes("somrs-onto"):
@@ -297,7 +298,6 @@ class OntologyPage:
             self._editor.look()
         elif [*before] != [*self._seen.ontology]:
             self._show()
-        await self._look_for_problems()
 
     async def _follow_renamed(self, before: Ontology) -> None:
         """What is open and has another name since is open by that one."""
@@ -335,9 +335,6 @@ class OntologyPage:
 
     def _all_marks(self) -> dict[tuple[str, str], str]:
         return {at: text for marks in (self._marks, *self._wrong.values()) for at, text in marks.items()}
-
-    async def _look_around(self) -> None:
-        """Nothing: what the map has is read with the ontology."""
 
     async def _moved(self, news: News) -> None:
         """Objects that come and go are counted; where things are is not shown here."""
