@@ -77,25 +77,33 @@ def rename(
 
 @ontology_app.command()
 def export(
-    out: Annotated[Path, typer.Argument(help="The YAML file to write.")],
-    whole: Annotated[bool, typer.Option("--whole", help="With what the upper ontology has, too.")] = False,
+    out: Annotated[Path, typer.Argument(help="The file to write: .yaml; or OWL 2: .ttl (Turtle), .rdf or .owl (RDF/XML).")],
+    whole: Annotated[bool, typer.Option("--whole", help="Of YAML: with what the upper ontology has, too. OWL has it always.")] = False,
+    map: Annotated[bool, typer.Option("--map", help="Of OWL: with the map's objects. `somrs map export` writes them as YAML.")] = False,
+    shapes: Annotated[bool, typer.Option(help="Of OWL: with the rules for maps as SHACL shapes; editors of OWL need none.")] = True,
     data: Data = HERE,
 ) -> None:
     """Write the ontology as it is now to a file."""
-    from somrs.app.editing import export as run
+    from somrs.app import editing, owl_files
 
-    awaited(run(out, data, whole=whole))
+    if owl_files.is_owl(out):
+        awaited(owl_files.export(out, data, map=map, shapes=shapes))
+    else:
+        awaited(editing.export(out, data, whole=whole))
 
 
 @ontology_app.command(name="import")
 def import_(
-    file: Annotated[Path, typer.Argument(help="A YAML file with definitions.")],
+    file: Annotated[Path, typer.Argument(help="A file with definitions: YAML, or OWL (.ttl, .rdf, .owl, .xml).")],
+    map: Annotated[bool, typer.Option("--map", help="Of OWL: put its individuals on the map, too, as the file has them.")] = False,
     author: Author = SOMEBODY,
     dry: Dry = False,
     data: Data = HERE,
     json: Json = False,
 ) -> None:
     """Take over the definitions of a file: they are added, or replace those of the same names."""
-    from somrs.app.editing import take_over as run
+    from somrs.app import editing, owl_files
 
-    sys.exit(awaited(run(file, author, data, dry=dry, json=json)))
+    if owl_files.is_owl(file):
+        sys.exit(awaited(owl_files.take_over(file, author, data, map=map, dry=dry, json=json)))
+    sys.exit(awaited(editing.take_over(file, author, data, dry=dry, json=json)))

@@ -9,17 +9,13 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from typing import ParamSpec, TypeVar
 
-from somrs.app.desk.ontology import Consequences, Imported, ImportOntology, OntologyDesk
+from somrs.app.desk.ontology import Imported, ImportOntology, OntologyDesk
 from somrs.app.desk.operations import Document, operation
-from somrs.errors import ModelError, Problem
+from somrs.app.owl_files import OwlChange
+from somrs.errors import Problem
 from somrs.ontology import owl
-from somrs.ontology.conformance import violations_of
-from somrs.ontology.naming import find, revised
-from somrs.ontology.objects import Change, Map, differences, objects_of
-from somrs.ontology.renaming import Renamer
-from somrs.ontology.types import Ontology
-from somrs.protocol.knowledge import Define, Revision, UpdateMap
-from somrs.repository.outcome import revision
+from somrs.ontology.objects import Change
+from somrs.protocol.knowledge import UpdateMap
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -71,14 +67,10 @@ class OwlDesk(OntologyDesk):
         """
         ontology = self._context.ontology
         found = await _beside(len(body.text) > LONG, owl.read, body.text, body.file, ontology)
-        define, after, renamer = _change(ontology, found, body)
-        consequences = await self._consequences(define)
-        changes: tuple[Change, ...] = ()
-        if map:
-            before = _renamed(self._context.map, renamer)
-            changes = _on_map(before, _renamed(found.map, renamer))
-            _check(before, changes, after, body.file)
-        version = None if dry else await self._carry_out(define, changes, consequences)
+        change = OwlChange(found, ontology, body.author, body.expected_version)
+        consequences = await self._consequences(change.define)
+        changes = change.on_map(self._context.map, body.file) if map else ()
+        version = None if dry else await self._carry_out(change, changes)
         return ImportedOwl(
             consequences=consequences,
             version=version,
@@ -88,50 +80,12 @@ class OwlDesk(OntologyDesk):
             all_on_map=len(changes),
         )
 
-    async def _carry_out(self, define: Define, changes: tuple[Change, ...], consequences: Consequences) -> int:
+    async def _carry_out(self, change: OwlChange, changes: tuple[Change, ...]) -> int:
         """First the ontology, as the objects may need it."""
-        version = consequences.version
-        if consequences.revision or not changes:
-            version = await self._context.client.define(define)
-        if changes:
-            version = await self._context.client.update(UpdateMap(changes=changes, author=define.author))
-        return version
-
-
-def _change(ontology: Ontology, found: owl.Read, body: ImportOntology) -> tuple[Define, Ontology, Renamer]:
-    """The change that leads to what the file says, the ontology after it, and what it renames."""
-    renamer = Renamer(found.renamings, ontology.extended(found.ontology))
-    removed = tuple(what for what in found.removed if find(ontology, what) is not None)
-    before = renamer.ontology(revised(ontology, removed, ()))
-    after = before.extended(renamer.definition(one) for one in found.ontology)
-    change = revision(before, after) or Revision()
-    define = Define(
-        definitions=change.after,
-        removed=removed,
-        renamed=found.renamings,
-        author=body.author,
-        expected_version=body.expected_version,
-    )
-    return define, after, renamer
-
-
-def _renamed(map: Map, renamer: Renamer) -> Map:
-    return map.changed(renamer.changes(map))
-
-
-def _on_map(now: Map, file: Map) -> tuple[Change, ...]:
-    """What leads to a map on which the file's objects are as it says, with the facts whose first argument they are; others stay."""
-    facts = [fact for fact in now.facts() if not fact.arguments or fact.arguments[0] not in file.objects]
-    after = Map({**now.objects, **file.objects}.values(), [*facts, *file.facts()])
-    return tuple(differences(now, after))
-
-
-def _check(before: Map, changes: tuple[Change, ...], ontology: Ontology, file: str) -> None:
-    """Raises ModelError when the map would not conform."""
-    objects = {name for change in changes for name in objects_of(change)}
-    broken = violations_of(before.changed(changes), ontology, objects)
-    if broken:
-        raise ModelError([Problem(file=file, line=None, subject=one.subject, rule=one.rule, message=one.message) for one in broken])
+        client, version = self._context.client, self._context.version
+        if change.changes_ontology or not changes:
+            version = await client.define(change.define)
+        return await client.update(UpdateMap(changes=changes, author=change.define.author)) if changes else version
 
 
 async def _beside(much: bool, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:

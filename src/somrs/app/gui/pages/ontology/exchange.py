@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
-from typing import Any
+from collections.abc import Awaitable, Sequence
 
 from nicegui import events, ui
 
 from somrs.app.desk.desk import Desk
 from somrs.app.desk.ontology import Imported, ImportOntology
+from somrs.app.desk.owl import ImportedOwl
 from somrs.app.gui.pages.ontology.consequences import show
 from somrs.app.gui.pages.ontology.pieces import Word, cell, note, row, table, titled
 from somrs.app.gui.shell import author, tell
@@ -26,6 +26,8 @@ def export_menu() -> None:
         ("YAML: what is beyond the upper ontology", "/api/ontology/export.yaml"),
         ("YAML: all of it", "/api/ontology/export.yaml?whole=true"),
         ("OWL 2 with SHACL (Turtle)", "/api/ontology/export.ttl"),
+        ("OWL 2 with SHACL (RDF/XML)", "/api/ontology/export.ttl?format=xml"),
+        ("OWL 2 with SHACL and the map (Turtle)", "/api/ontology/export.ttl?map=true"),
     )
     with ui.button("Export", icon="download").props("flat dense no-caps"), ui.menu().props("auto-close"):
         for label, address in files:
@@ -45,6 +47,8 @@ class Import:
                 'accept=".yaml,.yml,.ttl,.owl,.rdf,.xml" flat bordered hide-upload-btn'
             ).classes("somrs-onto-upload")
             self._body = ui.element("div").classes("somrs-onto-dialog-body").props('aria-live="polite"')
+            self._map = ui.checkbox("", on_change=self._consider)
+            self._map.visible = False
             with ui.row().classes("somrs-onto-buttons"):
                 ui.button("Go back", on_click=self._dialog.close).props("flat no-caps")
                 self._take_over = ui.button("Take over", on_click=self._carry_out).props("unelevated no-caps")
@@ -54,8 +58,8 @@ class Import:
 
     async def _take(self, event: events.UploadEventArguments) -> None:
         self._file = event.file.name
-        self._take_over.visible = False
-        self._body.clear()
+        self._take_over.visible = self._map.visible = False
+        self._map.value = False
         try:
             self._text = (await event.file.read()).decode()
         except UnicodeDecodeError:
@@ -63,6 +67,13 @@ class Import:
                 [Problem(file=self._file, line=None, subject="file", rule="encoding", message="is no text in UTF-8; save it as such")]
             )
             return
+        await self._consider()
+
+    async def _consider(self) -> None:
+        """Show what would come of the file."""
+        if not self._text:
+            return
+        self._take_over.visible = False
         try:
             found = await self._run(dry=True)
         except ModelError as error:
@@ -70,15 +81,30 @@ class Import:
         except SomrsError as error:
             self._refused(str(error))
         else:
+            self._body.clear()
             with self._body:
                 show(found.consequences)
+                if isinstance(found, ImportedOwl):
+                    self._show_besides(found)
             self._take_over.visible = not found.consequences.broken
+
+    def _show_besides(self, found: ImportedOwl) -> None:
+        """What else is in an OWL file: objects, and what there are no words for."""
+        self._map.visible = found.objects > 0
+        individuals = f"{found.objects} individuals" if found.objects != 1 else "one individual"
+        self._map.text = f"Put its {individuals} on the map, too: what the file says of them counts"
+        if self._map.value:
+            note(f"Changes of the map by its individuals: {found.all_on_map}.")
+        if found.notes:
+            Word("h3", f"Not taken over: {len(found.notes)}").classes("somrs-onto-heading")
+            self._list(found.notes, "What to do")
 
     def _run(self, *, dry: bool) -> Awaitable[Imported]:
         ending = self._file[self._file.rfind(".") :].lower()
-        desk: Any = self._desk.ontology
-        bring: Callable[..., Awaitable[Imported]] = desk.import_owl if KINDS.get(ending) == "owl" else desk.import_yaml
-        return bring(ImportOntology(text=self._text, file=self._file, author=author()), dry=dry)
+        body = ImportOntology(text=self._text, file=self._file, author=author())
+        if KINDS.get(ending) == "owl":
+            return self._desk.ontology.import_owl(body, dry=dry, map=self._map.value)
+        return self._desk.ontology.import_yaml(body, dry=dry)
 
     async def _carry_out(self) -> None:
         try:
@@ -97,18 +123,21 @@ class Import:
 
     def _say(self, problems: list[Problem]) -> None:
         """Problems where they are: each with its line, and what stands there."""
-        lines = self._text.splitlines()
         self._body.clear()
         with self._body, ui.element("div").props('role="alert"'):
             with Word("h3", "").classes("somrs-onto-heading somrs-onto-bad"):
                 ui.icon("error")
                 Word("span", f"{len(problems)} {'problem' if len(problems) == 1 else 'problems'}: nothing was taken over")
-            with table("Line", "What is there", "What is wrong"):
-                for one in problems:
-                    with row():
-                        Word("td", str(one.line or ""))
-                        with cell():
-                            if one.line is not None and one.line <= len(lines):
-                                Word("code", lines[one.line - 1].strip()[:160], "somrs-formula")
-                        with cell():
-                            ui.label(f"{one.subject}: {one.message}").classes("somrs-onto-pre" if "\n" in one.message else "")
+            self._list(problems, "What is wrong")
+
+    def _list(self, problems: Sequence[Problem], heading: str) -> None:
+        lines = self._text.splitlines()
+        with table("Line", "What is there", heading):
+            for one in problems:
+                with row():
+                    Word("td", str(one.line or ""))
+                    with cell():
+                        if one.line is not None and one.line <= len(lines):
+                            Word("code", lines[one.line - 1].strip()[:160], "somrs-formula")
+                    with cell():
+                        ui.label(f"{one.subject}: {one.message}").classes("somrs-onto-pre" if "\n" in one.message else "")
