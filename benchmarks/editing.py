@@ -1,6 +1,6 @@
 """What editing an ontology with 5,000 objects on the map costs, and looking back on 10,000 changes, as the windows ask for it.
 
-Run it as `python benchmarks/editing.py`.
+The times are of processors, of both sides together: asked and answered in one process. Run it as `python benchmarks/editing.py`.
 """
 
 from __future__ import annotations
