@@ -89,6 +89,7 @@ export default {
   mounted() {
     const plan = new Plan(this.$refs.pad, (names) => this.$emit("unanswered", { names }));
     this.plan = plan;
+    this.asked = []; // what was chosen here, and not yet heard back
     plan.turnable = (name) => this.doing === "edit" && plan.model.kind(name)?.moves !== "ground";
     plan.drawn = (view) => this.drawn(view);
     plan.storey = this.storey_name ?? null;
@@ -107,7 +108,12 @@ export default {
     clearTimeout(this.nudging);
   },
   watch: {
-    selected() { this.look(); },
+    selected(name) {
+      // The page's answers to earlier choices must not take back a later one.
+      const answered = this.asked.indexOf(name ?? null);
+      this.asked = answered < 0 ? [] : this.asked.slice(answered + 1);
+      if (this.asked.length === 0) this.look();
+    },
     highlighted: { deep: true, handler() { this.look(); } },
     arrows: { deep: true, handler() { this.look(); } },
     relations: { deep: true, handler() { this.look(); this.plan.refresh(); } },
@@ -177,7 +183,7 @@ export default {
     },
     look() {
       const { plan } = this;
-      plan.selected = this.selected ?? null;
+      if (this.asked.length === 0) plan.selected = this.selected ?? null;
       plan.found = new Map(this.highlighted.map((one) => (typeof one === "string" ? [one, ""] : [one.name, one.mark ?? ""])));
       plan.relations = this.relations;
       plan.arrows = this.arrows.map((one) => ({ from: plan.spot(one.thing), to: one.target ? plan.spot(one.target) : { x: one.x, y: one.y } }));
@@ -190,7 +196,10 @@ export default {
     // What hands do
 
     choose(name) {
-      if (name !== (this.selected ?? null)) this.$emit("select", { name });
+      if (name !== (this.asked.at(-1) ?? this.selected ?? null)) {
+        this.asked.push(name);
+        this.$emit("select", { name });
+      }
       this.plan.selected = name;
       this.plan.draw();
       this.say(name === null ? "Nothing is chosen." : this.told(name));
@@ -301,7 +310,7 @@ export default {
     },
     tellMoved(name, to, target, version) {
       const turned = Math.atan2(Math.sin(to.turned), Math.cos(to.turned));
-      this.$emit("moved", { name, x: +to.x.toFixed(4), y: +to.y.toFixed(4), turned: +turned.toFixed(5), target, version });
+      this.$emit("moved", { name, x: +to.x.toFixed(4), y: +to.y.toFixed(4), turned: +turned.toFixed(6), target, version });
       this.plan.draw();
     },
     cancel() {

@@ -15,9 +15,9 @@ const KINDS = [
   { id: "window", types: ["Window"], title: "Window", layer: "walls", moves: "fixed", label: 6, from: 80 },
   { id: "stairs", types: ["Stairs"], title: "Stairs", layer: "walls", moves: "fixed", label: 30, from: 40 },
   { id: "pillar", types: ["Pillar"], title: "Pillar", layer: "walls", moves: "fixed", label: 4, from: 80 },
-  { id: "wall", types: ["Wall", "BuildingElement"], title: "Wall", layer: "walls", moves: "fixed", label: 3, from: 900 },
-  { id: "support", types: ["Support"], title: "Furniture to put things on", layer: "furniture", moves: "free", label: 50, from: 26, carries: 3 },
-  { id: "chair", types: ["Chair"], title: "Chair", layer: "furniture", moves: "free", label: 30, from: 34 },
+  { id: "wall", types: ["Wall", "BuildingElement"], title: "Wall", layer: "walls", moves: "fixed", label: 3, from: 1600 },
+  { id: "support", types: ["Support"], title: "Furniture to put things on", layer: "furniture", moves: "free", label: 50, from: 38, carries: 3 },
+  { id: "chair", types: ["Chair"], title: "Chair", layer: "furniture", moves: "free", label: 30, from: 56 },
   { id: "plant", types: ["Plant"], title: "Plant", layer: "furniture", moves: "free", label: 30, from: 30 },
   { id: "camera", types: ["Camera"], title: "Camera, and what it sees", layer: "devices", moves: "free", label: 70, from: 0 },
   { id: "robot", types: ["MobileRobot"], title: "Robot, and where it looks", layer: "robots", moves: "free", label: 90, from: 0 },
@@ -25,7 +25,7 @@ const KINDS = [
   { id: "lift", types: ["Lift"], title: "Lift", layer: "walls", moves: "free", label: 70, from: 20 },
   { id: "arm", types: ["StationaryDevice"], title: "Device that stays, and its reach", layer: "furniture", moves: "free", label: 75, from: 0, carries: 3 },
   { id: "thing", types: ["Graspable"], title: "Thing to carry", layer: "things", moves: "free", label: 55, from: 3.2 },
-  { id: "obstacle", types: ["PhysicalObject"], title: "Other furniture", layer: "furniture", moves: "free", label: 40, from: 30 },
+  { id: "obstacle", types: ["PhysicalObject"], title: "Other furniture", layer: "furniture", moves: "free", label: 40, from: 44 },
 ];
 
 const UNKNOWN_TYPE = { id: "obstacle", title: "Other", layer: "furniture", moves: "free", label: 10, from: 30, solid: true };

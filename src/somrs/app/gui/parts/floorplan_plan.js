@@ -111,6 +111,7 @@ export class Plan {
   }
 
   resize(width, height) {
+    if (width === 0 || height === 0) return; // it is hidden, and will be seen again as it was
     const first = this.view.width <= 1;
     this.view.size(width, height);
     if (first) this.fit();
@@ -261,7 +262,7 @@ export class Plan {
         half,
         rank: name === this.selected ? 1000 : special ? 500 : unknown ? 300 : kind.label,
         always: name === this.selected,
-        inside: kind.layer === "furniture" && !special,
+        inside: kind.layer === "furniture",
         classes: `fp-label-${kind.id}${special ? " fp-label-found" : ""}`,
       });
     }

@@ -152,7 +152,7 @@ const SAMPLES = {
 
 // A small picture of the kind, for the legend, one metre across.
 export function sample(kind, more = {}) {
-  const shown = look(kind, SAMPLES[kind.id], { open: true, range: kind.id === "camera" ? 0.5 : 0, view: 1.2, ...more });
+  const shown = look(kind, more.unknown ? SAMPLES.place : SAMPLES[kind.id], { open: true, range: kind.id === "camera" ? 0.5 : 0, view: 1.2, ...more });
   const moved = { door: "translate(-.4 0)", camera: "translate(-.25 0)" }[kind.id] ?? "";
   return `<svg viewBox="-.6 -.6 1.2 1.2" aria-hidden="true"><g transform="scale(1 -1) ${moved}" class="${shown.classes}">${shown.content}</g></svg>`;
 }

@@ -35,6 +35,7 @@ export class Sheets {
   // Show what is in view; `count`: of how many objects.
   show(view, count) {
     this.marks.setAttribute("transform", view.transform());
+    this.marks.style.fontSize = `${1 / view.scale}px`; // an em is a pixel: strokes are as thick from afar
     const now = performance.now();
     clearTimeout(this._resting);
     if (count < MANY || !this._painted || (!this._covers(view) && now - this._paintedAt > AGAIN)) return this._paint(view);
@@ -46,7 +47,10 @@ export class Sheets {
     const key = `${view.x} ${view.y} ${view.scale} ${view.width} ${view.height}`;
     if (this._painted?.key !== key) {
       const transform = view.transform(OVER);
-      for (const group of this.groups.values()) group.setAttribute("transform", transform);
+      for (const group of this.groups.values()) {
+        group.setAttribute("transform", transform);
+        group.style.fontSize = `${1 / view.scale}px`;
+      }
       this._painted = { key, x: view.x, y: view.y, scale: view.scale, width: view.width, height: view.height };
       this._paintedAt = performance.now();
     }

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from nicegui import ui
 
 from somrs.app.desk.desk import Desk
-from somrs.app.gui.parts.floorplan import FloorPlan
+from somrs.app.gui.pages.map.stage import Stage
 from somrs.app.gui.parts.formula import FormulaField
 from somrs.app.gui.shell import guarded
 from somrs.errors import FormulaError, SomrsError
@@ -20,8 +20,8 @@ NAMES = 60
 class Finding:
     """`go` opens an object."""
 
-    def __init__(self, desk: Desk, plan: FloorPlan, go: Callable[[str], None]) -> None:
-        self._desk, self._plan, self._go = desk, plan, go
+    def __init__(self, desk: Desk, stage: Stage, go: Callable[[str], None]) -> None:
+        self._desk, self._stage, self._go = desk, stage, go
         self._asked = ""
         with ui.element("section").props('aria-label="Find by a formula"'):
             self._field = FormulaField("For which objects is it so?", placeholder="?Thing isOn Cupboard001", on_submit=self._submitted)
@@ -66,7 +66,7 @@ class Finding:
         self._problem.text, self._problem.visible = text, True
         self._said.text = ""
         self._rows.clear()
-        self._plan.highlight({})
+        self._stage.highlight({})
 
     def clear(self) -> None:
         self._asked = ""
@@ -74,7 +74,7 @@ class Finding:
         self._said.text = ""
         self._problem.visible = self._clear.visible = False
         self._rows.clear()
-        self._plan.highlight({})
+        self._stage.highlight({})
 
     async def again(self) -> None:
         """The map changed: what was found may be otherwise."""
@@ -95,7 +95,7 @@ class Finding:
                     marks[value].append(f"?{variable}")
         if not names and rows:
             marks = {word: [] for word in self._asked.replace("(", " ").replace(")", " ").replace(",", " ").split() if word in objects}
-        self._plan.highlight({name: " ".join(these) for name, these in marks.items()})
+        self._stage.highlight({name: " ".join(these) for name, these in marks.items()})
         self._clear.visible = True
         self._said.text = _said(found, bool(names))
         self._rows.clear()

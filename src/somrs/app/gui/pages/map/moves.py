@@ -109,7 +109,7 @@ def _placed(name: str, x: float, y: float) -> list[Change]:
 def _turned(map: Map, ontology: Ontology, name: str, before: float, after: float) -> list[Change]:
     if abs(turned(after - before)) < 1e-6:
         return []
-    return [ValueSet(name, TURNED, round(turned(after), DIGITS + 1))]
+    return [ValueSet(name, TURNED, round(turned(after), DIGITS + 2))]
 
 
 def _is_thing(map: Map, ontology: Ontology, name: str) -> bool:

@@ -22,6 +22,7 @@ from somrs.app.gui.pages.map.form import OVERTAKEN
 from somrs.app.gui.pages.map.moves import Move, moved
 from somrs.app.gui.pages.map.removal import remove
 from somrs.app.gui.pages.map.sheet import Sheet, Ways
+from somrs.app.gui.pages.map.stage import PLAN, SCENE, Stage
 from somrs.app.gui.pages.map.times import Times
 from somrs.app.gui.parts.floorplan import FloorPlan
 from somrs.app.gui.shell import author, guarded, page, tell
@@ -60,9 +61,10 @@ class MapPage:
         with ui.element("div").classes("somrs-map"):
             self._bar()
             with ui.element("div").classes("somrs-map-left"):
-                with ui.element("div").classes("somrs-map-stage"):
+                with ui.element("div").classes("somrs-map-stage") as holder:
                     self._plan = FloorPlan(mode="edit", snap=SNAP)
-                self._times = Times(desk, self._turn)
+                self._stage = Stage(self._plan, holder, self._chosen)
+                self._times = Times(desk, self._stage.turn_to)
             with ui.element("aside").classes("somrs-sheet somrs-map-side").props('aria-label="Details"'):
                 self._side()
         self._listen()
@@ -73,11 +75,10 @@ class MapPage:
         with ui.element("div").classes("somrs-map-bar"):
             ui.label("Map").classes("somrs-title").props('role="heading" aria-level="1"')
             self._count = ui.label().classes("somrs-soft")
+            views = ui.toggle([PLAN, SCENE], value=PLAN, on_change=lambda event: self._stage.switch(str(event.value)))
+            views.props('dense no-caps unelevated toggle-color=primary aria-label="How to show it"').classes("somrs-map-views")
             ui.space()
-            relations = [*self._desk.context.ontology.relations]
-            order = sorted(relations, key=lambda name: (LINKED.index(name) if name in LINKED else len(LINKED), name))
-            links = ui.select(order, label="Links", multiple=True, on_change=lambda event: self._plan.link(event.value or []))
-            links.props("outlined dense options-dense").classes("somrs-map-links").tooltip("Relations to draw on the plan")
+            self._links()
             snap = ui.switch("Snap", value=True, on_change=lambda event: self._plan.set_snap(SNAP if event.value else 0.0)).props("dense")
             snap.tooltip("Dragged objects snap to every 5 cm, and turn by 15°; Alt while dragging does without")
             self._undo_button = ui.button("Undo", icon="undo", on_click=guarded(self._undo)).props("flat dense no-caps")
@@ -85,6 +86,24 @@ class MapPage:
             with ui.link(target="/api/map/export.yaml").classes("somrs-map-export").props('aria-label="Save as a file"'):
                 ui.icon("download")
                 ui.tooltip("The whole site as a file")
+
+    def _links(self) -> None:
+        """A menu of the relations that can be drawn as links."""
+        relations = sorted(
+            self._desk.context.ontology.relations, key=lambda name: (LINKED.index(name) if name in LINKED else len(LINKED), name)
+        )
+        drawn: dict[str, ui.checkbox] = {}
+
+        def draw() -> None:
+            chosen = [name for name, box in drawn.items() if box.value]
+            self._plan.link(chosen)
+            button.text = f"Links: {len(chosen)}" if chosen else "Links"
+
+        with ui.button("Links", icon="polyline").props("flat dense no-caps") as button:
+            ui.tooltip("Relations to draw on the plan")
+            with ui.menu().props('aria-label="Relations to draw"'), ui.element("div").classes("somrs-map-links"):
+                for name in relations:
+                    drawn[name] = ui.checkbox(name, on_change=draw).props("dense")
 
     def _side(self) -> None:
         with ui.tabs().props("dense no-caps inline-label").classes("somrs-map-tabs") as self._tabs:
@@ -97,7 +116,7 @@ class MapPage:
             with ui.tab_panel(ADD):
                 self._adding = Adding(self._desk, self._plan, self.change, self._added)
             with ui.tab_panel(FIND):
-                self._finding = Finding(self._desk, self._plan, self.go)
+                self._finding = Finding(self._desk, self._stage, self.go)
             with ui.tab_panel(CHANGES):
                 self._changes = Changes(self._desk, self._times.look, self._undo_version)
 
@@ -116,7 +135,7 @@ class MapPage:
         """Open what the address asks for."""
         if named := parse_qs(query).get("object"):
             self._selected = named[0]
-            self._plan.choose(named[0])
+            self._stage.choose(named[0])
             self._plan.show(named[0])
             self._show_object()
             self._tabs.value = OBJECT
@@ -139,7 +158,7 @@ class MapPage:
         if name == self._selected and name is not None:
             return
         self._selected = name
-        self._plan.choose(name)
+        self._stage.choose(name)
         ui.navigate.history.replace(f"{PATH}?object={quote(name)}" if name is not None else PATH)
         self._show_object()
 
@@ -265,9 +284,6 @@ class MapPage:
         tell(f"Version {version} was undone")
 
     # What happens
-
-    def _turn(self, version: int | None) -> None:
-        self._plan.turn_to(version)
 
     async def _read(self) -> None:
         await self._times.begin()

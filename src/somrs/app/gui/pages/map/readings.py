@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 from somrs.errors import InputError
@@ -12,6 +13,8 @@ from somrs.ontology.units import converted
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 SHOWN = {"rad": "°", "percent": "%"}
 """Units that people read otherwise than they are stored."""
+ANGLE_DIGITS = 3
+"""Of degrees, as they are shown: finer than anybody turns a table."""
 WRITTEN = {"°": "deg", "%": "percent", "€": "EUR"}
 
 
@@ -28,7 +31,7 @@ def text_of(value: Value | None, attribute: AttributeType) -> str:
         return "yes" if value else "no"
     if isinstance(value, str):
         return value
-    found = converted(value, "rad", "deg") if attribute.unit == "rad" else value
+    found = round(math.degrees(value), ANGLE_DIGITS) if attribute.unit == "rad" else value
     return f"{found:.10g}"
 
 

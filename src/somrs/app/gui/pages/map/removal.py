@@ -53,8 +53,8 @@ async def remove(desk: Desk, name: str, change: Change_) -> bool:
             back = ui.button("Keep it", on_click=lambda: dialog.submit(False)).props("flat no-caps")
             if considered.broken:
                 back.props("autofocus")
+    dialog.on("hide", dialog.delete)
     answer = await dialog
-    dialog.delete()
     return bool(answer) and await change(changes, f"{name} was removed") is not None
 
 

@@ -121,8 +121,8 @@ class Sheet:
                     ui.button("Rename", icon="check").props("unelevated no-caps type=submit")
                     ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
             form.on("submit.prevent", lambda: dialog.submit(str(field.value or "").strip()))
+        dialog.on("hide", dialog.delete)
         to = await dialog
-        dialog.delete()
         if to and to != self.name:
             done = await self._desk.map.rename(RenameObject(name=self.name, to=str(to), author=author()))
             tell(f"{self.name} is called {to} now, everywhere")

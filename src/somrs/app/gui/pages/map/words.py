@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from datetime import datetime
 
@@ -88,7 +89,7 @@ def shown(value: Value, attribute: AttributeType | None) -> str:
 
 
 def degrees(angle: float) -> str:
-    return f"{angle * 180 / 3.141592653589793:.4g}°"
+    return f"{math.degrees(angle):.4g}°"
 
 
 def person(author: str) -> str:

@@ -1,0 +1,384 @@
+"""The map's page: the floor plan, and all that is done on it."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from .conftest import Running, shoot
+
+OFFICE = Path(__file__).parents[3] / "shared" / "sites" / "office.building.yaml"
+Window = Callable[..., Page]
+
+
+def api(system: Running, path: str, body: Any = None) -> Any:
+    data = json.dumps(body).encode() if body is not None else None
+    asked = urllib.request.Request(f"{system.url}/api{path}", data, {"Content-Type": "application/json"})
+    with urllib.request.urlopen(asked) as answer:
+        return json.load(answer)
+
+
+class Seen:
+    """The map as the API has it."""
+
+    def __init__(self, system: Running) -> None:
+        found = api(system, "/map")
+        self.version: int = found["version"]
+        self.objects: dict[str, dict[str, Any]] = {one["name"]: one["values"] for one in found["objects"]}
+        self.facts = {(fact["relation"], *fact["arguments"]) for fact in found["facts"]}
+
+    def position(self, name: str) -> tuple[float, float]:
+        return self.objects[name]["PositionX"], self.objects[name]["PositionY"]
+
+
+@pytest.fixture
+def kept(system: Running) -> Iterator[Running]:
+    """The system, with the map brought back to what it was."""
+    before = Seen(system).version
+    yield system
+    for event in api(system, f"/map/events?after={before}&limit=100")["events"][::-1]:
+        if event["author"] != "nobody":
+            api(system, f"/map/undo/{event['version']}?author=nobody", {})
+
+
+def opened(window: Window, system: Running, query: str = "", size: str = "1280", *, dark: bool = False) -> Page:
+    page = window(f"{system.url}/map{query}", size, dark=dark)
+    body(page, "Floor001").wait_for(state="attached")
+    page.get_by_text("objects", exact=False).first.wait_for()
+    return page
+
+
+def plan(page: Page) -> Locator:
+    return page.get_by_role("application", name="Floor plan")
+
+
+def body(page: Page, name: str) -> Locator:
+    return page.locator(f"[data-name={name}] .fp-body").first
+
+
+def spot(page: Page, name: str) -> tuple[float, float]:
+    """Where on the screen the middle of an object is."""
+    box = body(page, name).bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def near(page: Page, name: str, at: tuple[float, float], within: float = 4) -> bool:
+    return math.dist(spot(page, name), at) <= within
+
+
+def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> None:
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(start[0] + 8, start[1] + 8)
+    page.mouse.move(*end, steps=4)
+    page.mouse.up()
+
+
+def until(page: Page, wanted: Callable[[], object], what: str) -> None:
+    """Wait for something that the page or the system is to come to."""
+    for _ in range(150):
+        if wanted():
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError(f"it did not come to this: {what}")
+
+
+def choose(page: Page, name: str) -> None:
+    page.mouse.click(*spot(page, name))
+    expect(page.get_by_role("heading", name=name, exact=True)).to_be_visible()
+
+
+def tab(page: Page, name: str) -> None:
+    page.get_by_role("tab", name=name).click()
+    expect(page.get_by_role("tab", name=name)).to_have_attribute("aria-selected", "true")
+
+
+def field(page: Page, name: str) -> Locator:
+    return page.get_by_role("textbox", name=name)
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("size", ["1280", "1920", "820"])
+def test_the_map_fits_every_window(system: Running, window: Window, size: str, dark: bool) -> None:
+    page = opened(window, system, "?object=Robot1", size, dark=dark)
+    page.get_by_role("button", name="Legend").click()
+    expect(page.get_by_role("region", name="Legend")).to_contain_text("Door, closed")
+    page.wait_for_timeout(600)
+    shoot(page, f"map-{size}-{'dark' if dark else 'light'}")
+    assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+
+
+def test_a_jar_that_is_dragged_elsewhere_is_there_in_every_window(kept: Running, window: Window) -> None:
+    page, other = opened(window, kept), opened(window, kept)
+    start, table = spot(page, "Jar003"), spot(page, "Table001")
+    drag(page, start, table)
+    until(page, lambda: ("isOn", "Jar003", "Table001") in Seen(kept).facts, "the jar is on the table")
+    seen = Seen(kept)
+    assert ("isOn", "Jar003", "Cupboard001") not in seen.facts
+    assert seen.position("Jar003") == pytest.approx(seen.position("Table001"), abs=0.1)
+    assert seen.objects["Jar003"]["PositionZ"] == pytest.approx(0.74)
+    until(other, lambda: near(other, "Jar003", spot(other, "Table001"), 8), "the other window shows it there")
+    page.keyboard.press("Control+z")
+    until(other, lambda: near(other, "Jar003", start), "undone, the jar is back in the other window")
+    assert ("isOn", "Jar003", "Cupboard001") in Seen(kept).facts
+
+
+def test_what_stands_on_furniture_goes_along(kept: Running, window: Window) -> None:
+    page = opened(window, kept)
+    before = Seen(kept)
+    (x, y), scale = spot(page, "Table002"), _scale(page)
+    drag(page, (x - 20, y - 10), (x - 20 + scale, y - 10))
+    until(page, lambda: Seen(kept).position("Table002") != before.position("Table002"), "the table moved")
+    after = Seen(kept)
+    shift = [after.position(name)[0] - before.position(name)[0] for name in ("Table002", "Carton001")]
+    assert shift[0] == pytest.approx(1, abs=0.06)
+    assert shift[1] == pytest.approx(shift[0], abs=1e-6)
+    assert ("isOn", "Carton001", "Table002") in after.facts
+
+
+def _scale(page: Page) -> float:
+    """Pixels a metre, from a floor whose width is known."""
+    box = body(page, "Floor001").bounding_box()
+    assert box is not None
+    return box["width"] / 12.1
+
+
+def test_an_object_is_turned_by_its_handle(kept: Running, window: Window) -> None:
+    page = opened(window, kept)
+    choose(page, "Table001")
+    handle = page.locator("[data-handle=turn]").bounding_box()
+    assert handle is not None
+    x, y = spot(page, "Table001")
+    drag(page, (handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2), (x, y - 80))
+    until(page, lambda: "RotationZ" in Seen(kept).objects["Table001"], "the table is turned")
+    assert Seen(kept).objects["Table001"]["RotationZ"] == pytest.approx(math.pi / 2, abs=1e-3)
+    expect(field(page, "RotationZ")).to_have_value("90")
+
+
+def test_the_keyboard_alone_chooses_moves_and_turns(kept: Running, window: Window) -> None:
+    page = opened(window, kept)
+    before = Seen(kept)
+    plan(page).focus()
+    for _ in range(40):
+        page.keyboard.press("PageDown")
+        if page.get_by_role("heading", name="Platform001", exact=True).is_visible():
+            break
+        page.wait_for_timeout(150)
+    expect(page.get_by_role("heading", name="Platform001", exact=True)).to_be_visible()
+    for key in ("ArrowRight", "ArrowRight", "ArrowUp", "Shift+ArrowDown", "r"):
+        page.keyboard.press(key)
+    until(page, lambda: "RotationZ" in Seen(kept).objects["Platform001"], "the platform is moved")
+    after = Seen(kept)
+    (x, y), (x2, y2) = before.position("Platform001"), after.position("Platform001")
+    assert [x2 - x, y2 - y] == pytest.approx([0.2, 0.09])
+    assert after.objects["Platform001"]["RotationZ"] == pytest.approx(math.pi / 12, abs=1e-4)
+    assert after.version == before.version + 1, "one burst of keys is one change"
+    page.keyboard.press("Control+z")
+    until(page, lambda: Seen(kept).position("Platform001") == (x, y), "it is back")
+
+
+def test_an_object_is_added_where_one_clicks_and_removed_and_brought_back(kept: Running, window: Window) -> None:
+    page = opened(window, kept)
+    tab(page, "Add")
+    page.get_by_placeholder("Find a type").fill("Jar")
+    page.get_by_role("treeitem", name="Jar").click()
+    expect(page.get_by_text("Click where it is to stand")).to_be_visible()
+    x, y = spot(page, "Table001")
+    page.mouse.click(x + 20, y + 10)
+    expect(page.get_by_role("textbox", name="Name", exact=True)).to_have_value("Jar004")
+    page.get_by_role("button", name="Add", exact=True).click()
+    until(page, lambda: ("isOn", "Jar004", "Table001") in Seen(kept).facts, "the jar is on the table")
+    expect(page.get_by_role("heading", name="Jar004", exact=True)).to_be_visible()
+
+    plan(page).focus()
+    page.keyboard.press("Delete")
+    page.get_by_role("button", name="Remove", exact=True).click()
+    until(page, lambda: "Jar004" not in Seen(kept).objects, "the jar is removed")
+    expect(body(page, "Jar004")).to_have_count(0)
+    plan(page).focus()
+    page.keyboard.press("Control+z")
+    until(page, lambda: ("isOn", "Jar004", "Table001") in Seen(kept).facts, "the jar is back, on the table")
+    expect(body(page, "Jar004")).to_have_count(1)
+
+
+def test_what_would_break_a_rule_cannot_be_removed(kept: Running, window: Window) -> None:
+    page = opened(window, kept, "?object=WallNorth")
+    page.get_by_role("button", name="Remove it").click()
+    asked = page.get_by_role("alertdialog", name="Remove WallNorth?")
+    expect(asked).to_contain_text("at least 4 of type Wall")
+    expect(asked.get_by_role("button", name="Remove", exact=True)).to_have_count(0)
+    asked.get_by_role("button", name="Keep it").click()
+    assert "WallNorth" in Seen(kept).objects
+
+
+def test_attributes_are_checked_where_they_are_written(kept: Running, window: Window) -> None:
+    page = opened(window, kept, "?object=Jar003")
+    weight = field(page, "Weight")
+    expect(weight).to_have_attribute("placeholder", "0.3")
+    weight.fill("7")
+    weight.press("Enter")
+    expect(page.get_by_text("A gripper holds up to 5 kg")).to_be_visible()
+    assert "Weight" not in Seen(kept).objects["Jar003"]
+    weight.fill("12 m")
+    weight.press("Enter")
+    expect(page.get_by_text("cannot be expressed in it")).to_be_visible()
+    weight.fill("450 g")
+    page.get_by_role("button", name="Save").click()
+    until(page, lambda: Seen(kept).objects["Jar003"].get("Weight") == 0.45, "the weight is saved")
+    expect(weight).to_have_value("0.45")
+    expect(page.get_by_role("button", name="Save")).to_be_hidden()
+
+
+def test_two_people_who_write_the_same_attribute_lose_nothing(kept: Running, window: Window) -> None:
+    page = opened(window, kept, "?object=Table001")
+    label = field(page, "Label")
+    label.fill("Mine")
+    texture = field(page, "Texture")
+    texture.fill("Smooth")
+    change = [{"type": "ValueSet", "object": "Table001", "path": "Label", "value": "Theirs"}]
+    api(kept, "/map/changes", {"changes": change, "author": "Anna"})
+    news = page.get_by_role("alert").filter(has_text="Meanwhile Anna set Label to Theirs; you wrote Mine")
+    expect(news).to_be_visible()
+    expect(label).to_have_value("Mine")
+    page.get_by_role("button", name="Save").click()
+    assert Seen(kept).objects["Table001"]["Label"] == "Theirs"
+    news.get_by_role("button", name="Keep mine").click()
+    page.get_by_role("button", name="Save").click()
+    until(page, lambda: Seen(kept).objects["Table001"]["Label"] == "Mine", "the decision is saved")
+    assert Seen(kept).objects["Table001"]["Texture"] == "Smooth"
+
+
+def test_a_drag_that_was_overtaken_goes_back(kept: Running, window: Window) -> None:
+    page = opened(window, kept)
+    start = spot(page, "Chair003")
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(start[0] + 40, start[1] - 40, steps=3)
+    change = [{"type": "ValueSet", "object": "Chair003", "path": "Label", "value": "The blue one"}]
+    api(kept, "/map/changes", {"changes": change, "author": "Anna"})
+    page.wait_for_timeout(500)
+    page.mouse.move(start[0] + 120, start[1] - 60, steps=3)
+    page.mouse.up()
+    expect(page.get_by_text("Somebody else changed Chair003 while you moved")).to_be_visible()
+    until(page, lambda: near(page, "Chair003", start), "the chair is back where it was")
+    assert Seen(kept).position("Chair003") == (4, 3.1)
+
+
+def test_an_object_that_others_remove_says_so_to_whoever_has_it_open(kept: Running, window: Window) -> None:
+    page = opened(window, kept, "?object=Chair002")
+    field(page, "Label").fill("My seat")
+    api(kept, "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Chair002"}], "author": "Anna"})
+    expect(page.get_by_text("Chair002 is not on the map any more: Anna removed or renamed it.")).to_be_visible()
+    expect(field(page, "Label")).to_have_value("My seat")
+    expect(body(page, "Chair002")).to_have_count(0)
+
+
+def test_what_a_formula_finds_is_ringed_and_listed(system: Running, window: Window) -> None:
+    page = opened(window, system)
+    tab(page, "Find")
+    formula = page.get_by_label("For which objects")
+    formula.fill("?Thing isOn Cupboard001")
+    formula.press("Control+Enter")
+    expect(page.get_by_role("cell", name="Jar002")).to_be_visible()
+    expect(page.get_by_role("cell", name="Jar003")).to_be_visible()
+    expect(page.locator("[data-label=Jar002]")).to_contain_text("Jar002 ?Thing")
+    expect(page.locator(".fp-ring")).to_have_count(2)
+    shoot(page, "map-find")
+    formula.fill("?Thing isOnn Cupboard001")
+    expect(page.get_by_text("isOnn").last).to_be_visible()
+    expect(page.get_by_text("did you mean isOn").first).to_be_visible()
+
+
+def test_the_history_shows_the_map_as_it_was(kept: Running, window: Window) -> None:
+    page = opened(window, kept)
+    start, platform = spot(page, "Jar003"), spot(page, "Platform001")
+    drag(page, start, platform)
+    until(page, lambda: near(page, "Jar003", platform, 8), "the jar is on the platform")
+    until(page, lambda: ("isOn", "Jar003", "Platform001") in Seen(kept).facts, "and on the map")
+    page.get_by_role("button", name="One version back").click()
+    until(page, lambda: near(page, "Jar003", start), "the jar is back where it was then")
+    expect(page.get_by_role("button", name="Back to now")).to_be_visible()
+    shoot(page, "map-past")
+    page.get_by_role("button", name="Back to now").click()
+    until(page, lambda: near(page, "Jar003", platform, 8), "the jar is where it is now")
+    tab(page, "Changes")
+    happened = page.get_by_role("list", name="What happened to the map").get_by_role("listitem").first
+    expect(happened).to_contain_text("Jar003 moved to")
+    expect(happened).to_contain_text("put on Platform001")
+
+
+def test_relations_are_drawn_listed_and_added(kept: Running, window: Window) -> None:
+    page = opened(window, kept, "?object=Chair001")
+    page.get_by_role("button", name="Links").click()
+    page.get_by_role("checkbox", name="isOn").click()
+    page.keyboard.press("Escape")
+    expect(page.locator(".fp-link title", has_text="Jar002 isOn Cupboard001")).to_have_count(1)
+    page.get_by_role("button", name="Add a relation").click()
+    relation = page.get_by_role("combobox", name="Relation")
+    relation.fill("isAdj")
+    page.get_by_role("option", name="this isAdjacentTo Object").click()
+    other = page.get_by_role("combobox", name="Object", exact=True)
+    other.press_sequentially("Table001", delay=40)
+    page.get_by_role("option", name="Table001").first.click()
+    page.get_by_role("button", name="Add", exact=True).click()
+    until(page, lambda: ("isAdjacentTo", "Chair001", "Table001") in Seen(kept).facts, "the relation is on the map")
+    page.get_by_role("button", name="Take away: Chair001 isAdjacentTo Table001").click()
+    until(page, lambda: ("isAdjacentTo", "Chair001", "Table001") not in Seen(kept).facts, "it is taken away again")
+
+
+def test_an_object_of_which_nothing_is_known_is_marked(kept: Running, window: Window) -> None:
+    page = opened(window, kept)
+    change = [{"type": "ValueSet", "object": "Carton001", "path": "Unknown", "value": True}]
+    api(kept, "/map/changes", {"changes": change, "author": "Anna"})
+    expect(page.locator("[data-name=Carton001].fp-unknown")).to_have_count(1)
+    expect(page.locator("[data-label=Carton001]")).to_have_text("? Carton001")
+
+
+def test_the_plan_and_the_scene_show_the_same_choice(system: Running, window: Window) -> None:
+    page = opened(window, system, "?object=Robot1")
+    page.get_by_role("button", name="3D", exact=True).click()
+    expect(page.locator(".somrs-map-stage canvas").first).to_be_visible()
+    expect(plan(page)).to_be_hidden()
+    page.get_by_role("button", name="Plan", exact=True).click()
+    expect(plan(page)).to_be_visible()
+    expect(page.get_by_role("heading", name="Robot1", exact=True)).to_be_visible()
+
+
+@pytest.fixture(scope="module")
+def office(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A real building, as Open-RMF has it."""
+    if not OFFICE.exists():
+        pytest.skip(f"there is no {OFFICE}")
+    folder = tmp_path_factory.mktemp("office")
+    site = folder / "office.yaml"
+    subprocess.run([sys.executable, "-m", "somrs.app.cli", "import", str(OFFICE), "--out", str(site)], check=True, capture_output=True)
+    running = Running(folder / "data", site)
+    yield running
+    running.stop()
+
+
+def test_a_real_building_is_drawn_to_scale(office: Running, window: Window) -> None:
+    page = window(f"{office.url}/map", "1920")
+    body(page, "ConfTable001").wait_for(state="attached")
+    page.wait_for_timeout(800)
+    shoot(page, "map-office")
+    seen = Seen(office)
+    a, b = seen.position("coe"), seen.position("pantry")
+    scale = math.dist(spot(page, "coe"), spot(page, "pantry")) / math.dist(a, b)
+    for one, other in (("lounge", "supplies"), ("patrol_B", "patrol_C"), ("Coke001", "tinyRobot1")):
+        assert math.dist(spot(page, one), spot(page, other)) == pytest.approx(
+            scale * math.dist(seen.position(one), seen.position(other)), rel=0.02
+        )
+    assert {name for name in seen.objects if "PositionX" in seen.objects[name]} == set(
+        page.eval_on_selector_all("[data-name]", "(all) => all.map((one) => one.dataset.name)")
+    )
