@@ -37,7 +37,8 @@ def definition_of(draft: Draft, ontology: Ontology) -> Definition:
     }[draft.section_key]()
     if reading.mistakes:
         raise Mistakes(reading.mistakes)
-    return msgspec.convert({key: value for key, value in plain.items() if value is not None}, draft.section.struct)
+    # What is left out is as it is by default; only a parent has none.
+    return msgspec.convert({key: value for key, value in plain.items() if value is not None or key == "parent"}, draft.section.struct)
 
 
 def written(form: Form, name: str) -> ObjectType:

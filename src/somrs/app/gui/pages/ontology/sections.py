@@ -49,8 +49,9 @@ def section_of(definition: Definition) -> Section:
 
 
 def number(value: float) -> str:
-    """As people write it: 4, not 4.0."""
-    return f"{value:.12g}"
+    """As people write it: 4, not 4.0; and always the same number when it is read again."""
+    short = f"{value:.12g}"
+    return short if float(short) == value else repr(value)
 
 
 def limits(minimum: float | None, maximum: float | None, unit: str | None = None) -> str:

@@ -1,0 +1,144 @@
+"""What stands in the forms of the ontology's page, and what it comes to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from somrs.app.gui.pages.ontology.changes import changed, summary
+from somrs.app.gui.pages.ontology.drafts import begun, form_of, merged
+from somrs.app.gui.pages.ontology.reading import Mistakes, definition_of, place
+from somrs.app.gui.pages.ontology.sections import ATTRIBUTES, SERVICES, TYPES, section_of
+from somrs.ontology.files import load_text, upper
+from somrs.ontology.naming import Renaming, Section
+from somrs.ontology.services import Handler, Occasion, Parameter, ServiceType
+from somrs.ontology.types import AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology
+from somrs.protocol.knowledge import Revision, by_kind
+
+MORE = """
+attributes:
+  Volume: {kind: number, unit: l, minimum: 0, maximum: 5, tolerance: 0.01}
+functions:
+  km: {parameters: [Place, Place], values: {Depot Harbour: 12, Harbour Depot: 12.5}, unit: km}
+types:
+  Bench: {parent: Table, parts: [{type: Vice, minimum: 0, maximum: 2}], driver: "a:B"}
+  Vice: {parent: PhysicalObject, required: [Weight], attributes: [Volume]}
+  Tin:
+    parent: Graspable
+    defaults: {Shape: {Form: Cylinder, Radius: 8 cm}, Color: Red, Unknown: false}
+    constraints:
+      - {attribute: Volume, maximum: 0, doc: Empty}
+      - {attribute: Color, values: [Red, Blue]}
+      - formula: "NOT ?Self.Color = Red OR ?Self.Weight < 300 g"
+    attributes: [Volume]
+"""
+
+
+def ontology() -> Ontology:
+    return load_text(MORE, base=upper()).ontology
+
+
+def everything() -> list[Definition]:
+    handler = Handler(on=Occasion.FAILURE, effect="?Object.Unknown = FALSE", when="?Object.Unknown = TRUE")
+    paint = ServiceType(
+        name="Paint",
+        effect="?Object.Color = Red",
+        inputs=(Parameter(name="Object", type="Graspable"), Parameter(name="Coats", type="number")),
+        outputs=(Parameter(name="Used", type="number"),),
+        handlers=(handler,),
+        parent="TransferObject",
+        cost="3",
+        doc="Makes it red",
+    )
+    return [*ontology(), paint]
+
+
+@pytest.mark.parametrize("definition", everything(), ids=lambda one: f"{section_of(one).key} {one.name}")
+def test_a_form_that_nobody_touched_says_what_the_definition_says(definition: Definition) -> None:
+    draft = begun(section_of(definition), definition, 1)
+    assert not draft.dirty
+    assert definition_of(draft, ontology()) == definition
+    assert draft.original == definition
+
+
+def test_quantities_are_written_in_any_unit_that_fits() -> None:
+    draft = begun(TYPES, None, 1, name="Vase", parent="Graspable")
+    draft.form["defaults"] = [{"path": "Shape.Height", "value": "30 cm"}, {"path": "Weight", "value": " 0.5"}]
+    found = definition_of(draft, ontology())
+    assert isinstance(found, ObjectType)
+    assert found.defaults == pytest.approx({"Shape.Height": 0.3, "Weight": 0.5})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "path", "said"),
+    [
+        ("name", " ", "name", "give it a name"),
+        ("defaults", [{"path": "Weight", "value": "3 m"}], "defaults.0.value", "m cannot be expressed in kg"),
+        ("defaults", [{"path": "Weight", "value": "heavy"}], "defaults.0.value", "“heavy” is not a number in kg"),
+        ("defaults", [{"path": "Weight", "value": ""}], "defaults.0.value", "give the value"),
+        ("defaults", [{"path": "Weight", "value": "1"}] * 2, "defaults.1.path", "Weight is there twice"),
+        ("attributes", [{"attribute": None, "must": True}], "attributes.0", "choose an attribute"),
+        ("parts", [{"type": "Wall", "minimum": "1.5", "maximum": ""}], "parts.0.minimum", "a count"),
+    ],
+)
+def test_what_cannot_be_read_is_said_where_it_is(key: str, value: Any, path: str, said: str) -> None:
+    draft = begun(TYPES, None, 1, name="Vase", parent="Graspable")
+    draft.form[key] = value
+    with pytest.raises(Mistakes) as caught:
+        definition_of(draft, ontology())
+    assert said in caught.value.found[path]
+
+
+def test_what_only_one_of_two_changed_is_brought_together() -> None:
+    base = form_of(ontology().types["Jar"])
+    mine, theirs = form_of(ontology().types["Jar"]), form_of(ontology().types["Jar"])
+    mine["doc"] = "Mine"
+    mine["defaults"][1]["value"] = "0.05"
+    mine["defaults"][2]["value"] = "0.2"
+    theirs["driver"] = "a:B"
+    theirs["defaults"][2]["value"] = "0.3"
+    del theirs["defaults"][3]
+    theirs["defaults"].append({"path": "Color", "value": "Red"})
+    result, both = merged(base, mine, theirs)
+    assert (result["doc"], result["driver"]) == ("Mine", "a:B")
+    assert {row["path"]: row["value"] for row in result["defaults"]} == {
+        "Shape.Form": "Cylinder",
+        "Shape.Radius": "0.05",
+        "Shape.Height": "0.2",
+        "Color": "Red",
+    }
+    assert both == ["defaults.Shape.Height"]
+
+
+def test_the_backends_paths_lead_to_fields() -> None:
+    form = form_of(ontology().types["Vice"])  # Weight, which it must have, is the first row, Volume the second
+    assert place("required.0", form) == "attributes.0"
+    assert place("attributes.0", form) == "attributes.1"
+    assert place("defaults.Shape.Radius", form_of(ontology().types["Tin"])) == "defaults.1.value"
+    assert place("constraints.2.formula", form_of(ontology().types["Tin"])) == "constraints.2.formula"
+    assert place("inputs.Destination", form_of(ontology().services["TransferObject"])) == "inputs.1.type"
+
+
+def test_changes_are_told_field_by_field() -> None:
+    old, new = ontology().types["Jar"], ObjectType(name="Pot", parent="Cup", defaults={**ontology().types["Jar"].defaults, "Weight": 0.5})
+    gone, come = AttributeType(name="Smell", kind=Kind.TEXT), FunctionType(name="age", parameters=("Object",), attribute="Weight")
+    revision = Revision(before=by_kind([old, gone]), after=by_kind([new, come]))
+    found = changed(revision, [Renaming(section=Section.TYPES, name="Jar", to="Pot")])
+    assert [(one.verb, one.old_name, one.name) for one in found] == [
+        ("renamed", "Jar", "Pot"),
+        ("added", "age", "age"),
+        ("removed", "Smell", "Smell"),
+    ]
+    assert [(one.field, one.before, one.after) for one in found[0].differences] == [
+        ("Parent", "Graspable", "Cup"),
+        ("Defaults: Weight", "0.3", "0.5"),
+    ]
+    assert summary(found) == "Jar renamed to Pot; age added; Smell removed"
+
+
+def test_a_blank_form_of_each_kind_asks_for_a_name() -> None:
+    for section in (TYPES, ATTRIBUTES, SERVICES):
+        with pytest.raises(Mistakes) as caught:
+            definition_of(begun(section, None, 1), ontology())
+        assert "name" in caught.value.found
