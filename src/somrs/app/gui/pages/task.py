@@ -105,7 +105,7 @@ class _Seen:
                 with panel("Scene", "map", "task scene", "somrs-task-scene"):
                     self._scene = Scene()
                 with panel("Story", "auto_stories", "task story", "somrs-task-story") as told:
-                    self._telling = Telling(told)
+                    self._telling = Telling(told, self._id)
             wide = ui.element("div").classes("somrs-task-column somrs-task-wide")
             with wide, panel("Messages", "swap_horiz", "task messages", "somrs-task-messages"):
                 MessageChart(self._id)

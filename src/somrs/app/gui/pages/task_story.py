@@ -26,6 +26,7 @@ PURSUED = (OTHERS, "undoing it by what was laid down")
 """How undoing is told of for which there is a plan."""
 BLOCKED = "undoing what failed"
 UNDOING = re.compile("could not undo it|could not be undone|is not undone")
+TURN = "waiting for its turn"
 SILENT = "is silent; asking for its state"
 
 
@@ -80,6 +81,8 @@ class _Teller:
                 self._setback(event)
             case EventKind.HANDLER | EventKind.LOOK | EventKind.REPLACE | EventKind.REPLAN | EventKind.UNDO:
                 self._answer(event)
+            case EventKind.WAIT if event.text.startswith(TURN):
+                pass  # it is said of every second step, and means that devices are busy
             case EventKind.WAIT:
                 waits = event.text.startswith("waiting")
                 self._add(event, "hourglass_empty", "It waits" if waits else "It goes on", "busy", event.text)

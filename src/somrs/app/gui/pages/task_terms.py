@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-
-from nicegui import ui
 
 from somrs.app.gui.panel import Panel
+from somrs.app.gui.parts.terms import Bid, TermsTable
 from somrs.app.gui.signs import Sign, clock, lasted
 from somrs.protocol.clients import ContractView
 from somrs.protocol.frp import State
@@ -33,6 +31,7 @@ SILENT = Sign("help", "Did not answer", "bad")
 REFUSED = Sign("block", "Refused", "bad")
 LET_GO = Sign("logout", "Let go", "plain")
 
+NONE = "–"
 CHOSEN = "another service was chosen"
 NO_ANSWER = ("did not answer", "no answer in time")
 
@@ -57,77 +56,38 @@ def why(contract: ContractView) -> str:
     return contract.reason if contract.reason and contract.reason != "ended" else ""
 
 
-@dataclass(slots=True)
-class _Row:
-    contract: ContractView
-    element: ui.element
-
-
 class Terms:
     """In `panel`, beside whose title stands how many were asked."""
 
     def __init__(self, panel: Panel) -> None:
         self._panel = panel
-        self._rows: dict[str, _Row] = {}
-        self._steps: dict[str, ui.element] = {}
-        self._start = 0.0
-        self._none = ui.label("Nobody was asked for terms.").classes("somrs-soft")
-        with ui.element("div").classes("somrs-terms-view"):
-            self._table = ui.element("table").classes("somrs-terms")
-        with self._table, ui.element("thead"), ui.element("tr"):
-            for name in ("Service", "Price", "Takes", "From – until", "Valid until"):
-                with ui.element("th").props('scope="col"'):
-                    ui.label(name)
-        self._table.visible = False
+        self._table = TermsTable()
 
     def show(self, contracts: Sequence[ContractView], start: float) -> None:
-        self._start = start
-        for contract in contracts:
-            row = self._rows.get(contract.participant)
-            if row is not None and row.contract == contract:
-                continue
-            if row is None:
-                with self._step(contract.step):
-                    row = self._rows[contract.participant] = _Row(contract, ui.element("tr"))
-            row.contract = contract
-            row.element.clear()
-            self._fill(row)
-        chosen = sum(row.contract.accepted for row in self._rows.values())
-        self._none.visible = not self._rows
-        self._table.visible = bool(self._rows)
-        self._panel.note.set_text(f"{len(self._rows)} asked, {chosen} chosen" if self._rows else "")
-
-    def _step(self, step: str) -> ui.element:
-        """The rows of a step, below its name."""
-        if step not in self._steps:
-            with self._table:
-                self._steps[step] = ui.element("tbody")
-            with self._steps[step], ui.element("tr").classes("somrs-terms-step"), ui.element("th").props('colspan="5" scope="rowgroup"'):
-                ui.label(step)
-        return self._steps[step]
-
-    def _fill(self, row: _Row) -> None:
-        contract, found = row.contract, verdict(row.contract)
-        row.element.classes(replace=f"somrs-terms-row somrs-tone-{found.tone}{' somrs-terms-chosen' if contract.accepted else ''}")
-        with row.element:
-            with ui.element("th").props('scope="row"'), ui.element("div").classes("somrs-terms-who"):
-                ui.icon(found.icon).props('aria-hidden="true"')
-                with ui.element("div"):
-                    ui.label(contract.service).classes("somrs-terms-service")
-                    ui.label(found.text).classes("somrs-terms-word")
-                    if reason := why(contract):
-                        ui.label(reason).classes("somrs-soft")
-            _cell(f"{contract.price:g} {contract.currency}" if contract.price is not None else "–")
-            _cell(lasted(contract.duration) if contract.duration is not None else "–")
-            _cell(self._window(contract))
-            _cell(clock(contract.valid_until) if contract.valid_until is not None else "–")
-
-    def _window(self, contract: ContractView) -> str:
-        if contract.start is None or contract.finish is None:
-            return "–"
-        return f"+{lasted(max(0.0, contract.start - self._start))} – +{lasted(max(0.0, contract.finish - self._start))}"
+        chosen = sum(contract.accepted for contract in contracts)
+        self._panel.note.set_text(f"{len(contracts)} asked, {chosen} chosen" if contracts else "")
+        self._table.show([_bid(contract, start) for contract in contracts])
 
 
-def _cell(text: str) -> None:
-    with ui.element("td"):
-        ui.label(text)
+def _bid(contract: ContractView, start: float) -> Bid:
+    found = verdict(contract)
+    return Bid(
+        key=contract.participant,
+        step=contract.step,
+        service=contract.service,
+        chosen=contract.accepted,
+        icon=found.icon,
+        tone=found.tone,
+        word=found.text,
+        why=why(contract),
+        price=f"{contract.price:g} {contract.currency}" if contract.price is not None else NONE,
+        takes=lasted(contract.duration) if contract.duration is not None else NONE,
+        window=_window(contract, start),
+        valid=clock(contract.valid_until) if contract.valid_until is not None else NONE,
+    )
+
+
+def _window(contract: ContractView, start: float) -> str:
+    if contract.start is None or contract.finish is None:
+        return NONE
+    return f"+{lasted(max(0.0, contract.start - start))} – +{lasted(max(0.0, contract.finish - start))}"

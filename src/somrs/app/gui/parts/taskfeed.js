@@ -44,11 +44,12 @@ class Feed {
       while (this.wanted) {
         this.wanted = false;
         const { view, events, contracts } = await this.get("");
-        const messages = this.seen?.messages ?? [];
-        const last = messages.length ? (await this.get(`/messages?after=${messages.length - 1}`)).messages[0] : null;
-        const same = messages.length > 0 && last?.id === messages.at(-1).id;
+        const old = this.seen?.messages ?? [];
+        const last = old.length ? (await this.get(`/messages?after=${old.length - 1}`)).messages[0] : null;
+        const same = last !== null && last?.id === old.at(-1).id;
         if (!same) this.life++;
-        this.seen = { view, events, contracts, messages: same ? messages : [], life: this.life };
+        this.seen = { view, events, contracts, messages: same ? old : [], life: this.life };
+        this.tell();
         await this.more();
       }
     } catch (error) {
