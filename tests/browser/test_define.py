@@ -50,8 +50,12 @@ def write(page: Page, text: str) -> None:
 
 
 def middle(page: Page, name: str) -> tuple[float, float]:
-    box = page.locator(f".somrs-define-plan [data-name={name}]").first.bounding_box()
-    assert box is not None
+    """Where a thing is on the plan, once it stays there: a page that is being made shifts."""
+    drawn = page.locator(f".somrs-define-plan [data-name={name}]").first
+    before = None
+    while (box := drawn.bounding_box()) is None or box != before:
+        before = box
+        page.wait_for_timeout(250)
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
@@ -73,6 +77,7 @@ def test_a_formula_is_written_with_what_is_offered(opened: Callable[..., Page]) 
     page.keyboard.type("plat", delay=30)
     expect(offered.get_by_role("option")).to_have_count(1)
     shoot(page, "define-completion-1280-light")
+    expect(field(page)).to_have_attribute("aria-invalid", "false")  # a word that is being completed is not wrong yet
     page.keyboard.press("Enter")
     expect(field(page)).to_have_value("Jar003 isOn Platform001 ")
     page.keyboard.press("Escape")
@@ -162,9 +167,10 @@ def test_lines_and_the_formula_stay_in_step(opened: Callable[..., Page]) -> None
 
 def test_a_thing_is_dragged_to_where_it_is_to_be_and_gets_there(system: Running, opened: Callable[..., Page]) -> None:
     page = opened()
-    page.mouse.move(*middle(page, "Jar003"))
+    jar, platform = middle(page, "Jar003"), middle(page, "Platform001")
+    page.mouse.move(*jar)
     page.mouse.down()
-    page.mouse.move(*middle(page, "Platform001"), steps=8)
+    page.mouse.move(*platform, steps=8)
     shoot(page, "define-drag-1280-light")
     page.mouse.up()
     expect(field(page)).to_have_value("Jar003 isOn Platform001")

@@ -88,9 +88,11 @@ export default {
     name() { return `fe-${this.id}`; },
     wrong() {
       if (this.checkedText === null) return [];
-      return this.found.problems.map((one) => ({
+      const found = this.found.problems.map((one) => ({
         ...one, from: placed(this.checkedText, one.position), to: placed(this.checkedText, one.end), proposals: proposals(one.hint),
       }));
+      // A word of which the rest is just being offered is not wrong yet.
+      return this.open && this.chosen >= 0 ? found.filter((one) => one.to < this.from || one.from > this.to) : found;
     },
     bad() { return !this.lost && this.wrong.length > 0 && !this.found.unfinished; },
     shown() {
@@ -256,6 +258,8 @@ export default {
         this.complete();
       } else if (this.open && !event.altKey && !event.ctrlKey && !event.metaKey) {
         this.onListKey(event);
+      } else if (event.key === "Escape") {
+        this.asked++; // nor does it open when the answer comes
       } else if (event.key === "ArrowDown" && !this.text) {
         event.preventDefault();
         this.complete();
