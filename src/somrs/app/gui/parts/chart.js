@@ -61,7 +61,8 @@ export default {
     this.messages = [];
     this.life = 0;
     this.wide = 0;
-    this.tail = null; // whether the end is in sight, and stays there; of a task that is over, the beginning is read first
+    this.watched = null; // whether the task was going on when it was first seen; of one that is over, the beginning is read first
+    this.tail = null; // whether the end is in sight, and stays there
     this.forget();
   },
   mounted() {
@@ -82,15 +83,15 @@ export default {
       this.column = 0;
     },
     show({ view, messages, life }) {
-      const first = this.tail === null;
-      if (first) this.tail = !view.outcome;
+      this.watched ??= !view.outcome;
+      this.tail ??= this.watched;
       if (life !== this.life) {
         this.life = life;
         this.messages = messages;
         this.close();
         this.redraw();
       } else this.append();
-      if (view.outcome && !this.tail && first) this.behind = 0;
+      if (!this.watched) this.behind = 0;
     },
     redraw() {
       const { rows } = this.$refs;
