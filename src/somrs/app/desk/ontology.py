@@ -87,7 +87,7 @@ class OntologyDesk:
 
     @operation("POST", "/ontology/changes")
     async def change(self, body: Define) -> Defined:
-        """Rename, remove, add and replace definitions, in this order: all or nothing.
+        """Remove, rename, and add or replace definitions, in this order: all or nothing.
 
         With `expected_version`, only if none of the definitions that it speaks of changed since.
         """
