@@ -16,7 +16,7 @@ from somrs.app.client import Addresses
 from somrs.errors import UsageError
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright  # noqa: E402  # behind the skip
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright  # noqa: E402  # behind the skip
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = (
@@ -89,6 +89,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 def browser() -> Iterator[Browser]:
     if not CHROMIUM.exists():
         pytest.skip("there is no Chromium; on Debian and Ubuntu: sudo apt-get install chromium")
+    expect.set_options(timeout=15_000)  # on a machine that does much else, too
     with sync_playwright() as started:
         browser = started.chromium.launch(executable_path=str(CHROMIUM), args=[*FLAGS])
         yield browser
