@@ -48,6 +48,7 @@ def test_the_scene_has_all_that_takes_up_space() -> None:
     assert jar.at is not None
     assert (jar.at.relation, jar.at.object) == ("isOn", "Table1")
     assert found["Robot1"].arm is not None
+    assert found["Floor1"].storey == "Storey1"
 
 
 def test_a_scene_says_what_cannot_be_drawn_and_has_the_rest() -> None:

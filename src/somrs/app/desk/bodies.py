@@ -66,6 +66,8 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     color: str = "#999999"
     label: str | None = None
     """What people call it; of a floor, what the room is called."""
+    storey: str | None = None
+    """Of a floor: what its storey is called."""
     open: bool = False
     pitch: float = 0.0
     """How far a camera looks down."""
@@ -126,6 +128,7 @@ def _body(object: Object, solid: Solid, map: Map, ontology: Ontology) -> Body:
         outline=solid.outline,
         color=f"#{red:02x}{green:02x}{blue:02x}",
         label=None if label is None else str(label),
+        storey=_storey(solid.name, map, ontology) if solid.role is Role.FLOOR else None,
         open=solid.open,
         pitch=solid.pitch if camera else 0.0,
         view=solid.view if camera else 0.0,
@@ -140,6 +143,17 @@ def _room(floor: str, map: Map, ontology: Ontology) -> Value | None:
     """What the room is called that a floor is part of."""
     room = map.objects.get(map.whole(floor) or "")
     return room.values.get("Label", room.name) if room is not None and ontology.is_a(room.type, "Space") else None
+
+
+def _storey(floor: str, map: Map, ontology: Ontology) -> str | None:
+    """What the storey is called that a floor is part of, whatever is in between."""
+    seen, whole = {floor}, map.whole(floor)
+    while whole is not None and whole in map.objects and whole not in seen:
+        if ontology.is_a(map.objects[whole].type, "Storey"):
+            return str(map.objects[whole].values.get("Label", whole))
+        seen.add(whole)
+        whole = map.whole(whole)
+    return None
 
 
 def _whereabouts(name: str, map: Map) -> Whereabouts | None:

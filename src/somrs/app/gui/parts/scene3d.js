@@ -191,6 +191,7 @@ export default {
             this.motion.set(movers);
             this.world.works.clear();
             this.labels?.clear();
+            this.stage?.want();
           },
           robots: (works) => this.work(works),
           frame: (clock, which, values) => {
@@ -237,7 +238,8 @@ export default {
     settle() {
       // What there is has changed.
       this.robots = [...this.world.bodies.values()].filter((body) => body.kind === "robot").map((body) => body.name).sort();
-      this.levels = this.world.levels.map((z, i) => ({ z, name: `Storey ${i + 1} (${z.toFixed(1)} m)` }));
+      this.levels = this.world.levels.map((z, i) => ({ z, name: this.world.storeys.get(z) ?? `Storey ${i + 1}` }));
+      this.level = this.world.level;
       this.labels?.clear();
       this.mark();
       this.stage?.enclose(this.world.bounds());
@@ -330,10 +332,20 @@ export default {
     },
 
     setLevel() {
-      this.world.level = this.level;
-      this.world.build();
-      this.stage.enclose(this.world.bounds());
+      this.turnTo(this.level);
       this.fit();
+    },
+
+    turnTo(level) {
+      this.level = this.world.level = level;
+      this.world.build();
+      this.stage?.enclose(this.world.bounds());
+    },
+
+    reveal(name) {
+      // The storey where it is, if that is not looked at.
+      const at = this.world.where(name);
+      if (at && !this.world.visible(name)) this.turnTo(this.world.levelAt(at.z));
     },
 
     setList(open) {
@@ -344,6 +356,7 @@ export default {
     setFollowed(name) {
       this.following = name;
       if (!this.pilot) return;
+      if (name !== null) this.reveal(name);
       this.pilot.follow(name === null ? null : () => this.point(name));
     },
 
@@ -357,6 +370,7 @@ export default {
 
     find(name) {
       this.select(name);
+      this.reveal(name);
       const point = this.pilot && this.point(name);
       if (point && !this.following) this.pilot.look(point, Math.max(3, 5 * this.world.bodies.get(name).size));
     },

@@ -1,5 +1,6 @@
 // Names beside what they name, as HTML, so that they are sharp: the important ones first, and none upon another.
 import { THREE } from "nicegui-scene";
+import { pinned } from "./marks.js";
 
 const MOST = 90; // labels at once
 const KEPT = 400; // labels that are not made anew when they are seen again
@@ -52,7 +53,7 @@ export class Labels {
     if (body.kind === "place") return pixels > 22 ? 150 : 0;
     if (body.kind === "floor") return body.label && pixels > 150 ? 250 : 0;
     if (body.kind === "camera") return pixels > 4 ? 160 : 0;
-    if (body.kind === "furniture") return pixels > (this.world.isA(body, "Obstacle") ? 110 : 34) ? 100 + pixels / 10 : 0;
+    if (body.kind === "furniture") return pixels > (this.world.isA(body, "Obstacle") ? 110 : 44) ? 100 + pixels / 10 : 0;
     return 0;
   }
 
@@ -78,7 +79,8 @@ export class Labels {
         // In front of its foot, so that what stands on it is seen.
         top += (reach(body, looking) * scale * above) / depth + 3;
       } else if (body.kind !== "floor") {
-        const head = this.point.set(x, y, z + this.world.top(name)).applyMatrix4(camera.matrixWorldInverse);
+        const pin = name === this.selected || this.marked.has(name) ? pinned(body) : 0;
+        const head = this.point.set(x, y, z + this.world.top(name) + pin).applyMatrix4(camera.matrixWorldInverse);
         top = Math.min(top - 0.5 * pixels * above, height / 2 + (head.y * scale) / head.z) - 4;
       }
       if (left < 0 || left > width || top < 0 || top > height) continue;

@@ -1,13 +1,25 @@
 // What is selected or highlighted: a ring about its foot, and a pin above it, so that it is found from afar, too.
 import { THREE } from "nicegui-scene";
 
+const ABOVE = 0.05; // m between an object and its pin
+const TALL = 0.2; // m, of a pin
+
+function scaled(body) {
+  return Math.min(2, Math.max(0.6, body.size / 0.2));
+}
+
+export function pinned(body) {
+  // How far above the object's top the pin ends.
+  return ABOVE + TALL * scaled(body);
+}
+
 export class Marks {
   constructor(scene, world) {
     this.scene = scene;
     this.world = world;
     this.marks = new Map();
     this.ring = new THREE.RingGeometry(0.86, 1, 48);
-    this.pin = new THREE.ConeGeometry(0.07, 0.2, 20).rotateX(-Math.PI / 2).translate(0, 0, 0.1);
+    this.pin = new THREE.ConeGeometry(0.35 * TALL, TALL, 20).rotateX(-Math.PI / 2).translate(0, 0, TALL / 2);
     this.material = new THREE.MeshBasicMaterial({ side: THREE.DoubleSide });
   }
 
@@ -43,9 +55,8 @@ export class Marks {
       mark.position.set(at.x, at.y, at.z);
       ring.scale.set(size, size, 1);
       ring.position.z = 0.012 + (body.kind === "floor" ? body.height : 0);
-      pin.position.z = this.world.top(name) + 0.05 + (body.kind === "floor" ? body.height : 0);
-      const large = Math.min(2, Math.max(0.6, body.size / 0.2));
-      pin.scale.setScalar(large);
+      pin.position.z = this.world.top(name) + ABOVE + (body.kind === "floor" ? body.height : 0);
+      pin.scale.setScalar(scaled(body));
     }
   }
 

@@ -37,7 +37,9 @@ export class World {
     this.crowds = new Map(); // of things that look the same
     this.works = new Map();
     this.low = true;
-    this.level = null;
+    this.level = null; // that is looked at alone; null: all
+    this.levels = [];
+    this.storeys = new Map(); // what they are called, by level
     this.colors = { cap: "#5b7083" };
     this.group = new THREE.Group();
     scene.add(this.group);
@@ -99,11 +101,17 @@ export class World {
   // Levels: the heights of floors, of which one can be looked at alone
 
   findLevels() {
-    const tops = [...this.bodies.values()].filter((body) => body.kind === "floor").map((body) => body.z + body.height);
-    this.levels = [...new Set(tops.map((top) => Math.round(top * 10) / 10))].sort((a, b) => a - b);
-    const apart = this.levels.filter((top, i) => i === 0 || top - this.levels[i - 1] > 1.5);
-    this.levels = apart;
-    if (!apart.includes(this.level)) this.level = null;
+    const floors = [...this.bodies.values()].filter((body) => body.kind === "floor");
+    const top = (floor) => Math.round((floor.z + floor.height) * 10) / 10;
+    const tops = [...new Set(floors.map(top))].sort((a, b) => a - b);
+    const before = this.levels.join();
+    this.levels = tops.filter((z, i) => i === 0 || z - tops[i - 1] > 1.5);
+    this.storeys = new Map(this.levels.map((z) => [z, floors.find((floor) => top(floor) === z).storey]));
+    // Of several storeys one is looked at, at first that where most can move: the others would hide it, or be hidden.
+    if (before !== this.levels.join() && this.levels.length > 1) {
+      const movers = (z) => [...this.bodies.values()].filter((body) => MOVING.has(body.kind) && this.levelAt(body.z) === z).length;
+      this.level = this.levels.reduce((best, z) => (movers(z) > movers(best) ? z : best));
+    } else if (!this.levels.includes(this.level)) this.level = null;
   }
 
   levelAt(z) {
