@@ -63,6 +63,7 @@ class Running:
                 if found.gui is not None and b"In the browser" in Path(self._said.name).read_bytes():
                     return found
             time.sleep(0.2)
+        self.stop()
         raise AssertionError(f"the system did not start: {Path(self._said.name).read_text(errors='replace')}")
 
     def kill(self, program: str) -> None:
