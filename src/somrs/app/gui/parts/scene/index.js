@@ -7,3 +7,4 @@ export { Labels } from "./labels.js";
 export { Pilot } from "./pilot.js";
 export { Marks } from "./marks.js";
 export { summary, listed, described } from "./words.js";
+export { template } from "./template.js";
