@@ -7,6 +7,7 @@ import { Plan } from "floorplan_plan";
 import { sample } from "floorplan_shapes";
 import { lengthText } from "floorplan_view";
 
+const KEPT = "somrs-plan"; // what is in view, by the browser's tab: so it is the same after the page was loaded again
 const SETTLE = 450; // milliseconds after the last key before a nudge is told
 const TURNS = Math.PI / 12; // what turning by the handle snaps to
 
@@ -98,7 +99,6 @@ export default {
     this.watching = new ResizeObserver(([entry]) => plan.resize(entry.contentRect.width, entry.contentRect.height));
     this.watching.observe(this.$refs.pad);
     this.live = new Live((news) => this.hear(news));
-    this.live.start();
   },
   unmounted() {
     this.live.end();
@@ -106,6 +106,7 @@ export default {
     this.hands.end();
     this.plan.end();
     clearTimeout(this.nudging);
+    clearTimeout(this.keeping);
   },
   watch: {
     selected(name) {
@@ -154,7 +155,10 @@ export default {
       }
     },
     read(map) {
+      const kept = this.loading && this.mode === "edit" ? JSON.parse(sessionStorage.getItem(KEPT)) : null;
+      if (kept) this.plan.storey ??= kept.storey;
       this.plan.read(map, this.loading);
+      if (kept && kept.storey === this.plan.storey) Object.assign(this.plan.view, kept.view);
       this.loading = false;
       this.after();
       this.$emit("loaded", { version: map.version, objects: map.objects.length });
@@ -189,7 +193,15 @@ export default {
       plan.arrows = this.arrows.map((one) => ({ from: plan.spot(one.thing), to: one.target ? plan.spot(one.target) : { x: one.x, y: one.y } }));
       plan.draw();
     },
-    drawn(view) { this.bar = view.bar(); },
+    drawn(view) {
+      this.bar = view.bar();
+      if (this.mode !== "edit" || this.loading) return;
+      clearTimeout(this.keeping);
+      this.keeping = setTimeout(() => {
+        const { x, y, scale } = view;
+        sessionStorage.setItem(KEPT, JSON.stringify({ storey: this.plan.storey, view: { x, y, scale } }));
+      }, 300);
+    },
     goTo(storey) { this.plan.choose(storey); this.after(); },
     zoomBy(factor) { this.plan.view.zoom(factor); this.plan.draw(); },
 

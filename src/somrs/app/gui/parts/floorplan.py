@@ -31,7 +31,7 @@ Mode = Literal["view", "pick", "edit"]
 Told = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 
-class FloorPlan(Element, component="floorplan.js", dependencies=["floorplan_*.js"]):
+class FloorPlan(Element, component="floorplan.js", dependencies=["floorplan_*.js", "live.js"]):
     """`storey`: which one to show, else the first; `snap`: metres between the points that dragged objects snap to, 0 for none."""
 
     def __init__(self, *, mode: Mode = "view", storey: str | None = None, snap: float = 0.0, legend: bool = False) -> None:

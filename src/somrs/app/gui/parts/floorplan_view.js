@@ -58,7 +58,7 @@ export class View {
   }
 
   // Have the point in view, away from the edges; whether the plan had to be moved for it.
-  reveal(x, y, edge = 60) {
+  reveal(x, y, edge = 24) {
     const at = this.toScreen(x, y);
     const inside = at.x > edge && at.y > edge && at.x < this.width - edge && at.y < this.height - edge;
     if (!inside) [this.x, this.y] = [x, y];

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from nicegui import ui
+from nicegui.element import Element
 from nicegui.events import ValueChangeEventArguments
 
 from somrs.app.gui.pages.map.readings import in_limits, limits, read, text_of, unit
@@ -60,9 +61,10 @@ class Spot:
 
 
 class Field:
-    """`changed` hears what is in the field once somebody changed it; what is put into it by `show` is not heard."""
+    """`changed` hears what is in the field once somebody changed it; what is put into it by `show` is not heard. `mirror` has what is
+    typed kept in the browser."""
 
-    def __init__(self, spot: Spot, changed: Callable[[str, Raw], None]) -> None:
+    def __init__(self, spot: Spot, changed: Callable[[str, Raw], None], mirror: Callable[[Element, str], None] | None = None) -> None:
         self.spot = spot
         self._changed = changed
         self._raw: Raw = None
@@ -73,6 +75,8 @@ class Field:
                 self._choice()
             case _:
                 self._text()
+                if mirror is not None:
+                    mirror(self._input, spot.path)
 
     def show(self, value: Value | None, *, edited: Raw = None, is_edited: bool = False) -> None:
         """Put in what the object has, or what somebody wrote before."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from nicegui import ui
 
@@ -11,6 +12,7 @@ from somrs.app.client import Refused
 from somrs.app.desk.desk import Desk
 from somrs.app.gui.pages.map.fields import Field, Raw, Spot
 from somrs.app.gui.pages.map.words import person, shown
+from somrs.app.gui.pages.map.writing import Writing
 from somrs.app.gui.shell import author, tell
 from somrs.errors import InputError, SomrsError
 from somrs.ontology.objects import Change, Object, ValueSet
@@ -34,22 +36,16 @@ class Overtaken:
 
 
 class ObjectForm:
-    """`changed` hears when there is, or is not any more, something that was not saved. `typed`: what was written before, by path."""
+    """`writing` keeps what is written, and has what was written before. `saved` hears of the version that it is in."""
 
-    def __init__(
-        self,
-        desk: Desk,
-        object: Object,
-        changed: Callable[[], None],
-        saved: Callable[[int], Awaitable[None] | None],
-        typed: dict[str, Raw] | None = None,
-    ) -> None:
-        self._desk, self._changed, self._saved = desk, changed, saved
+    def __init__(self, desk: Desk, object: Object, writing: Writing, saved: Callable[[int], None]) -> None:
+        self._desk, self._writing, self._saved = desk, writing, saved
         self._ontology: Ontology = desk.context.ontology
         self.name, self.type = object.name, object.type
         self._known: dict[str, Value] = dict(object.values)
         self._version = desk.context.version
-        self.typed: dict[str, Raw] = dict(typed or {})
+        before = writing.of(object.name)
+        self.typed: dict[str, Raw] = before.typed()
         self._overtaken: dict[str, Overtaken] = {}
         self._fields: dict[str, Field] = {}
         self._gone = False
@@ -62,6 +58,16 @@ class ObjectForm:
                 ui.button("Discard", on_click=self.discard).props("flat no-caps dense")
                 self._said = ui.label().classes("somrs-soft")
         self._mark()
+        for path, raw in before.typed().items():
+            if path not in self._fields or (raw or None) == (self._fields[path].spot.raw(self._known.get(path)) or None):
+                self.typed.pop(path)
+        clashing = {path: None for path in self.typed if before.known.get(path) != self._known.get(path)}
+        self._overtaken.update({path: Overtaken(self._known.get(path), "somebody") for path in clashing})
+        self._tell_overtaken()
+        self._changed()
+
+    def _changed(self) -> None:
+        self._writing.keep(self.name, self.typed, self._known)
 
     def _body(self) -> None:
         spots = {path: Spot(path, one, self.type, self._ontology) for path, one in self._ontology.attributes_of(self.type).items()}
@@ -75,7 +81,7 @@ class ObjectForm:
                     with ui.element("legend"):
                         ui.label(title)
                 for spot in sorted(groups[title], key=lambda one: one.attribute.kind is Kind.TRUTH):
-                    field = self._fields[spot.path] = Field(spot, self._edit)
+                    field = self._fields[spot.path] = Field(spot, self._edit, partial(self._writing.mirror, self.name))
                     field.show(self._known.get(spot.path), edited=self.typed.get(spot.path), is_edited=spot.path in self.typed)
         self._fit_form()
 
@@ -174,8 +180,7 @@ class ObjectForm:
         self._mark()
         self._changed()
         tell(f"{self.name} was saved")
-        if (done := self._saved(version)) is not None:
-            await done
+        self._saved(version)
 
     def _changes(self) -> list[ValueSet] | None:
         """What was written, as changes; None when something in it is wrong."""

@@ -16,7 +16,6 @@ from somrs.app.desk.listener import MapNews
 from somrs.app.gui.following import follow
 from somrs.app.gui.pages.map.adding import Adding
 from somrs.app.gui.pages.map.changes import Changes
-from somrs.app.gui.pages.map.fields import Raw
 from somrs.app.gui.pages.map.finding import Finding
 from somrs.app.gui.pages.map.form import OVERTAKEN
 from somrs.app.gui.pages.map.moves import Move, moved
@@ -24,6 +23,7 @@ from somrs.app.gui.pages.map.removal import remove
 from somrs.app.gui.pages.map.sheet import Sheet, Ways
 from somrs.app.gui.pages.map.stage import PLAN, SCENE, Stage
 from somrs.app.gui.pages.map.times import Times
+from somrs.app.gui.pages.map.writing import Writing
 from somrs.app.gui.parts.floorplan import FloorPlan
 from somrs.app.gui.shell import author, guarded, page, tell
 from somrs.errors import SomrsError
@@ -53,8 +53,7 @@ class MapPage:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._selected: str | None = None
-        self._typed: dict[str, dict[str, Raw]] = {}
-        """What was written in forms and not saved, by object."""
+        self._writing = Writing(self._found_written)
         self._mine: list[int] = []
         """The versions that were made in this page, newest last, to be undone."""
         self._sheet: Sheet | None = None
@@ -157,6 +156,8 @@ class MapPage:
     def _select(self, name: str | None) -> None:
         if name == self._selected and name is not None:
             return
+        if self._selected is not None:
+            self._writing.forget(self._selected)
         self._selected = name
         self._stage.choose(name)
         ui.navigate.history.replace(f"{PATH}?object={quote(name)}" if name is not None else PATH)
@@ -174,19 +175,18 @@ class MapPage:
                 return
             ways = Ways(
                 go=self.go, change=self.change, remove=self._remove, show=self._plan.show, look=self._times.look,
-                undo=self._undo_version, done=self._done, written=self._written,
+                undo=self._undo_version, done=self._done,
             )  # fmt: skip
-            self._sheet = Sheet(self._desk, self._selected, ways, self._typed.get(self._selected, {}))
+            self._sheet = Sheet(self._desk, self._selected, ways, self._writing)
 
-    def _written(self, name: str, typed: dict[str, Raw]) -> None:
-        if typed:
-            self._typed[name] = dict(typed)
-        else:
-            self._typed.pop(name, None)
+    def _found_written(self, names: list[str]) -> None:
+        """The page was loaded again, and something had not been saved."""
+        tell(f"What you wrote for {', '.join(names)} and did not save is still here.")
+        self._show_object()
 
     def _unsaved(self) -> None:
         """What was written elsewhere and not saved."""
-        for name in self._typed:
+        for name in self._writing.names():
             ui.button(f"{name}: not saved yet", icon="edit", on_click=lambda name=name: self.go(name)).props("flat dense no-caps")
 
     def _turned(self, event: ValueChangeEventArguments[Any]) -> None:

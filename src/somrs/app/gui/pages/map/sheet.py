@@ -9,9 +9,9 @@ from nicegui import ui
 
 from somrs.app.desk.desk import Desk
 from somrs.app.gui.pages.map.entries import entries
-from somrs.app.gui.pages.map.fields import Raw
 from somrs.app.gui.pages.map.form import ObjectForm
 from somrs.app.gui.pages.map.relations import Relations
+from somrs.app.gui.pages.map.writing import Writing
 from somrs.app.gui.shell import author, guarded, tell
 from somrs.ontology.objects import Change, objects_of
 from somrs.protocol.knowledge import RenameObject
@@ -22,7 +22,7 @@ HISTORY = 25
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ways:
     """What the sheet asks of the page: open another object, `change` the map, `remove` this one, have it in view, look at a version,
-    undo one; and `written` when something was written, or not any more."""
+    undo one; and `done` when the map was changed."""
 
     go: Callable[[str | None], None]
     change: Callable[[tuple[Change, ...], str], Awaitable[int | None]]
@@ -31,13 +31,12 @@ class Ways:
     look: Callable[[int], Awaitable[None]]
     undo: Callable[[int], Awaitable[None]]
     done: Callable[[int], None]
-    written: Callable[[str, dict[str, Raw]], None]
 
 
 class Sheet:
     """The sheet of one object, in the element that is current when it is made."""
 
-    def __init__(self, desk: Desk, name: str, ways: Ways, typed: dict[str, Raw]) -> None:
+    def __init__(self, desk: Desk, name: str, ways: Ways, writing: Writing) -> None:
         self._desk, self.name, self._ways = desk, name, ways
         self._relations: Relations | None = None
         self._form: ObjectForm | None = None
@@ -47,7 +46,7 @@ class Sheet:
             self._nowhere()
             return
         self._heading(object.type)
-        self._form = ObjectForm(desk, object, self._written, ways.done, typed)
+        self._form = ObjectForm(desk, object, writing, ways.done)
         with ui.element("section").classes("somrs-map-part").props('aria-label="Relations"'):
             ui.label("Relations").classes("somrs-map-head")
             self._relations = Relations(desk, name, ways.change, ways.go)
@@ -77,10 +76,6 @@ class Sheet:
                 ("close", "Close", lambda: self._ways.go(None)),
             ):
                 ui.button(icon=icon, on_click=action).props(f'flat round dense size=sm aria-label="{label}"').tooltip(label)
-
-    def _written(self) -> None:
-        assert self._form is not None
-        self._ways.written(self.name, self._form.typed)
 
     async def heed(self, changes: tuple[Change, ...], version: int) -> None:
         """The map changed. No changes: anything may have."""
