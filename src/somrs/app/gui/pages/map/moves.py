@@ -103,7 +103,7 @@ def number(map: Map, ontology: Ontology, name: str, path: str) -> float | None:
 
 
 def _placed(name: str, x: float, y: float) -> list[Change]:
-    return [ValueSet(name, X, round(x, DIGITS)), ValueSet(name, Y, round(y, DIGITS))]
+    return [ValueSet(name, X, round(float(x), DIGITS)), ValueSet(name, Y, round(float(y), DIGITS))]
 
 
 def _turned(map: Map, ontology: Ontology, name: str, before: float, after: float) -> list[Change]:

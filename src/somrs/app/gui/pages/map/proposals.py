@@ -83,7 +83,7 @@ def adding(type_name: str, name: str, values: dict[str, Value], spot: Spot | Non
     facts: list[Fact] = []
     if spot is not None:
         floor = _elevation(spot.storey, map, ontology)
-        values = {X: round(spot.x, 4), Y: round(spot.y, 4), **values}
+        values = {X: round(float(spot.x), 4), Y: round(float(spot.y), 4), **values}
         z = _height(type_name, values, floor, ontology)
         if spot.target is not None and ontology.is_a(type_name, "Graspable"):
             facts.append(Fact(ON, (name, spot.target)))

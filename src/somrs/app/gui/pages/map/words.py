@@ -55,7 +55,8 @@ def _about(name: str, changes: list[Change], ontology: Ontology) -> list[str]:
     if any(isinstance(change, ObjectRemoved) for change in changes):
         return ["removed"]
     if X in values or Y in values:
-        where = ", ".join(f"{axis} {value:.2f} m" for axis, path in (("x", X), ("y", Y)) if isinstance(value := values.get(path), float))
+        axes = ((axis, values.get(path)) for axis, path in (("x", X), ("y", Y)))
+        where = ", ".join(f"{axis} {value:.2f} m" for axis, value in axes if isinstance(value, int | float))
         said.insert(0, f"moved to {where}" if where else "has no place any more")
     if isinstance(angle := values.get(TURNED), int | float):
         said.append(f"turned to {degrees(angle)}")
