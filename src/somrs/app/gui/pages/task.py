@@ -23,6 +23,7 @@ from somrs.app.gui.parts.chart import MessageChart
 from somrs.app.gui.parts.graph import PlanGraph
 from somrs.app.gui.parts.timeline import DeviceTimeline
 from somrs.app.gui.shell import page
+from somrs.app.gui.silence import Silence
 from somrs.app.gui.soon import Soon
 from somrs.errors import SomrsError
 from somrs.protocol.clients import ContractView, TaskEvent, TaskView
@@ -91,6 +92,7 @@ class _Seen:
         self._contracts: dict[str, ContractView] = {}
         self._change = Soon(self._show)
         ui.page_title(f"{seen.view.effect} · SO-MRS")
+        Silence(desk, "Task Manager")
         self._head = Head(desk, seen.view)
         self._asked = Asked(desk, about=frozenset())
         with ui.element("div").classes("somrs-task-panels"):

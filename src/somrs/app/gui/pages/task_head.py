@@ -50,7 +50,7 @@ class Head:
         with ui.element("div").classes("somrs-task-ways"):
             with ui.button("Export", icon="download").props("flat dense no-caps"), ui.menu():
                 _file(f"/api/tasks/{view.task}/chart", f"{name}.svg", "schema", "Messages as a picture (SVG)")
-                self._record = _file("", f"{name}.json", "data_object", "Everything, for programs (JSON)")
+                self._record = _file("", f"{name}.json", "data_object", "Record, for programs (JSON)")
             self._cancel = ui.button("Cancel", icon="stop_circle", on_click=self._ending.ask).props("outline dense no-caps color=negative")
             self._cancel.props('aria-label="Cancel this task"')
 

@@ -19,6 +19,7 @@ from somrs.app.gui.pages import task
 from somrs.app.gui.pages.task_words import counted, device, due, gist, key, person, sign
 from somrs.app.gui.shell import page
 from somrs.app.gui.signs import clock, lasted, listed
+from somrs.app.gui.silence import Silence
 from somrs.app.gui.soon import Soon
 from somrs.errors import SomrsError
 from somrs.protocol.clients import Phase, TaskRow
@@ -89,8 +90,7 @@ class _Tasks:
             self._wanted.classes("somrs-tasks-find")
             new = ui.button("New task", icon="add_task", on_click=lambda: ui.navigate.to("/define"))
             new.props("unelevated no-caps color=primary").classes("somrs-tasks-new")
-        self._trouble = ui.label().classes("somrs-trouble").props('role="status"')
-        self._trouble.visible = False
+        Silence(desk, "Task Manager")
         self._table = ui.table(columns=COLUMNS, rows=[], row_key="task", pagination=25).classes("somrs-tasks somrs-sheet")
         self._table.props('flat hide-selected-banner :rows-per-page-options="[10, 25, 50, 0]" rows-per-page-label="Tasks per page"')
         self._table.add_slot("body", ROW)
@@ -109,10 +109,8 @@ class _Tasks:
                 found = await self._desk.tasks.list(limit=MOST)
                 break
             except SomrsError as error:
-                self._trouble.set_text(f"{error}; asking again")
-                self._trouble.visible = True
+                self._none.set_text(f"{error}; asking again")
                 await asyncio.sleep(AGAIN)
-        self._trouble.visible = False
         self._rows = {row.task: row for row in found.rows}
         self._show()
 
@@ -123,7 +121,6 @@ class _Tasks:
         if news.value.anew:
             self._rows.clear()
         self._rows |= {row.task: row for row in news.value.rows}
-        self._trouble.visible = False
         self._change()
 
     async def _read_questions(self) -> None:

@@ -9,7 +9,7 @@ const WIDE = 212;
 const HIGH = 66;
 const EDGE = 14; // pixels around all
 const LEGEND = ["New", "Arranging", "Committed", "Executing", "Completed", "Failed", "Compensated"];
-const LEAST = 0.6; // of its size; below that it is scrolled
+const LEAST = 0.75; // of its size; below that it is scrolled
 
 export default {
   template: `
@@ -151,7 +151,7 @@ export default {
       const told = this.facts.get(`${drawn.dataset.from} ${drawn.dataset.to}`) ?? [];
       if (!told.length) return "";
       const middle = drawn.querySelector("path").getPointAtLength(drawn.querySelector("path").getTotalLength() / 2);
-      const most = Math.max(...told.map((text) => text.length)) * 6.7 + 16;
+      const most = Math.max(...told.map((text) => text.length)) * 7.3 + 16;
       const left = Math.min(Math.max(middle.x - most / 2, 2 - EDGE), this.made.width + EDGE - most - 2);
       const top = middle.y - 9 * told.length - 3;
       const lines = told.map((text, line) => `<text x="${left + 8}" y="${top + 15 + 18 * line}">${escaped(text)}</text>`);
@@ -204,7 +204,7 @@ export default {
         ...(this.task ? [["State", words(step, step.state)]] : []),
         ...(step.service ? [["Service", `${step.service}${step.price === null ? "" : `, ${step.price} EUR`}${step.duration === null ? "" : `, ${Math.round(step.duration)} s`}`]] : []),
         ...(before.length ? [["After", before.join(", ")]] : []),
-        ...(after.length ? [["Before", after.join(", ")]] : []),
+        ...(after.length ? [["Enables", after.join(", ")]] : []),
         ...tried.map((one, index) => [`Try ${index + 1}`, `${one.service}: ${word(one.state)}${one.note ? `, ${one.note}` : ""}${one.situation ? `. It left: ${one.situation}` : ""}`]),
       ];
     },
