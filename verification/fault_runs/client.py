@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from somrs.protocol.bodies import Body
-from somrs.protocol.clients import Cancelling, CancelTask, Submit, Submitted, TaskRejected
+from somrs.protocol.clients import Cancelling, CancelTask, Preview, Previewed, Submit, Submitted, TaskRejected
 from somrs.protocol.component import Effect, Input, Rang, Received, Send, Wake
 from somrs.protocol.envelope import Header, Message, message_id
 from somrs.protocol.frp import Fault
@@ -14,6 +14,15 @@ from verification.fault_runs.story import Wish
 
 PATIENCE = 15.0
 """Seconds after which a request without an answer is made again."""
+
+
+PREVIEW_PATIENCE = 60.0
+"""As above, of previews: the Registry, the planner and services are asked on the way."""
+
+
+def asked_id(number: int) -> str:
+    """Of the message that asks what a wish would cost."""
+    return message_id("what would it cost", number)
 
 
 class Client:
@@ -25,12 +34,17 @@ class Client:
         self.rejected: dict[int, str] = {}
         self.calling_off: dict[int, str] = {}
         """Tasks that were to be cancelled, and what was answered."""
+        self.previews: dict[int, Previewed | Fault] = {}
         self._attempts: Counter[int] = Counter()
 
     @property
     def open(self) -> list[int]:
         """The wishes that were neither taken nor rejected."""
         return [number for number in range(len(self._wishes)) if number not in self.tasks and number not in self.rejected]
+
+    @property
+    def wants_previews(self) -> list[int]:
+        return [n for n, wish in enumerate(self._wishes) if wish.previewed and n not in self.previews]
 
     @property
     def wants_to_cancel(self) -> list[int]:
@@ -40,7 +54,12 @@ class Client:
         match event:
             case Rang(timer):
                 kind, _, number = timer.partition(" ")
-                return self._submit(int(number), now) if kind == "submit" else self._cancel(int(number), now)
+                match kind:
+                    case "submit":
+                        return [*self._preview(int(number), now), *self._submit(int(number), now)]
+                    case "preview":
+                        return self._preview(int(number), now)
+                return self._cancel(int(number), now)
             case Received(message) if (asked := message.header.relates_to) is not None:
                 return self._answered(asked, message.body, now)
         return []
@@ -49,8 +68,15 @@ class Client:
         if number not in self.open:
             return []
         wish = self._wishes[number]
-        body = Submit(effect=wish.effect, policy=wish.policy, deadline=wish.deadline, handlers=wish.handlers)
+        body = Submit(effect=wish.effect, policy=wish.policy, deadline=wish.deadline, handlers=wish.handlers, priority=wish.priority)
         return [self._send(self._id(number), wish.to, body, now), Wake(f"submit {number}", now + PATIENCE)]
+
+    def _preview(self, number: int, now: float) -> list[Effect]:
+        if number not in self.wants_previews:
+            return []
+        wish = self._wishes[number]
+        body = Preview(effect=wish.effect, policy=wish.policy, deadline=wish.deadline, priority=wish.priority, quotes=True)
+        return [self._send(asked_id(number), wish.to, body, now), Wake(f"preview {number}", now + PREVIEW_PATIENCE)]
 
     def _cancel(self, number: int, now: float) -> list[Effect]:
         if number in self.calling_off:
@@ -62,6 +88,8 @@ class Client:
         for number, wish in enumerate(self._wishes):
             if asked == message_id("cancel", number) and isinstance(answer, Cancelling | Fault):
                 self.calling_off.setdefault(number, answer.text if isinstance(answer, Fault) else "")
+            elif asked == asked_id(number) and isinstance(answer, Previewed | Fault):
+                self.previews.setdefault(number, answer)
             elif asked == self._id(number) and number in self.open:
                 match answer:
                     case Submitted(task=task):

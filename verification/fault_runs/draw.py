@@ -43,6 +43,7 @@ class _Draw:
     def __init__(self, seed: int) -> None:
         self.seed = seed
         self.dice = dice = random.Random(seed)
+        self.more_dice = random.Random(f"{seed}: how urgent, and whether it is asked what it costs")
         self.setting = dice.choice(list(Setting))
         self.managers = [f"tm{number}" for number in range(1, dice.choice((1, 1, 2, 3)) + 1)]
         self.tables = [f"Table{number}" for number in range(1, dice.randint(2, 4) + 1)]
@@ -122,6 +123,8 @@ class _Draw:
             policy=dice.choice(list(Policy)),
             handlers=tuple(self._handlers()),
             cancelled=self.seconds(60) if self.chance(SELDOM) else None,
+            priority=self.more_dice.choice((0, 0, 0, -1, 1, 5)),
+            previewed=self.more_dice.random() < 2 * SELDOM,
         )
 
     def _effect(self) -> str:

@@ -16,7 +16,7 @@ from somrs.planner.problem import Problem
 from somrs.protocol import frp
 from somrs.protocol.clients import TaskRecord, TaskView, WorkView
 from somrs.protocol.component import Input, Received
-from somrs.protocol.envelope import Message, normalised_id
+from somrs.protocol.envelope import Message, message_id, normalised_id
 from somrs.protocol.frp import Outcome, State
 from somrs.protocol.knowledge import UpdateMap
 from somrs.protocol.session import service_of
@@ -25,6 +25,7 @@ from somrs.service_manager.participant import ServiceManager
 from somrs.task_manager.manager import TaskManager, view
 from somrs.task_manager.purpose import Purpose
 from somrs.task_manager.transaction import Transaction
+from verification.fault_runs.client import asked_id
 from verification.fault_runs.site import LOOKING
 from verification.fault_runs.truth import Deed
 
@@ -69,6 +70,9 @@ class Witness:
         self._taken: dict[Pair, float] = {}
         """When the participant took the Accept, or the Execute that says as much."""
         self._released: set[Pair] = set()
+        wishes = enumerate(stage.story.wishes)
+        self._previews = {message_id("preview", asked_id(number)): wish.effect for number, wish in wishes if wish.previewed}
+        """What is only asked for, by transaction."""
         self._managers: dict[str, str] = {}
         """Whose each task is."""
         self._unsaid: dict[str, dict[str, Pair]] = {}
@@ -144,6 +148,8 @@ class Witness:
                 case frp.Terms() as terms:
                     self._terms[pair] = terms
                 case frp.Accept() | frp.Execute():
+                    if pair[0] in self._previews:
+                        raise Violation(Property.CONTRACT, f"{pair[1]} was only asked what it costs, and is to do it")
                     self._accepted[pair] = None
                 case frp.End() | frp.Cancel() | frp.Refuse():
                     self._released.add(pair)
@@ -193,9 +199,9 @@ class Witness:
                 reports[header.message_id] = report
 
     def planning(self, address: str, problem: Problem) -> None:
-        """The planner is asked. Of two transactions that want the same, either may have asked."""
+        """The planner is asked. Of two transactions that want the same, either may have asked; a preview may ask at any time."""
         manager = self._stage.task_manager(address)
-        if manager is None:
+        if manager is None or any(str(parse(effect)) == str(problem.goal) for effect in self._previews.values()):
             return
         wanting = [t for t in manager.transactions.values() if t.outcome is None and any(p.goal == str(problem.goal) for p in t.pursuits)]
         if wanting and all(self._unsaid.get(task.id) for task in wanting):
@@ -288,6 +294,7 @@ class Witness:
         stage = self._stage
         yield from (f"the client was not answered about its wish {number}" for number in stage.client.open)
         yield from (f"the client cannot cancel its wish {number}" for number in stage.client.wants_to_cancel)
+        yield from (f"the client does not hear what its wish {number} would cost" for number in stage.client.wants_previews)
         for address in stage.managers:
             manager = stage.task_manager(address)
             if manager is None:

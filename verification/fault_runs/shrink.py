@@ -28,7 +28,7 @@ def shrunk(story: Story, fails: Callable[[Story], bool]) -> Story:
         story = _with_faults(story, fewest(story.faults, partial(_fails, still, _with_faults, story)))
         story = _with_wishes(story, fewest(story.wishes, partial(_fails, still, _with_wishes, story)))
         story = _with_devices(story, fewest(story.devices, partial(_fails, still, _with_devices, story)))
-    plain = tuple(replace(wish, handlers=(), cancelled=None, deadline=None) for wish in story.wishes)
+    plain = tuple(replace(wish, handlers=(), cancelled=None, deadline=None, priority=0, previewed=False) for wish in story.wishes)
     for simpler in (replace(story, planning=0.0), replace(story, wishes=plain), replace(story, planning=0.0, wishes=plain)):
         if simpler != story and still(simpler):
             story = simpler

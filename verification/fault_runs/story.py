@@ -70,7 +70,8 @@ class Character:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:
-    """A task. `to` is the Task Manager that gets it; `cancelled`: so many seconds after it was taken."""
+    """A task. `to` is the Task Manager that gets it; `cancelled`: so many seconds after it was taken; `previewed`: what it would cost is
+    asked at the same time."""
 
     at: float
     to: str
@@ -79,6 +80,8 @@ class Wish:
     policy: Policy = Policy.PRICE
     handlers: tuple[Handler, ...] = ()
     cancelled: float | None = None
+    priority: int = 0
+    previewed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
