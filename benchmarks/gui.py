@@ -1,4 +1,4 @@
-"""What the windows cost their server: poses of 50 robots at 20 Hz, for one, two and four who look.
+"""What the windows cost their server: poses of 50 robots at 20 Hz, for one, two and four who look. And how long pages take (`pages.py`).
 
 The real server of the windows, as a process of its own. The poses come from the real simulator, in which 50 robots drive to and fro, and,
 as that may not keep 20 Hz beside all else on two cores, from a program that speaks the robot link and plays 50 robots of which every one
@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import aiohttp
+import pages
 
 from somrs.app.client import Addresses
 from somrs.app.system import free_ports
@@ -232,6 +233,7 @@ def main() -> None:
     print(f"The server's CPU for poses of {ROBOTS} robots at {RATE:.0f} Hz; {ROUNDS} rounds of {ROUND_TIME:.0f} s each")
     asyncio.run(played())
     asyncio.run(real())
+    pages.main()
 
 
 if __name__ == "__main__":

@@ -9,6 +9,8 @@ from somrs.app.wire import Unanswered
 from somrs.errors import FormulaError, InputError, ModelError, SomrsError
 from somrs.protocol.knowledge import BrokenRule
 
+__all__ = ["REFUSALS", "NotFound", "Refused", "Trouble", "status", "trouble"]
+
 
 class NotFound(InputError):
     """There is no such thing."""

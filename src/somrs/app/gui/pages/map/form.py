@@ -8,8 +8,8 @@ from functools import partial
 
 from nicegui import ui
 
-from somrs.app.client import Refused
 from somrs.app.desk.desk import Desk
+from somrs.app.desk.refusals import Refused
 from somrs.app.gui.pages.map.fields import Field, Raw, Spot
 from somrs.app.gui.pages.map.words import person, shown
 from somrs.app.gui.pages.map.writing import Writing

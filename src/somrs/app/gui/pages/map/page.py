@@ -9,10 +9,10 @@ from urllib.parse import parse_qs, quote
 from nicegui import ui
 from nicegui.events import ValueChangeEventArguments
 
-from somrs.app.client import Refused
 from somrs.app.desk.desk import Desk
 from somrs.app.desk.hub import News
 from somrs.app.desk.listener import MapNews
+from somrs.app.desk.refusals import Refused
 from somrs.app.gui.following import follow
 from somrs.app.gui.pages.map.adding import Adding
 from somrs.app.gui.pages.map.changes import Changes

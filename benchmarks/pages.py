@@ -1,0 +1,208 @@
+"""How long pages take in a real browser until they can be used: on the paper's scenario, on a map of 5,000 objects, and of a task with
+more than 1,000 messages; and until others see a change. Medians, in milliseconds.
+
+Real processes, and Chromium without a screen. Run by `gui.py`, or by itself as `python benchmarks/pages.py`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import io
+import json
+import statistics
+import tempfile
+import time
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Browser, Page, sync_playwright
+from rich.console import Console
+from rich.table import Table
+
+from somrs.app.client import Addresses
+from somrs.app.importing import import_site
+from somrs.app.system import System
+from somrs.ontology.dump import dump_map
+from somrs.ontology.files import upper
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.types import Value
+
+SCENARIO = Path(__file__).parents[1] / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
+DOMAIN = Path(__file__).parents[1] / "examples" / "parcels" / "domain.pddl"
+CHROMIUM = "/usr/bin/chromium"
+FLAGS = (
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+ROUNDS = 5
+SIDE = 50
+"""Tables along each side of the large hall; each has a jar on it."""
+PARCELS = 45
+TASK_TIME = 600.0
+"""Seconds for a task of that many parcels."""
+
+Measure = Callable[[], float]
+
+
+def main() -> None:
+    table = Table(title="Pages, until they can be used; milliseconds", title_justify="left")
+    for column in ("", "first", "median", "worst"):
+        table.add_column(column, justify="left" if not column else "right")
+    with sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=[*FLAGS])
+        with tempfile.TemporaryDirectory() as folder:
+            scenario(browser, Path(folder), table)
+        with tempfile.TemporaryDirectory() as folder:
+            hall(browser, Path(folder), table)
+        with tempfile.TemporaryDirectory() as folder:
+            long_task(browser, Path(folder), table)
+        browser.close()
+    Console(width=120).print(table)
+
+
+class Running:
+    """A system in an event loop of its own, as Playwright wants this thread's."""
+
+    def __init__(self, site: list[Path], data: Path) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._system = System(site, data, speed="max", windows=True)
+
+    def __enter__(self) -> Addresses:
+        self._loop.run_until_complete(self._system.start())
+        return self._system.addresses
+
+    def __exit__(self, *exception: object) -> None:
+        self._loop.run_until_complete(self._system.stop())
+        self._loop.close()
+
+
+def row(table: Table, name: str, times: list[float]) -> None:
+    first, *rest = times
+    table.add_row(name, f"{first:.0f}", f"{statistics.median(rest or times):.0f}", f"{max(times):.0f}")
+
+
+def opened(page: Page, url: str, usable: str) -> float:
+    """Milliseconds from asking for the page until what is named can be seen."""
+    began = time.perf_counter()
+    page.goto(url, wait_until="commit")
+    page.locator(usable).first.wait_for(state="visible", timeout=120_000)
+    return (time.perf_counter() - began) * 1000
+
+
+def ask(url: str, path: str, body: object = None) -> Any:
+    request = urllib.request.Request(f"{url}/api{path}", data=json.dumps(body).encode() if body is not None else None)
+    with urllib.request.urlopen(request, timeout=60) as answer:
+        return json.load(answer)
+
+
+def pages(browser: Browser) -> Page:
+    return browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
+
+
+def scenario(browser: Browser, folder: Path, table: Table) -> None:
+    with Running([SCENARIO], folder / "data") as addresses:
+        url = addresses.gui or ""
+        for name, path, usable in (
+            ("first page", "/", "text=Parts of the system"),
+            ("map", "/map", "[data-name=Table002]"),
+            ("ontology", "/ontology", "[role=treeitem]"),
+            ("new task", "/define", "[data-name=Table002]"),
+            ("tasks", "/tasks", "text=New task"),
+            ("fleet", "/fleet", "text=Robot1"),
+            ("history", "/history", "text=Export"),
+        ):
+            page = pages(browser)  # the first time with an empty cache
+            row(table, name, [opened(page, url + path, usable) for _ in range(ROUNDS)])
+            page.context.close()
+
+
+def hall_map() -> Map:
+    """A storey with 2,500 tables in rows, and a jar on each."""
+    width = 3.0 * (SIDE + 1)
+    floor: dict[str, Value] = {"PositionX": width / 2, "PositionY": width / 2, "PositionZ": -0.1, "Shape.Form": "Box", "Shape.Height": 0.1}
+    objects = [
+        Object(name="Building1", type="Building"),
+        Object(name="Storey1", type="Storey"),
+        Object(name="Floor1", type="Floor", values={**floor, "Shape.Width": width, "Shape.Depth": width}),
+    ]
+    facts = [Fact("isPartOf", ("Storey1", "Building1")), Fact("isPartOf", ("Floor1", "Storey1"))]
+    shape: dict[str, Value] = {"Shape.Form": "Box", "Shape.Width": 1.2, "Shape.Depth": 0.7, "Shape.Height": 0.75}
+    for n in range(SIDE * SIDE):
+        at: dict[str, Value] = {"PositionX": 3.0 * (n % SIDE + 1), "PositionY": 3.0 * (n // SIDE + 1), "PositionZ": 0.0}
+        objects += [
+            Object(name=f"Table{n}", type="Table", values={**at, **shape}),
+            Object(name=f"Jar{n}", type="Jar", values={**at, "PositionZ": 0.75, "Color": "Red"}),
+        ]
+        facts.append(Fact("isOn", (f"Jar{n}", f"Table{n}")))
+    return Map(objects, facts)
+
+
+def hall(browser: Browser, folder: Path, table: Table) -> None:
+    file = folder / "hall.yaml"
+    file.write_text(dump_map(hall_map(), upper()), encoding="utf-8")
+    with Running([file], folder / "data") as addresses:
+        url = addresses.gui or ""
+        page, other = pages(browser), pages(browser)
+        row(table, "map of 5,000 objects", [opened(page, f"{url}/map", "[data-name=Table0]") for _ in range(ROUNDS)])
+        opened(other, f"{url}/map", "[data-name=Table0]")
+        row(table, "  a change of one object, seen by another who looks", [changed(url, other, n) for n in range(ROUNDS)])
+        row(table, "  a step of the wheel, drawn", [zoomed(page) for _ in range(ROUNDS)])
+        row(table, "new task, 5,000 objects", [opened(page, f"{url}/define", "[data-name=Table0]") for _ in range(ROUNDS)])
+        row(table, "ontology, 5,000 objects", [opened(page, f"{url}/ontology", "[role=treeitem]") for _ in range(ROUNDS)])
+
+
+def changed(url: str, other: Page, n: int) -> float:
+    began = time.perf_counter()
+    cup = {"name": f"Cup{n}", "type": "Cup", "values": {"PositionX": 3.4, "PositionY": 3.0, "PositionZ": 0.75}}
+    on = {"type": "FactAdded", "fact": {"relation": "isOn", "arguments": [f"Cup{n}", "Table0"]}}
+    ask(url, "/map/changes", {"changes": [{"type": "ObjectAdded", "object": cup}, on], "author": "benchmark"})
+    other.locator(f"[data-name=Cup{n}]").first.wait_for(state="attached", timeout=60_000)
+    return (time.perf_counter() - began) * 1000
+
+
+def zoomed(page: Page) -> float:
+    """Until the frame after it has been drawn."""
+    page.mouse.move(400, 400)
+    began = time.perf_counter()
+    page.mouse.wheel(0, -120)
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    return (time.perf_counter() - began) * 1000
+
+
+def parcels() -> str:
+    names = [f"p{n}" for n in range(PARCELS)]
+    return f"""(define (problem many) (:domain parcels)
+  (:objects market mill harbour - place {" ".join(names)} - parcel (:private van1 van1 - van) (:private van2 van2 - van))
+  (:init (at van1 mill) (street van1 mill market) (street van1 market mill) {" ".join(f"(lies {name} mill)" for name in names)}
+    (at van2 harbour) (street van2 harbour market) (street van2 market harbour)
+    (= (total-cost) 0) (= (km mill market) 4) (= (km market mill) 4) (= (km harbour market) 3) (= (km market harbour) 3))
+  (:goal (and {" ".join(f"(lies {name} harbour)" for name in names)}))
+  (:metric minimize (total-cost)))"""
+
+
+def long_task(browser: Browser, folder: Path, table: Table) -> None:
+    problem, site = folder / "problem.pddl", folder / "parcels.yaml"
+    problem.write_text(parcels(), encoding="utf-8")
+    with contextlib.redirect_stdout(io.StringIO()):
+        import_site([DOMAIN, problem], site)
+    with Running([site], folder / "data") as addresses:
+        url = addresses.gui or ""
+        wish = " AND ".join(f"p{n} lies harbour" for n in range(PARCELS))
+        task = ask(url, "/tasks", {"effect": wish})["task"]
+        until = time.monotonic() + TASK_TIME
+        while (seen := ask(url, f"/tasks/{task}"))["view"]["outcome"] is None and time.monotonic() < until:
+            time.sleep(0.5)
+        page = pages(browser)
+        name = f"a task with {seen['messages']} messages and {len(seen['view']['steps'])} steps"
+        row(table, name, [opened(page, f"{url}/tasks/{task}", ".somrs-msg") for _ in range(ROUNDS)])
+
+
+if __name__ == "__main__":
+    main()
