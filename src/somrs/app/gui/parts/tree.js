@@ -51,6 +51,10 @@ export default {
       // What is open stays in view when it gets another parent.
       const parent = (nodes) => nodes.find((node) => node.id === this.selected)?.parent;
       if (parent(now) !== parent(before)) this.reveal(this.selected);
+      // So is what is new, unless it is a whole file.
+      const known = new Set(before.map((node) => node.id));
+      const fresh = now.filter((node) => !known.has(node.id));
+      if (fresh.length < 6) fresh.forEach((node) => this.reveal(node.id));
     },
     selected(id) {
       this.focused = id;

@@ -40,12 +40,15 @@ class Import:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._text, self._file = "", ""
+        self._version: int | None = None
         with titled("Import definitions") as self._dialog, ui.card().classes("somrs-onto-dialog"):
             Word("h2", "Import definitions")
             note("A YAML file (ontology or map file) or an OWL file (Turtle, RDF/XML). Nothing is changed before you say so.")
-            ui.upload(label="Choose or drop a file", auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._take).props(
+            self._upload = ui.upload(label="Choose or drop a file", auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._take).props(
                 'accept=".yaml,.yml,.ttl,.owl,.rdf,.xml" flat bordered hide-upload-btn'
-            ).classes("somrs-onto-upload")
+            )
+            self._upload.classes("somrs-onto-upload")
+            self._chosen = ui.label().classes("somrs-onto-doc")
             self._body = ui.element("div").classes("somrs-onto-dialog-body").props('aria-live="polite"')
             self._map = ui.checkbox("", on_change=self._consider)
             self._map.visible = False
@@ -57,7 +60,9 @@ class Import:
         self._dialog.open()
 
     async def _take(self, event: events.UploadEventArguments) -> None:
-        self._file = event.file.name
+        self._file, self._version = event.file.name, None
+        self._chosen.text = f"In {self._file}:"
+        self._upload.reset()
         self._take_over.visible = self._map.visible = False
         self._map.value = False
         try:
@@ -86,7 +91,9 @@ class Import:
                 show(found.consequences)
                 if isinstance(found, ImportedOwl):
                     self._show_besides(found)
-            self._take_over.visible = not found.consequences.broken
+            self._version = found.consequences.version
+            nothing = found.consequences.revision is None and not self._map.value
+            self._take_over.visible = not (found.consequences.broken or nothing)
 
     def _show_besides(self, found: ImportedOwl) -> None:
         """What else is in an OWL file: objects, and what there are no words for."""
@@ -101,7 +108,9 @@ class Import:
 
     def _run(self, *, dry: bool) -> Awaitable[Imported]:
         ending = self._file[self._file.rfind(".") :].lower()
-        body = ImportOntology(text=self._text, file=self._file, author=author())
+        # What was shown is what is done: not if somebody changed the same definitions since.
+        version = None if dry else self._version
+        body = ImportOntology(text=self._text, file=self._file, author=author(), expected_version=version)
         if KINDS.get(ending) == "owl":
             return self._desk.ontology.import_owl(body, dry=dry, map=self._map.value)
         return self._desk.ontology.import_yaml(body, dry=dry)
