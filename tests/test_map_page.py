@@ -95,6 +95,13 @@ def test_what_is_proposed_can_be_added(known: tuple[Map, Ontology], type_name: s
     assert at(made, ontology, name)[:2] == (3, 4)
 
 
+@pytest.mark.parametrize("type_name", ["Person", "Room", "Corridor"])
+def test_what_has_no_place_is_a_part_of_the_building(known: tuple[Map, Ontology], type_name: str) -> None:
+    map, ontology = known
+    made = after(known, adding(type_name, "New1", {}, None, map, ontology))
+    assert made.whole("New1") == "Building001"
+
+
 def test_a_thing_that_is_added_on_a_table_stands_on_it(known: tuple[Map, Ontology]) -> None:
     map, ontology = known
     made = after(known, adding("Cup", "Cup001", {}, Spot(x=4, y=2.2, target="Table001", storey="Storey001"), map, ontology))

@@ -4,6 +4,7 @@ import { Hands } from "floorplan_hands";
 import { kindById, LEGEND } from "floorplan_kinds";
 import { get, Live } from "floorplan_live";
 import { Plan } from "floorplan_plan";
+import { Poses } from "floorplan_poses";
 import { sample } from "floorplan_shapes";
 import { lengthText } from "floorplan_view";
 
@@ -72,7 +73,7 @@ export default {
       return this.version === undefined || this.version === null ? this.mode : "view";
     },
     hint() {
-      return this.placing ? "Click where it is to stand. Escape stops." : "";
+      return this.placing ? "Click where it is to stand, or move it by the arrow keys and press Enter. Escape stops." : "";
     },
     help() {
       const common = "Page down and page up choose the next and the last object, plus and minus zoom, 0 shows all.";
@@ -99,9 +100,12 @@ export default {
     this.watching = new ResizeObserver(([entry]) => plan.resize(entry.contentRect.width, entry.contentRect.height));
     this.watching.observe(this.$refs.pad);
     this.live = new Live((news) => this.hear(news));
+    this.poses = new Poses((poses) => plan.see(poses));
+    if (!this.past()) this.poses.follow();
   },
   unmounted() {
     this.live.end();
+    this.poses.end();
     this.watching.disconnect();
     this.hands.end();
     this.plan.end();
@@ -134,7 +138,11 @@ export default {
       this.values = values;
       this.plan.ghost = null;
       this.turned = 0;
-      if (type) this.$refs.pad.focus({ preventScroll: true });
+      this.plan.target = null;
+      if (type) {
+        this.$refs.pad.focus({ preventScroll: true });
+        this.tryAt(this.plan.view);
+      }
       this.plan.draw();
     },
     focus() { this.$refs.pad.focus({ preventScroll: true }); },
@@ -167,6 +175,9 @@ export default {
     async turnTo() {
       if (this.plan.model.types.size === 0) return;
       const wanted = this.version;
+      this.plan.forget();
+      if (this.past()) this.poses.rest();
+      else this.poses.follow();
       try {
         const map = await get(this.past() ? `/api/map?version=${wanted}` : "/api/map");
         if (wanted === this.version) { this.read(map); this.trouble = ""; }
@@ -241,7 +252,7 @@ export default {
         fit: () => plan.fit(),
         nudge: (dx, dy, turn) => this.nudge(dx, dy, turn),
         next: (step) => this.next(step),
-        enter: () => { if (plan.selected) this.$emit(this.mode === "pick" ? "picked" : "open", { name: plan.selected }); },
+        enter: () => { if (this.placing) this.click(null, plan.ghost.at); else if (plan.selected) this.$emit(this.mode === "pick" ? "picked" : "open", { name: plan.selected }); },
         open: () => { if (plan.selected && this.mode !== "pick") this.$emit("open", { name: plan.selected }); },
         remove: () => { if (plan.selected && this.doing === "edit") this.$emit("remove", { name: plan.selected }); },
         undo: () => { if (this.doing === "edit") this.$emit("undo", {}); },
@@ -256,11 +267,14 @@ export default {
     },
     hover(at) {
       this.where = at ? `x ${at.x.toFixed(2)} m, y ${at.y.toFixed(2)} m` : "";
-      if (this.placing && at) {
-        this.plan.ghost = { at: { ...this.snapped(at), turned: this.turned }, form: this.plan.model.formOfType(this.placing, this.values) };
-        this.plan.target = this.plan.model.targetAt(at.x, at.y, this.plan.storey);
-        this.plan.draw();
-      }
+      if (this.placing && at) this.tryAt(at);
+    },
+    // Show what is to be placed as it would stand there.
+    tryAt({ x, y }) {
+      const { plan } = this;
+      plan.ghost = { at: { ...this.snapped({ x, y }), turned: this.turned }, form: plan.model.formOfType(this.placing, this.values) };
+      plan.target = plan.model.targetAt(plan.ghost.at.x, plan.ghost.at.y, plan.storey);
+      plan.draw();
     },
     below(at) {
       const box = this.$refs.pad.getBoundingClientRect();
@@ -335,7 +349,13 @@ export default {
     nudge(dx, dy, turn) {
       const { plan } = this;
       const name = plan.selected;
-      if (this.placing && turn) { this.turned += turn; if (plan.ghost) plan.ghost.at.turned = this.turned; plan.draw(); return true; }
+      if (this.placing) {
+        this.turned += turn;
+        const { x, y } = plan.ghost.at;
+        this.tryAt({ x: x + dx, y: y + dy });
+        plan.view.reveal(x + dx, y + dy);
+        return true;
+      }
       if (this.doing !== "edit" || !name || !plan.at(name)) return false;
       if (this.nudged?.name !== name) { this.flush(); this.nudged = { name, version: plan.model.version }; }
       const at = plan.at(name);

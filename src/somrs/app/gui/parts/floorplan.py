@@ -1,6 +1,7 @@
 """The floor plan of a storey, drawn to scale from the objects of the map: an element for any page.
 
-It reads the map and its news from the API by itself, so a page only says what to show and hears what people do:
+It reads the map and its news from the API by itself, and where things are that move, so a page only says what to show and hears what
+people do:
 
     plan = FloorPlan(mode="edit")
     plan.on_select(lambda at: ...)
@@ -31,7 +32,7 @@ Mode = Literal["view", "pick", "edit"]
 Told = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 
-class FloorPlan(Element, component="floorplan.js", dependencies=["floorplan_*.js", "live.js"]):
+class FloorPlan(Element, component="floorplan.js", dependencies=["floorplan_*.js", "live.js"], esm={"somrs-scene": "scene"}):
     """`storey`: which one to show, else the first; `snap`: metres between the points that dragged objects snap to, 0 for none."""
 
     def __init__(self, *, mode: Mode = "view", storey: str | None = None, snap: float = 0.0, legend: bool = False) -> None:

@@ -4,6 +4,7 @@ import { reach } from "floorplan_model";
 import { outline, pose } from "floorplan_shapes";
 
 const SMALL = 9; // pixels; what is smaller has a ring about it instead of a frame
+const AWAY = 0.3; // metres; what is seen so far from where the map has it, leaves its outline there
 const HANDLE = 26; // pixels from the object's edge to the handle that turns it
 
 export class Frame {
@@ -13,7 +14,7 @@ export class Frame {
     this._screen = screen;
   }
 
-  show({ model, view, at, selected, turnable, target, found, ghost }) {
+  show({ model, view, at, selected, turnable, target, found, ghost, moving, unknown }) {
     const inMetres = [];
     const inPixels = [];
     const put = (name, cls) => {
@@ -21,6 +22,14 @@ export class Frame {
       if (solid && place) inMetres.push(`<path class="${cls}" transform="${pose(place)}" d="${outline(solid)}"/>`);
       return solid && place;
     };
+    for (const name of moving) {
+      const [solid, place] = [model.solid(name), at(name)];
+      if (solid && place && Math.hypot(solid.x - place.x, solid.y - place.y) > AWAY) inMetres.push(`<path class="fp-known" transform="${pose(solid)}" d="${outline(solid)}"/>`);
+    }
+    for (const name of unknown) {
+      const p = view.toScreen(at(name).x, at(name).y);
+      inPixels.push(`<g class="fp-question" transform="translate(${p.x.toFixed(1)} ${p.y.toFixed(1)})"><circle r="10"/><text y="4.5">?</text></g>`);
+    }
     for (const name of found) {
       const place = put(name, "fp-found") && at(name);
       if (place) inPixels.push(this._ring(view, place, model.solid(name)));

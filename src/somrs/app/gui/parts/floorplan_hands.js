@@ -119,8 +119,9 @@ export class Hands {
 
   _key(event) {
     if (event.target !== this._element) return;
-    const done = this._press(event);
-    if (done) event.preventDefault();
+    if (!this._press(event)) return;
+    event.preventDefault();
+    event.stopPropagation(); // the page may have keys of its own
   }
 
   _press(event) {

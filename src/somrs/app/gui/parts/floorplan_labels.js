@@ -4,6 +4,7 @@ import { svg } from "floorplan_layers";
 
 const HEIGHT = 14;
 const GAP = 3;
+const DOT = 6; // pixels from the middle of a small thing to where names may begin
 const CELL = 64; // pixels: how finely the screen is divided when one asks what is in the way
 const MOST = 220;
 
@@ -12,18 +13,21 @@ export class Labels {
     this._layer = layer;
     this._nodes = new Map();
     this._widths = new Map();
+    this._from = new Map();
     this._pen = document.createElement("canvas").getContext("2d");
     this._pen.font = "12px system-ui, 'Segoe UI', Roboto, sans-serif";
   }
 
   // Each label: { name, text, x, y (pixels, the middle of what it names), half (pixels, how far that reaches: { w, h }), rank, inside, classes }.
-  place(labels, view) {
+  // `spots`: of what they are not to cover.
+  place(labels, spots, view) {
     const taken = new Taken();
+    for (const { x, y } of spots) taken.take(x - DOT, y - HEIGHT / 2, 2 * DOT);
     const kept = new Map();
     for (const label of labels.sort((a, b) => b.rank - a.rank)) {
       if (kept.size >= MOST) break;
       const width = this._width(label.text);
-      const spot = spots(label, width).find((one) => inView(one, width, view) && (label.always || taken.free(one.x - width / 2, one.y - HEIGHT / 2, width)));
+      const spot = ways(label, width).find((one) => inView(one, width, view) && (label.always || taken.free(one.x - width / 2, one.y - HEIGHT / 2, width)));
       if (!spot) continue;
       taken.take(spot.x - width / 2, spot.y - HEIGHT / 2, width);
       kept.set(label.name, { ...label, at: spot });
@@ -33,12 +37,14 @@ export class Labels {
         node.remove();
         this._nodes.delete(name);
       }
+    this._from = new Map([...kept].map(([name, { x, y }]) => [name, { x, y }]));
     for (const [name, label] of kept) this._write(name, label);
   }
 
-  shift(name, dx, dy) {
-    const node = this._nodes.get(name);
-    if (node) node.setAttribute("transform", `translate(${dx} ${dy})`);
+  // What is named is elsewhere on the screen now; its name goes along until all are placed anew.
+  follow(name, { x, y }) {
+    const [node, from] = [this._nodes.get(name), this._from.get(name)];
+    if (node && from) node.setAttribute("transform", `translate(${(x - from.x).toFixed(1)} ${(y - from.y).toFixed(1)})`);
   }
 
   _write(name, label) {
@@ -63,7 +69,7 @@ export class Labels {
   }
 }
 
-function spots(label, width) {
+function ways(label, width) {
   const { x, y, half } = label;
   if (label.centred) return [{ x, y }];
   const below = { x, y: y + half.h + GAP + HEIGHT / 2 };

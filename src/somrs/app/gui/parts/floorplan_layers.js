@@ -8,6 +8,7 @@ export class Layers {
   constructor(sheets) {
     this._nodes = new Map(); // by name: { node, layer, classes, content, at }
     this._groups = new Map();
+    this.unknown = new Set(); // what nobody knows how it is
     for (const [sheet, layers] of Object.entries(SHEETS))
       for (const layer of layers) this._groups.set(layer, sheets.get(sheet).appendChild(svg("g", { class: `fp-layer fp-layer-${layer}` })));
   }
@@ -70,6 +71,8 @@ export class Layers {
       unknown: model.value(name, "Unknown") === true,
       broken: model.value(name, "Working") === false,
     };
+    if (seen.unknown) this.unknown.add(name);
+    else this.unknown.delete(name);
     return { layer: kind.layer, at: { x: solid.x, y: solid.y, turned: solid.turned }, z: solid.z, ...look(kind, solid, seen) };
   }
 
@@ -96,6 +99,7 @@ export class Layers {
   _drop(name) {
     this._nodes.get(name)?.node.remove();
     this._nodes.delete(name);
+    this.unknown.delete(name);
   }
 }
 

@@ -7,10 +7,12 @@ import { Layers } from "floorplan_layers";
 import { arrow, Links } from "floorplan_links";
 import { bounds, Model, reach } from "floorplan_model";
 import { Motion } from "floorplan_motion";
+import { pose } from "floorplan_shapes";
 import { Sheets } from "floorplan_sheets";
 import { View } from "floorplan_view";
 
 const LABELS_REST = 120; // milliseconds between two times that all names are placed anew, while the plan is moved
+const DOT = 1.5; // pixels; what is larger is not to be covered by the name of what it stands on
 const PATIENCE = 15000; // milliseconds that a moved object waits for the answer whether it may stay there
 
 export class Plan {
@@ -26,7 +28,8 @@ export class Plan {
     this.target = null;
     this.turnable = () => false;
     this._asked = asked; // called when something is held in vain
-    this._held = new Map(); // what was moved here, and not yet on the map: { at, version, since }
+    this._held = new Map(); // what was moved here, and not yet on the map: { version, since }
+    this._moving = new Map(); // what is seen elsewhere than the map has it, and where the map had it then
     this._sheets = new Sheets(element);
     this._layers = new Layers(this._sheets.groups);
     this._links = new Links(this._sheets.links);
@@ -68,7 +71,8 @@ export class Plan {
   refresh(names) {
     const moves = this._layers.refresh(this.model, this.storey, names);
     this._release();
-    this._motion.go(moves.filter((move) => !this._held.has(move.name)));
+    for (const { name } of moves) if (this._moving.has(name) && this._moving.get(name) !== pose(this.model.solid(name))) this._moving.delete(name);
+    this._motion.go(moves.filter((move) => !this._held.has(move.name) && !this._moving.has(move.name)));
     if (names === undefined || this.relations.length) this._links.show(this.model, this.relations, (name) => this.spot(name));
     this.draw();
   }
@@ -129,6 +133,26 @@ export class Plan {
 
   names() {
     return [...this._layers.names()];
+  }
+
+  // Things are seen on their way: draw them there, until the map has them elsewhere than before.
+  see(poses) {
+    const moved = new Set();
+    for (const [name, at] of poses) {
+      if (!this._layers.has(name) || this._held.has(name)) continue;
+      if (!this._moving.has(name)) this._moving.set(name, pose(this.model.solid(name)));
+      this._motion.stop(name);
+      this._layers.move(name, at);
+      moved.add(name);
+    }
+    if (moved.size) this._moved(moved, false);
+  }
+
+  // Everything is where the map has it.
+  forget() {
+    const names = new Set(this._moving.keys());
+    this._moving.clear();
+    if (names.size) this.refresh(names);
   }
 
   // Draw an object, and all that goes along with it, elsewhere, until `settle` or `back` is told of them. What they came to.
@@ -209,6 +233,8 @@ export class Plan {
       target: this.target,
       found: this.found.keys(),
       ghost: this.ghost,
+      moving: this._moving.keys(),
+      unknown: this._layers.unknown,
     });
     this._sheets.arrows.replaceChildren(...this.arrows.filter((one) => one.from && one.to).map((one) => arrow(view.toScreen(one.from.x, one.from.y), view.toScreen(one.to.x, one.to.y))));
     this._label();
@@ -233,7 +259,8 @@ export class Plan {
     }
     group.removeAttribute("transform");
     group.classList.remove("fp-hidden");
-    this._labels.place(this._wanted(), view);
+    const { wanted, taken } = this._wanted();
+    this._labels.place(wanted, taken, view);
     this._labelled = { x: view.x, y: view.y, scale: view.scale };
     this._labelsAt = performance.now();
   }
@@ -242,6 +269,7 @@ export class Plan {
     const { view, model } = this;
     const box = view.box();
     const wanted = [];
+    const taken = [];
     for (const name of this._layers.names()) {
       const at = this._layers.at(name);
       if (at.x < box.left || at.x > box.right || at.y < box.bottom || at.y > box.top) continue;
@@ -250,6 +278,7 @@ export class Plan {
       const special = name === this.selected || this.found.has(name);
       const solid = model.solid(name);
       const unknown = model.value(name, "Unknown") === true;
+      if (solid && kind.layer !== "furniture" && kind.moves === "free" && reach(solid) * view.scale > DOT) taken.push(view.toScreen(at.x, at.y));
       if (!solid || (!special && !unknown && 2 * reach(solid) * view.scale < kind.from)) continue;
       const b = bounds({ ...solid, ...at });
       const half = { w: Math.max(((b.right - b.left) / 2) * view.scale, 5), h: Math.max(((b.top - b.bottom) / 2) * view.scale, 5) };
@@ -257,7 +286,7 @@ export class Plan {
       const mark = this.found.get(name);
       wanted.push({
         name,
-        text: (unknown ? "? " : "") + name + (mark ? ` ${mark}` : ""),
+        text: name + (mark ? ` ${mark}` : ""),
         ...p,
         half,
         rank: name === this.selected ? 1000 : special ? 500 : unknown ? 300 : kind.label,
@@ -267,7 +296,7 @@ export class Plan {
       });
     }
     for (const space of model.spaces(this.storey)) wanted.push(...this._spaceLabel(space));
-    return wanted;
+    return { wanted, taken };
   }
 
   _spaceLabel(space) {
@@ -283,12 +312,21 @@ export class Plan {
 
   _moved(names, still) {
     this._links.follow(names, (name) => this.spot(name));
-    if (still || names.has(this.selected) || this.found.size || this.relations.length) this.draw();
+    for (const name of names) {
+      const at = this._layers.at(name);
+      if (at) this._labels.follow(name, this.view.toScreen(at.x, at.y));
+    }
+    if (still || this._moving.size || names.has(this.selected) || this.found.size || this.relations.length) this.draw();
     else this._label();
   }
 
   // What physical objects have no place on the plan.
   unplaced() {
-    return [...this.model.objects.values()].filter((one) => this.model.kindOfType(one.type).layer && this.model.solid(one.name) === null).map((one) => one.name);
+    return [...this.model.objects.values()].filter((one) => missed(this.model.kindOfType(one.type)) && this.model.solid(one.name) === null).map((one) => one.name);
   }
+}
+
+// Whether something is missed on the plan that is nowhere: people come and go.
+function missed(kind) {
+  return kind.layer && kind.id !== "person";
 }

@@ -65,7 +65,7 @@ class Adding:
             doc = self._desk.context.ontology.types[self._type].doc
             ui.label(f"{self._type}: {doc}" if doc else self._type).classes("somrs-soft")
             if self._placeable(self._type):
-                ui.label("Click on the plan; R turns it, Escape stops.").classes("somrs-map-now").props('role="status"')
+                ui.label("Click on the plan where it goes. R turns it, Escape stops.").classes("somrs-map-now").props('role="status"')
             without = ui.button("Add without a place", on_click=lambda: self.ask(str(self._type), None)).props("flat dense no-caps")
             without.props('icon="add_location_alt"' if self._placeable(self._type) else 'icon="add"')
 

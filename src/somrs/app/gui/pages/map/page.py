@@ -7,7 +7,7 @@ from typing import Any
 from urllib.parse import parse_qs, quote
 
 from nicegui import ui
-from nicegui.events import ValueChangeEventArguments
+from nicegui.events import KeyEventArguments, ValueChangeEventArguments
 
 from somrs.app.desk.desk import Desk
 from somrs.app.desk.hub import News
@@ -128,6 +128,8 @@ class MapPage:
         plan.on_stopped(lambda told: self._adding.stop())
         plan.on_remove(lambda told: self._remove_guarded(told["name"]))
         plan.on_undo(lambda told: self._undo_guarded())
+        # In fields, the same keys take back what was typed; the plan has them itself while it is in focus.
+        ui.keyboard(on_key=self._pressed, ignore=["input", "select", "textarea"], repeating=False)
         plan.on_unanswered(lambda told: tell(f"{', '.join(told['names'])} went back: no answer came. Try again.", bad=True))
 
     def begin(self, query: str) -> None:
@@ -267,6 +269,10 @@ class MapPage:
             tell("There is nothing of yours to undo.")
             return
         await self._undo_version(version)
+
+    async def _pressed(self, event: KeyEventArguments) -> None:
+        if event.action.keydown and (event.modifiers.ctrl or event.modifiers.meta) and not event.modifiers.shift and event.key == "z":
+            await self._undo_guarded()
 
     async def _undo_guarded(self) -> None:
         await guarded(self._undo)()

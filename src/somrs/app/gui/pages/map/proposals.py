@@ -94,6 +94,8 @@ def adding(type_name: str, name: str, values: dict[str, Value], spot: Spot | Non
             values[TURNED] = round(spot.turned, 5)
         if ontology.is_a(type_name, "BuildingElement") and (whole := _whole(type_name, spot, map, ontology)) is not None:
             facts.append(Fact(PART_OF, (name, whole)))
+    elif (root := next(iter(map.roots()), None)) is not None:
+        facts.append(Fact(PART_OF, (name, root)))  # else it would be nowhere at all
     kept = {path: value for path, value in values.items() if path in known}
     return (ObjectAdded(Object(name=name, type=type_name, values=kept)), *(FactAdded(fact) for fact in facts))
 
