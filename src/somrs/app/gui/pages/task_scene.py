@@ -22,6 +22,9 @@ KEPT = "task view"
 
 HEIGHT = "340px"
 
+AFTER = 0.3
+"""Seconds after which the scene is made: all else on the page is there first."""
+
 WORKING = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
 
 
@@ -36,8 +39,8 @@ class Scene:
         chosen = app.storage.user.get(KEPT, SPACE)
         self._choice = ui.toggle({SPACE: "3D", PLAN: "Floor plan"}, value=chosen, on_change=self._turn)
         self._choice.props('no-caps dense unelevated aria-label="View"').classes("somrs-task-scene-choice")
-        self._place = ui.element("div").classes("somrs-task-view")
-        self._make()
+        self._place = ui.element("div").classes("somrs-task-view").style(f"min-height: {HEIGHT}")
+        ui.timer(AFTER, self._make, once=True)
 
     def _turn(self) -> None:
         app.storage.user[KEPT] = self._choice.value
