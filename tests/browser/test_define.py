@@ -304,6 +304,8 @@ def test_it_looks_as_it_should(opened: Callable[..., Page], dark: bool) -> None:
     expect(page.locator(".somrs-define-graph svg")).to_be_visible(timeout=PREVIEW_TIME)
     for size, (width, height) in WIDTHS.items():
         page.set_viewport_size({"width": width, "height": height})
+        page.get_by_role("button", name="Show all").click()
+        page.evaluate("scrollTo(0, 0)")
         page.wait_for_timeout(400)
         shoot(page, f"define-{size}-{'dark' if dark else 'light'}")
         assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")

@@ -19,6 +19,21 @@ async function ask(path, body) {
   return answer.json();
 }
 
+// All fields of a page hear of the map and the ontology by one connection.
+const fields = new Set();
+let leave = null;
+
+function join(field) {
+  fields.add(field);
+  leave ??= follow(["map", "ontology"], { open: () => fields.forEach((one) => one.again()), news: (news) => fields.forEach((one) => one.hear(news)) });
+  return () => {
+    fields.delete(field);
+    if (fields.size) return;
+    leave();
+    leave = null;
+  };
+}
+
 export default {
   template: `
     <div class="somrs-fe" :class="{'somrs-fe-bad': bad, 'somrs-fe-off': disable}">
@@ -70,7 +85,7 @@ export default {
   },
   mounted() {
     this.check();
-    this.stop = follow(["map", "ontology"], { open: () => this.check(), news: (news) => this.hear(news) });
+    this.stop = join({ hear: (news) => this.hear(news), again: () => this.again() });
     this.gone = () => this.close();
     window.addEventListener("resize", this.gone);
     window.addEventListener("scroll", this.gone, true);
@@ -119,6 +134,10 @@ export default {
       const changes = news.value?.changes ?? [];
       const matters = news.topic === "ontology" || news.missed || news.value?.read || changes.some(({ type }) => /^Object/.test(type));
       if (matters) this.later(CHECK);
+    },
+    again() {
+      // The connection is there, perhaps again: then what was checked before may be out of date.
+      if (this.checkedText !== null || this.lost) this.check();
     },
     later(pause) {
       clearTimeout(this.timer);

@@ -54,6 +54,9 @@ class Preview:
     def begin(self) -> None:
         """Ask; the page goes on meanwhile."""
         self.stop()
+        self._panel.element.props("open")
+        # On a narrow screen it is below what one sees.
+        ui.run_javascript(f"getHtmlElement({self._panel.element.id}).scrollIntoView({{block: 'nearest'}})")
         self._running = background_tasks.create(self._run(), name="preview", context=self._found)
 
     def stop(self) -> None:
@@ -109,7 +112,6 @@ class Preview:
             PlanGraph(steps=found.steps, label="What would be done").classes("somrs-define-graph")
             if found.quotations or found.unserved:
                 _quotes(found)
-        self._panel.element.props("open")
 
     def _totals(self, found: Previewed) -> None:
         count = f"{len(found.steps)} step{'' if len(found.steps) == 1 else 's'}"
