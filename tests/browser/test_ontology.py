@@ -373,7 +373,7 @@ def test_every_kind_of_definition_is_read(system: Running, window: Open) -> None
     shoot(page, "ontology-service-1280-light")
 
 
-@pytest.mark.parametrize(("size", "dark"), [("1280", False), ("1280", True), ("1920", False), ("820", False), ("820", True)])
+@pytest.mark.parametrize(("size", "dark"), [("1280", True), ("1920", False), ("820", False)])
 def test_sheet_and_form_fit_every_window(system: Running, window: Open, size: str, dark: bool) -> None:
     page = window(f"{system.url}/ontology?type=Jar", size, dark=dark)
     expect(heading(page, "Jar")).to_be_visible()
