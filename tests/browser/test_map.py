@@ -230,7 +230,7 @@ def test_an_object_is_added_by_keys_alone(kept: Running, window: Window) -> None
 
 def test_a_storey_that_is_added_can_be_chosen(kept: Running, window: Window) -> None:
     page = opened(window, kept)
-    expect(page.get_by_label("Storey")).to_have_count(0)
+    expect(page.get_by_role("combobox", name="Storey")).to_have_count(0)
     floor = {
         "PositionX": 6.0,
         "PositionY": 4.0,
@@ -249,10 +249,10 @@ def test_a_storey_that_is_added_can_be_chosen(kept: Running, window: Window) -> 
         {"type": "FactAdded", "fact": {"relation": "isPartOf", "arguments": ["Floor003", "Storey002"]}},
     ]
     api(kept, "/map/changes", {"changes": changes, "author": "Anna"})
-    page.get_by_label("Storey").select_option("Storey002")
+    page.get_by_role("combobox", name="Storey").select_option("Storey002")
     expect(body(page, "Chair009")).to_have_count(1)
     expect(body(page, "Chair001")).to_have_count(0)
-    page.get_by_label("Storey").select_option("Storey001")
+    page.get_by_role("combobox", name="Storey").select_option("Storey001")
     expect(body(page, "Chair009")).to_have_count(0)
     expect(body(page, "Chair001")).to_have_count(1)
 

@@ -63,7 +63,7 @@ export class Hands {
     const at = this._point(event);
     if (this._pointers.has(event.pointerId)) this._pointers.set(event.pointerId, at);
     const grip = this._grip;
-    if (!grip) return this._does.hover(at);
+    if (!grip) return this._does.hover(at, nameAt(event));
     if (grip.what === "pinch") return this._pinched();
     if (!grip.dragging && Math.hypot(at.x - grip.start.x, at.y - grip.start.y) < FAR) return;
     const free = event.altKey;
