@@ -39,7 +39,8 @@ class Times:
 
     def _button(self, icon: str, label: str, action: Callable[[], object]) -> ui.button:
         button = ui.button(icon=icon, on_click=action).props(f'flat round dense aria-label="{label}"')
-        button.tooltip(label)
+        with button:
+            ui.tooltip(label).props('anchor="top left" self="bottom left"').classes("somrs-map-tip")
         return button
 
     @property
