@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from somrs.devices.simulator.commands import Fault
 from somrs.devices.simulator.link import OperatorLink
@@ -170,10 +170,13 @@ def _every_size(page: Page, name: str) -> None:
 
 @pytest.mark.usefixtures("jar_at_home")
 def test_a_task_is_cancelled_and_undone(system: Running, window: Open) -> None:
+    page = window(f"{system.url}/tasks/{stated(system, 'Shelf001 isOn Platform001')}")
+    page.get_by_role("button", name="Floor plan").click()
     wish = "Jar003 isOn Shelf001 AND Carton001 isOn Shelf001"
     task = stated(system, wish)  # by the cheaper robot, one after the other: time enough to change one's mind
-    page = window(f"{system.url}/tasks/{task}")
-    (first,) = until(system, task, carries)["view"]["work"]
+    page.goto(f"{system.url}/tasks/{task}")
+    expect(page.get_by_role("button", name="Floor plan")).to_have_attribute("aria-pressed", "true")  # what was chosen stays
+    first = until(system, task, lambda seen: bool(seen["view"]["work"]))["view"]["work"][0]
     page.get_by_role("button", name="Cancel this task").click()
     asked = page.get_by_role("dialog")
     expect(asked).to_contain_text("Robot1.TransferObject is stopped (step")
@@ -181,6 +184,7 @@ def test_a_task_is_cancelled_and_undone(system: Running, window: Open) -> None:
     expect(asked.get_by_label("Reason")).to_be_focused()
     shoot(page, "task-cancel-1280-light")
     asked.get_by_label("Reason").fill("the shelf is full")
+    until(system, task, carries)
     asked.get_by_role("button", name="Cancel the task").click()
     told = panel(page, "Story")
     expect(told).to_contain_text("Undoing what was done", timeout=WORK_TIME)
@@ -226,9 +230,11 @@ def test_the_list_is_found_in_and_folded_panels_stay_so(system: Running, window:
 
 
 @pytest.mark.usefixtures("jar_at_home")
-def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: Running, window: Open) -> None:
+def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: Running, browser: Browser) -> None:
     task = stated(system, "Jar002 isOn Table001")
-    page = window(f"{system.url}/tasks/{task}")
+    context = browser.new_context()  # whose console may tell of what did not answer for a while
+    page = context.new_page()
+    page.goto(f"{system.url}/tasks/{task}")
     until(system, task, carries)
     system.kill("task-manager")
     system.kill("gui")
@@ -236,3 +242,4 @@ def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: 
     expect(story).to_contain_text("step1 is done", timeout=WORK_TIME)
     expect(page.locator("header").filter(has_text="Jar002 isOn Table001")).to_contain_text("Accomplished")
     expect(message(page, "Completed")).to_have_count(1)
+    context.close()
