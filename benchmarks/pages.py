@@ -12,6 +12,7 @@ import io
 import json
 import statistics
 import tempfile
+import threading
 import time
 import urllib.request
 from collections.abc import Callable
@@ -68,18 +69,22 @@ def main() -> None:
 
 
 class Running:
-    """A system in an event loop of its own, as Playwright wants this thread's."""
+    """A system whose event loop is in a thread of its own: Playwright has this one's."""
 
     def __init__(self, site: list[Path], data: Path) -> None:
         self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever)
         self._system = System(site, data, speed="max", windows=True)
 
     def __enter__(self) -> Addresses:
-        self._loop.run_until_complete(self._system.start())
+        self._thread.start()
+        asyncio.run_coroutine_threadsafe(self._system.start(), self._loop).result()
         return self._system.addresses
 
     def __exit__(self, *exception: object) -> None:
-        self._loop.run_until_complete(self._system.stop())
+        asyncio.run_coroutine_threadsafe(self._system.stop(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
         self._loop.close()
 
 
@@ -153,6 +158,7 @@ def hall(browser: Browser, folder: Path, table: Table) -> None:
         row(table, "map of 5,000 objects", [opened(page, f"{url}/map", "[data-name=Table0]") for _ in range(ROUNDS)])
         opened(other, f"{url}/map", "[data-name=Table0]")
         row(table, "  a change of one object, seen by another who looks", [changed(url, other, n) for n in range(ROUNDS)])
+        opened(page, f"{url}/map", "[data-name=Table0]")
         row(table, "  a step of the wheel, drawn", [zoomed(page) for _ in range(ROUNDS)])
         row(table, "new task, 5,000 objects", [opened(page, f"{url}/define", "[data-name=Table0]") for _ in range(ROUNDS)])
         row(table, "ontology, 5,000 objects", [opened(page, f"{url}/ontology", "[role=treeitem]") for _ in range(ROUNDS)])
