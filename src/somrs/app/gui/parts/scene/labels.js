@@ -6,7 +6,13 @@ const MOST = 90; // labels at once
 const KEPT = 400; // labels that are not made anew when they are seen again
 const GAP = 3; // px
 const BELOW = new Set(["furniture", "place"]);
-const SHARES = { floor: 0.5, furniture: 0, place: 0 }; // of a label's height that is above its point
+// Where a label may be, beginning with the best place: how far its upper left corner is from its point, in widths and heights of it.
+const PLACES = {
+  floor: [[-0.5, -0.5]],
+  furniture: [[-0.5, 0]],
+  place: [[-0.5, 0]],
+  other: [[-0.5, -1], [-0.2, -1], [-0.8, -1], [0.08, -0.3], [-1.08, -0.3]],
+};
 const FAULTS = { drive: "drive dead", gripper: "gripper stuck", silent: "silent", link: "link cut" };
 
 export function faultText(work) {
@@ -93,13 +99,18 @@ export class Labels {
     for (const { name, body, left, top, weight } of found.slice(0, 3 * MOST)) {
       if (shown.size >= MOST) break;
       const label = this.label(name, body);
-      const x = Math.round(Math.min(Math.max(left - label.width / 2, 2), width - label.width - 2));
-      const y = Math.round(Math.min(Math.max(top - label.height * (SHARES[body.kind] ?? 1), 2), height - label.height - 2));
-      const area = { left: x - GAP, top: y - GAP, right: x + label.width + GAP, bottom: y + label.height + GAP };
-      if (weight < 800 && taken.some((one) => area.left < one.right && area.right > one.left && area.top < one.bottom && area.bottom > one.top)) continue;
+      const free = ({ left, right, top, bottom }) =>
+        !taken.some((one) => left < one.right && right > one.left && top < one.bottom && bottom > one.top);
+      const places = (PLACES[body.kind] ?? PLACES.other).map(([across, down]) => {
+        const x = Math.round(Math.min(Math.max(left + across * label.width, 2), width - label.width - 2));
+        const y = Math.round(Math.min(Math.max(top + down * label.height, 2), height - label.height - 2));
+        return { x, y, left: x - GAP, top: y - GAP, right: x + label.width + GAP, bottom: y + label.height + GAP };
+      });
+      const area = places.find(free) ?? (weight < 800 ? null : places[0]);
+      if (!area) continue;
       taken.push(area);
       shown.add(name);
-      label.element.style.transform = `translate(${x}px, ${y}px)`;
+      label.element.style.transform = `translate(${area.x}px, ${area.y}px)`;
       if (!label.shown) label.element.style.visibility = "visible";
       label.shown = true;
     }

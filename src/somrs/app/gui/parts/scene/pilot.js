@@ -64,7 +64,7 @@ export class Pilot {
   look(at, distance) {
     // At a point, from the side from which it is looked at now, but not from far away or straight above.
     const offset = this.camera.position.clone().sub(this.controls.target);
-    const polar = Math.min(Math.max(offset.angleTo(new THREE.Vector3(0, 0, 1)), 0.5), 1.15);
+    const polar = Math.min(Math.max(offset.angleTo(new THREE.Vector3(0, 0, 1)), 0.8), 1.2);
     const around = Math.atan2(offset.y, offset.x);
     const flat = distance * Math.sin(polar);
     const from = new THREE.Vector3(flat * Math.cos(around), flat * Math.sin(around), distance * Math.cos(polar));
