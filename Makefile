@@ -4,7 +4,7 @@ SCENARIO ?= 1b
 RUNS ?= 20
 BIN := .venv/bin
 
-.PHONY: setup demo test lint scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs
+.PHONY: setup demo test lint browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs
 
 setup: .venv/.ready
 
@@ -15,7 +15,8 @@ demo: setup
 	@$(BIN)/somrs demo $(SCENARIO) --out out/scenario-$(SCENARIO)
 
 test: setup lint
-	@$(BIN)/pytest
+	@$(BIN)/pytest --ignore tests/browser
+	@$(BIN)/pytest tests/browser/test_api.py
 
 lint: setup
 	@$(BIN)/ruff check .
@@ -24,6 +25,10 @@ lint: setup
 	@$(BIN)/lint-imports
 
 # Slow suites: each prints `N passed, N failed`.
+# The windows in a real browser; pictures of the pages come to out/screenshots.
+browser: setup
+	@$(BIN)/pytest tests/browser
+
 scenarios: setup
 	@$(BIN)/python scripts/scenarios.py --runs $(RUNS)
 

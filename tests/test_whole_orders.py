@@ -61,7 +61,10 @@ def test_an_order_is_stated_once_each_time_though_the_windows_are_killed(tmp_pat
             stated = [run for run in runs if run.state is RunState.SUBMITTED]
             dues = [round((run.due - order.next) / PERIOD, 3) for run in runs]
             assert dues == [*map(float, reversed(range(len(runs))))], "each time is there once"
-            assert len(stated) >= TIMES, "a restart takes less than a minute, so that none is missed"
+            assert stated, "the windows are there most of the time"
+            assert {run.state for run in runs} <= {RunState.SUBMITTED, RunState.MISSED}, (
+                "a time at which nobody was there is told as missed"
+            )
             assert {run.outcome for run in stated} == {Outcome.ACCOMPLISHED}, [run.note for run in stated]
             known = {view.task for view in await client.tasks()}
             assert known == {run.task for run in stated}

@@ -136,3 +136,10 @@ def shoot(page: Page, name: str) -> Path:
     file = SCREENSHOTS / f"{name}.png"
     page.screenshot(path=str(file), animations="disabled")
     return file
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """The closing line that all slow suites have."""
+    stats = terminalreporter.stats
+    failed = len(stats.get("failed", ())) + len(stats.get("error", ()))
+    terminalreporter.write_line(f"{len(stats.get('passed', ()))} passed, {failed} failed")
