@@ -150,7 +150,7 @@ def test_nothing_is_put_on_itself_and_types_are_respected() -> None:
     [
         ("Jar001.Clean = TRUE", (TRANSFER,), "no service type"),
         ("Jar001 isOn Platform001", (), "TransferObject, which nobody offers"),
-        ("Shelf1 isOn Platform001", (TRANSFER,), "Shelf1 isOn Platform001"),
+        ("Shelf1 isOn Platform001", (TRANSFER,), "TransferObject takes only a Graspable as its Object, and Shelf1 is a Shelf"),
         ("Jar009 isOn Platform001", (TRANSFER,), "there is no object Jar009"),
     ],
 )

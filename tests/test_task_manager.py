@@ -102,6 +102,16 @@ def test_refusals_leave_the_task_to_whoever_takes_it() -> None:
     assert "it is too heavy for me" in view.explanation
 
 
+def test_a_wish_that_everybody_refuses_is_said_to_be_refused() -> None:
+    no = "nothing can be put on Jar001"
+    system = VirtualSystem(Robot("Robot1", 10, 60, refuses=no), Robot("Robot2", 25, 30, refuses=no))
+    (view,) = system.finish(system.submit("Jar002 isOn Jar001"))
+    assert view.explanation == (
+        "no plan: Jar002 isOn Jar001 could be brought about by TransferObject, "
+        f"but nobody is left to do it (Robot1.TransferObject and Robot2.TransferObject: {no})"
+    )
+
+
 def test_independent_tasks_run_at_the_same_time_on_different_robots() -> None:
     first, second = Robot("Robot1", 10, 60), Robot("Robot2", 25, 60)
     system = VirtualSystem(first, second)

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from somrs.entish import Name, Relation, Variable
 from somrs.entish.formula import Literal, Substitution, alternatives, conjunction, conjuncts, names, substitute, variables
 from somrs.entish.parse import nearest, parse
-from somrs.ontology.matching import bring_about_all, can_bring_about
-from somrs.ontology.services import PROVIDER
+from somrs.ontology.matching import bring_about_all, can_bring_about, unifiers
+from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.truth import bindings, holds
 from somrs.planner.conflict import impossible, smallest, torn
 from somrs.planner.grounding import Grounding, TooLarge
 from somrs.planner.operators import Inexpressible, goal_operators
 from somrs.planner.plan import NoPlan
-from somrs.planner.problem import Available, Problem
+from somrs.planner.problem import Available, Lost, Problem
 from somrs.planner.relevance import demands
 from somrs.planner.world import World
 
@@ -127,7 +127,8 @@ class _Reasons:
         return (name for name in names(literal) if name not in words or name in self.problem.map.objects)
 
     def _nobody(self, literal: Literal, there: set[str]) -> None:
-        types = {a.service_type.name: a.service_type for a in self.problem.services}
+        types = {one.service_type.name: one.service_type for one in self.problem.lost}
+        types |= {available.service_type.name: available.service_type for available in self.problem.services}
         known = {**self.problem.ontology.services, **types}
         absent = [
             name
@@ -135,17 +136,31 @@ class _Reasons:
             if name not in there and can_bring_about(service, literal, self.problem.ontology, self.problem.map)
         ]
         busy = {a.service_type.name: a.providers for a in self.problem.services if a.service_type.name in absent and a.providers}
-        nobody = [name for name in absent if name not in busy]
+        lost = {name: [one for one in self.problem.lost if one.service_type.name == name] for name in absent if name not in busy}
+        nobody = [name for name, services in lost.items() if not services]
         self.unoffered.update(dict.fromkeys(nobody))
         for name, providers in busy.items():
             why = f"{' and '.join(providers)} are promised to other tasks, or nobody knows what state they are in"
             why = not_usable(providers[0]) if len(providers) == 1 else why
             self.said[f"{_wish(literal)} could be brought about by {name}, but {why}"] = None
+        for name, services in lost.items():
+            if services:
+                self.said[f"{_wish(literal)} could be brought about by {name}, but nobody is left to do it ({_each(services)})"] = None
         if nobody:
             self.said[f"{_wish(literal)} could be brought about by {' or '.join(nobody)}, which nobody offers now"] = None
         if not absent:
             self.missing[_wish(literal)] = None
-            self.said[f"{_wish(literal)} does not hold on the map, and no service type brings it about"] = None
+            unfit = next((f": {said}" for service in known.values() for said in self._unfit(service, literal)), "")
+            self.said[f"{_wish(literal)} does not hold on the map, and no service type brings it about{unfit}"] = None
+
+    def _unfit(self, service: ServiceType, literal: Literal) -> Iterator[str]:
+        """That the service brings about such things, but not of objects of such types."""
+        types = {parameter.name: parameter.type for parameter in service.inputs}
+        for given in unifiers(parse(service.effect), literal, self.problem.ontology, types):
+            objects = {name: self.problem.map.objects.get(term.name) for name, term in given.items() if isinstance(term, Name)}
+            for name, object in objects.items():
+                if object is not None and name in types and not self.problem.ontology.is_a(object.type, types[name]):
+                    yield f"{service.name} takes only a {types[name]} as its {name}, and {object.name} is a {object.type}"
 
     def _lacking(self, available: Available, literal: Literal, depth: int) -> None:
         """What the service needs and cannot have."""
@@ -195,6 +210,14 @@ class _Reasons:
         if told:
             return f", and the map says {' and '.join(told)}"
         return f", and the map does not say where {name} is" if group else ""
+
+
+def _each(services: Sequence[Lost]) -> str:
+    """Who does not do it, and why; those with the same reason together."""
+    whys: dict[str, list[str]] = {}
+    for one in services:
+        whys.setdefault(one.why, []).append(one.service)
+    return "; ".join(f"{' and '.join(names)}: {why}" for why, names in whys.items())
 
 
 def _wish(literal: Literal) -> str:

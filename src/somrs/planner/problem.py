@@ -25,6 +25,14 @@ class Available(Struct, frozen=True):
     prices: tuple[tuple[str, float], ...] = ()
 
 
+class Lost(Struct, frozen=True):
+    """A service that is on offer, but not to this task any more, and why: it refused, failed, or fell silent."""
+
+    service_type: ServiceType
+    service: str
+    why: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
     """A task as the planner sees it. It can be pickled: search may happen in another process.
@@ -32,7 +40,8 @@ class Problem:
     `goal` may have variables (any binding will do) and OR. `precondition` is what the client says is so at the start.
     `excluded` are objects that no step may involve: promised to another task, or in a state that nobody knows.
     `rest` is what was still to do of the plan before, in an order, when it has to be planned anew; to those `promised`, by id, services
-    are committed. `hurry`: of two plans the one that is done sooner is better, not the cheaper one.
+    are committed. `hurry`: of two plans the one that is done sooner is better, not the cheaper one. `lost` services are not planned with,
+    but are spoken of when there is no plan without them.
     """
 
     ontology: Ontology
@@ -44,3 +53,4 @@ class Problem:
     rest: tuple[Step, ...] = ()
     promised: frozenset[str] = frozenset()
     hurry: bool = False
+    lost: tuple[Lost, ...] = ()

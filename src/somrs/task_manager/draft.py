@@ -68,6 +68,7 @@ class Draft:
         except FormulaError as error:
             self._made(f"the task does not fit the map any more: {error}", now)
             return
+        task = replace(task, lost=tuple(self._offered.lost_to_it))
         if self._before is not None:
             left = self._before.rest
             promised = frozenset(run.step.id for run in left if run.progress is Progress.ARRANGED)

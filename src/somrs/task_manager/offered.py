@@ -11,6 +11,7 @@ from somrs.entish.formula import conjunction
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import WORKING
 from somrs.planner.plan import Step
+from somrs.planner.problem import Lost
 from somrs.protocol.directory import Offer
 from somrs.protocol.replica import Replica
 from somrs.task_manager.arrange import able, about, precondition_now, service_types
@@ -40,6 +41,13 @@ class Offered:
     @property
     def usable(self) -> list[Offer]:
         return [offer for offer in self.offers if offer.service not in self.broken]
+
+    @property
+    def lost_to_it(self) -> list[Lost]:
+        """What is on offer, but will not be asked, and why."""
+        return [
+            Lost(offer.service_type, offer.service, self.broken[offer.service]) for offer in self.offers if offer.service in self.broken
+        ]
 
     def able(self, run: StepRun) -> list[Offer]:
         """Who can be asked for the step."""

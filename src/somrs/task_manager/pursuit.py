@@ -130,7 +130,8 @@ class Pursuit:
             case Held():
                 self._fail(f"other tasks have {found.objects}", now)
             case NoPlan():
-                lost = "".join(f"; {service}: {why}" for service, why in self._owner.offered.broken.items())
+                broken = self._owner.offered.broken
+                lost = "".join(f"; {service}: {why}" for service, why in broken.items() if service not in found.explanation)
                 why = f"no plan: {found.explanation}{lost}"
                 if self._owner.unblocked(self, why, now):
                     return
