@@ -514,6 +514,47 @@ def test_nothing_is_said_while_nothing_moves_but_that_one_is_there() -> None:
     run(test())
 
 
+async def rested(server: Server) -> float:
+    """Wait until the world rests, which takes it a second of its time. The time that the physics has come to."""
+    seen = -1.0
+    while (now := float(server.simulation.scene.data.time)) != seen:
+        seen = now
+        await asyncio.sleep(0.5)
+    return now
+
+
+def test_in_a_world_at_rest_time_passes_without_any_physics() -> None:
+    async def test() -> None:
+        async with simulator(speed=4) as server, OperatorLink(server.host, server.port) as operator:
+            calculated = await rested(server)
+            began, first = time.monotonic(), (await operator.clock()).time
+            await asyncio.sleep(1.0)
+            passed = (await operator.clock()).time - first
+            assert passed == pytest.approx(4 * (time.monotonic() - began), abs=2.0)
+            assert server.simulation.scene.data.time == calculated
+            await operator.schedule("Robot2", Fault.GRIPPER, after=1.0)
+            await until(lambda: server.simulation.robots["Robot2"].faults)
+
+    run(test())
+
+
+def test_a_world_at_rest_moves_again_as_soon_as_there_is_something_to_move() -> None:
+    async def test() -> None:
+        async with (
+            simulator(speed=4) as server,
+            following(server) as (_, followed),
+            RobotLink(server.host, server.port, "Robot1") as robot,
+        ):
+            await rested(server)
+            done = await robot.drive_to(2, 2.5)
+            assert math.dist((done.state.x, done.state.y), (2, 2.5)) < 0.1
+            await rested(server)
+            server.simulation.remove("Table1")
+            await until(lambda: followed.poses["Jar1"][2] < 0.1)
+
+    run(test())
+
+
 def test_poses_come_at_the_rate_that_was_asked_for() -> None:
     async def test() -> None:
         async with (

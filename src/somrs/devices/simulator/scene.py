@@ -25,7 +25,8 @@ SETTLING = 40
 
 
 class Scene:
-    """The world's state. `held` says which thing is welded to which robot's hand."""
+    """The world's state. `held` says which thing is welded to which robot's hand. `disturbed`: something came, went, was put elsewhere or
+    let go of, after which what stood still may move."""
 
     def __init__(self, map: Map, ontology: Ontology) -> None:
         self.world: World = build(map, ontology)
@@ -37,6 +38,7 @@ class Scene:
         self.joints: dict[str, Joints] = {}
         self.held: dict[str, str] = {}
         self.time = 0.0
+        self.disturbed = True
         self._bind()
         for solid in self.world.of(Role.ROBOT):
             self._start(solid)
@@ -105,6 +107,7 @@ class Scene:
         mujoco.mj_forward(self.model, self.data)
 
     def _recompile(self) -> None:
+        self.disturbed = True
         controls = {self.model.actuator(i).name: float(self.data.ctrl[i]) for i in range(self.model.nu)}
         welds = {robot: self.model.eq_data[self._weld(robot)].copy() for robot in self.held}
         self.model, self.data = self.world.spec.recompile(self.model, self.data)
@@ -126,6 +129,7 @@ class Scene:
         place, speed = int(self.model.jnt_qposadr[body.jntadr[0]]), int(body.dofadr[0])
         self.data.qpos[place : place + 7] = [x, y, z, math.cos(yaw / 2), 0, 0, math.sin(yaw / 2)]
         self.data.qvel[speed : speed + 6] = 0
+        self.disturbed = True
         mujoco.mj_forward(self.model, self.data)
 
     # Where things are
@@ -146,11 +150,11 @@ class Scene:
     def upright(self, thing: str) -> bool:
         return float(self.data.xmat[self._things[thing]][8]) > 0.97
 
-    def still(self, thing: str) -> bool:
-        """Whether the thing has come to rest, to a millimetre or two a second."""
-        first = int(self.model.body_dofadr[self._things[thing]])
-        velocity = self.data.qvel[first : first + 6]
-        return float(np.abs(velocity[:3]).max()) < 0.02 and float(np.abs(velocity[3:]).max()) < 0.3
+    def still(self, *things: str) -> bool:
+        """Whether all the things have come to rest, to a millimetre or two a second."""
+        first = self.model.body_dofadr[[self._things[thing] for thing in things]]
+        velocity = np.abs(self.data.qvel[first[:, None] + np.arange(6)])
+        return float(velocity[:, :3].max()) < 0.02 and float(velocity[:, 3:].max()) < 0.3
 
     def things(self) -> Iterable[str]:
         return self._things
@@ -256,6 +260,7 @@ class Scene:
 
     def release(self, robot: str) -> None:
         self.data.eq_active[self._weld(robot)] = 0
+        self.disturbed = True
         self.held.pop(robot, None)
 
     def ray(self, start: tuple[float, float, float], end: tuple[float, float, float], ignored: Iterable[str]) -> bool:

@@ -55,6 +55,8 @@ SLICE = 0.004
 """Seconds for which physics may keep the sockets waiting."""
 BEHIND = 0.2
 """Seconds by which simulated time may lag in real-time mode before it is let go."""
+NAP = 0.05
+"""Seconds in real-time mode after which a world at rest is looked at again."""
 MOST_STATES = 50.0
 """State lines per second that a connection gets at most."""
 HEARTBEAT = 1.0
@@ -155,35 +157,48 @@ class Server:
             self._tell_poses(time.monotonic(), at_rest=True)
             self._tell_waiting()
             self._tell_states()
-            self._wake.clear()
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(HEARTBEAT / 2):
-                    await self._wake.wait()
+            await self._nap(HEARTBEAT / 2)
 
     async def _run_at(self, speed: float) -> None:
         began, origin = time.monotonic(), self.simulation.time
         while True:
             lag = (time.monotonic() - began) * speed + origin - self.simulation.time
-            if lag > BEHIND * speed:
-                began, origin = time.monotonic(), self.simulation.time
-            if lag > 0:
+            if resting := lag > 0 and self.simulation.rest(self.simulation.time + lag):
+                self._break_due()
+            elif lag > 0:
+                if lag > BEHIND * speed:
+                    began, origin = time.monotonic(), self.simulation.time
                 self._step_for(SLICE, until=self.simulation.time + lag)
             self._tell_states()
             if self._waiting and not self.simulation.busy:
                 self._tell_poses(time.monotonic(), at_rest=True)
                 self._tell_waiting()
-            await asyncio.sleep(max(0.0, -lag / speed) if lag < 0 else 0.002)
+            if resting:
+                await self._nap(NAP)
+            else:
+                await asyncio.sleep(max(0.0, -lag / speed) if lag < 0 else 0.002)
+
+    async def _nap(self, seconds: float) -> None:
+        """Until somebody says something, but not for longer: the map may change, too."""
+        self._wake.clear()
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                await self._wake.wait()
 
     def _step_for(self, seconds: float, until: float = float("inf")) -> None:
         """Step for so long, or until so much simulated time has passed."""
         end = time.monotonic() + seconds
         while self.simulation.time < until:
             self.simulation.step()
-            for robot, fault in self._schedule.due():
-                self._fault(robot, fault)
+            self._break_due()
             self._tell_states()
             if time.monotonic() > end or (self._waiting and not self.simulation.busy):
                 break
+
+    def _break_due(self) -> None:
+        """Have happen what is to break by now."""
+        for robot, fault in self._schedule.due():
+            self._fault(robot, fault)
 
     def _tell_states(self) -> None:
         now = time.monotonic()

@@ -25,6 +25,9 @@ from somrs.ontology.types import Ontology
 
 OnEnd = Callable[[Done | Gave], None]
 
+RESTING = 1.0
+"""Seconds without motion after which nothing is expected to move again by itself: what tips over slowly has fallen by then."""
+
 
 @dataclass(slots=True)
 class _Work:
@@ -51,6 +54,8 @@ class Simulation:
         self.cameras: dict[str, StationaryCamera] = {}
         self._work: dict[str, _Work] = {}
         self._dropped: dict[str, str] = {}
+        self._stirred = 0.0
+        """When anything was seen to move last."""
         for solid in self.scene.world.of(Role.ROBOT, Role.CAMERA):
             self._add_linked(solid)
 
@@ -71,8 +76,18 @@ class Simulation:
         return working or any(robot.asked is not None for robot in self.robots.values()) or not self._at_rest()
 
     def _at_rest(self) -> bool:
-        things = all(self.scene.holder(thing) is not None or self.scene.still(thing) for thing in self.scene.things())
-        return things and all(robot.stands for robot in self.robots.values())
+        held = set(self.scene.held.values())
+        loose = [thing for thing in self.scene.things() if thing not in held]
+        return all(robot.stands for robot in self.robots.values()) and (not loose or self.scene.still(*loose))
+
+    def rest(self, until: float) -> bool:
+        """Let time pass without physics, if nothing has moved for so long that nothing will by itself. Whether that is so."""
+        if self.busy or self.scene.disturbed:
+            self._stirred, self.scene.disturbed = self.time, False
+        if self.time - self._stirred < RESTING:
+            return False
+        self.scene.time = until
+        return True
 
     def step(self) -> None:
         """Let one control period pass."""
@@ -199,6 +214,7 @@ class Simulation:
         """Break something."""
         one = self._linked(robot)
         one.faults.add(fault)
+        self._stirred = self.time
         if isinstance(one, StationaryCamera):
             return
         match fault:
