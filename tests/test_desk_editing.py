@@ -9,19 +9,27 @@ from pathlib import Path
 
 import httpx
 import pytest
+import uvicorn
 from msgspec import structs
+from starlette.applications import Starlette
+from starlette.routing import Mount
 
-from small_system import Porter, running
+from small_system import Porter, SmallSystem, running
 from somrs.app.client import Refused
+from somrs.app.desk.affected import User
 from somrs.app.desk.desk import Desk
 from somrs.app.desk.ontology import ImportOntology
+from somrs.app.desk.orders import Blank, Daily, OrderSaved, TemplateSaved
 from somrs.app.desk.refusals import trouble
 from somrs.app.desk.rest import application
-from somrs.errors import ModelError
+from somrs.app.editing import alter
+from somrs.app.http import QuietServer, bound
+from somrs.errors import InputError, ModelError
 from somrs.ontology.files import load, load_text, upper
 from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.objects import Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import ObjectType, RelationType
+from somrs.protocol.clients import Submit
 from somrs.protocol.knowledge import Define, Definitions, RenameObject, UpdateMap
 
 VAT = ObjectType(name="Vat", parent="Support", attributes=("Label",))
@@ -81,6 +89,70 @@ def test_consequences_name_the_services_on_offer_that_could_not_be_planned_with(
         assert harmless.offers == ()
 
     desk(tmp_path, use, Porter("Robot1"))
+
+
+def test_consequences_name_the_tasks_orders_and_templates_whose_words_would_be_gone(tmp_path: Path) -> None:
+    bring = TemplateSaved(
+        task=Submit(effect="{Thing} isOn {Where}"), blanks=(Blank(name="Thing", type="Jar"), Blank(name="Where", type="Platform"))
+    )
+    daily = Daily(at="08:00")
+
+    async def use(desk: Desk) -> None:
+        task = (await desk.tasks.submit(Submit(effect="Jar002 isOn ?Place: Platform"))).task
+        await desk.tasks.submit(Submit(effect="Tin001 isOn Cupboard002"))
+        await desk.orders.save_template("Bring", bring)
+        await desk.orders.save_template("Tidy", TemplateSaved(task=Submit(effect="Jar001 isOn Cupboard001")))
+        values = {"Thing": "Jar001", "Where": "Platform001"}
+        filled = await desk.orders.add_order(OrderSaved(name="Morning", when=daily, template="Bring", values=values))
+        whole = await desk.orders.add_order(OrderSaved(name="Evening", when=daily, task=Submit(effect="Jar001 isOn ?P: Platform")))
+        await desk.orders.add_order(OrderSaved(name="Night", when=daily, template="Tidy"))
+        platform = Named(section=Section.TYPES, name="Platform")
+        rename = Define(renamed=(Renaming(section=Section.TYPES, name="Platform", to="Stand"),))
+        found = (await desk.ontology.consider(rename)).affected
+        users = {(User.TASK, task), (User.ORDER, filled.id), (User.ORDER, whole.id), (User.TEMPLATE, "Bring")}
+        assert {(one.user, one.id) for one in found} == users
+        assert {(one.what, one.to) for one in found} == {(platform, "Stand")}
+        removal = (await desk.ontology.consider(Define(removed=(platform,)))).affected
+        assert {(one.user, one.id, one.to) for one in removal} == {(*user, "") for user in users}
+        done = await desk.ontology.change(rename)
+        await known(desk, done.version)
+        with pytest.raises(InputError, match="Platform"):
+            await desk.orders.save_order(whole.id, OrderSaved(name="Evening", when=daily, task=whole.task))
+        renewed = Submit(effect="Jar001 isOn ?P: Stand")
+        await desk.orders.save_order(whole.id, OrderSaved(name="Evening", when=daily, task=renewed))
+        back = (await desk.ontology.consider_undo(done.version)).affected
+        assert [(one.name, str(one.what), one.to) for one in back] == [("Evening", "type Stand", "Platform")]
+        assert (await desk.ontology.consider(Define(definitions=Definitions(types=(VAT,))))).affected == ()
+
+    desk(tmp_path, use, Porter("Robot1", seconds=60), Porter("Robot2", seconds=60))
+
+
+def test_a_dry_run_on_the_command_line_names_them_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    async def use(system: SmallSystem, desk: Desk) -> None:
+        await desk.orders.save_template("Bring", TemplateSaved(task=Submit(effect="Jar001 isOn ?P: Platform")))
+        listening = bound("127.0.0.1", 0)
+        api = Starlette(routes=[Mount("/api", application([*desk.operations()], desk.context.hub))])
+        server = QuietServer(uvicorn.Config(api, log_level="warning"))
+        serving = asyncio.create_task(server.serve(sockets=[listening]))
+        async with asyncio.timeout(10):
+            while not server.started:
+                await asyncio.sleep(0.01)
+        structs.replace(system.addresses, gui=f"http://127.0.0.1:{listening.getsockname()[1]}").write(system.data)
+        change = Define(renamed=(Renaming(section=Section.TYPES, name="Platform", to="Stand"),))
+        assert await alter(change, system.data, dry=True, json=False) == 0
+        told = capsys.readouterr().out
+        assert "template Bring: it uses type Platform, which would be called Stand" in told
+        assert "tasks, orders and templates keep the words that they have" in told
+        server.should_exit = True
+        await serving
+        assert await alter(change, system.data, dry=True, json=False) == 0
+        assert "without the tasks, orders and templates" in capsys.readouterr().err
+
+    async def run() -> None:
+        async with running(tmp_path / "data") as (system, desk):
+            await use(system, desk)
+
+    asyncio.run(run())
 
 
 def test_what_is_refused_says_each_problem_where_it_is(tmp_path: Path) -> None:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from somrs.app import show
 from somrs.app.client import Addresses, Client
 from somrs.app.overwriting import leading_to
-from somrs.errors import UsageError
+from somrs.errors import RemoteError, UsageError
 from somrs.ontology.naming import SINGULAR, Named, Renaming, Section, named
 from somrs.protocol.knowledge import Alteration, Considered, Define, Event, ReadEvents, RenameObject, Revision, Undo
+
+if TYPE_CHECKING:
+    from somrs.app.desk.ontology import Consequences
 
 LONG = 12
 """So many lines of what an event changed are shown."""
@@ -87,7 +92,7 @@ async def alter(alteration: Alteration, data: Path, *, dry: bool, json: bool) ->
 
 async def _altered(client: Client, alteration: Alteration, *, dry: bool, json: bool) -> int:
     if dry:
-        return _considered(await client.consider(alteration), json=json)
+        return _considered(await _consider(client, alteration), json=json)
     match alteration:
         case Define():
             version = await client.define(alteration)
@@ -104,7 +109,25 @@ async def _altered(client: Client, alteration: Alteration, *, dry: bool, json: b
     return 0
 
 
-def _considered(found: Considered, *, json: bool) -> int:
+async def _consider(client: Client, alteration: Alteration) -> Considered | Consequences:
+    """What would come of it: as the windows know it, where they run, since they keep the orders and templates."""
+    from somrs.app.desk.ontology import Consequences
+    from somrs.app.windows import Windows
+
+    if client.addresses.gui is not None:
+        try:
+            async with Windows(client.addresses) as windows:
+                match alteration:
+                    case Define():
+                        return await windows.post(Consequences, "ontology", "consider", body=alteration)
+                    case Undo(version=undone):
+                        return await windows.post(Consequences, "ontology", "undo", str(undone), "consider")
+        except RemoteError as error:
+            print(f"without the tasks, orders and templates that it would concern: {error}", file=sys.stderr)
+    return await client.consider(alteration)
+
+
+def _considered(found: Considered | Consequences, *, json: bool) -> int:
     if json:
         show.print_json(found)
         return 1 if found.broken else 0
@@ -114,6 +137,13 @@ def _considered(found: Considered, *, json: bool) -> int:
         print(line)
     if left:
         print(f"and {left} more changes of the map")
+    if not isinstance(found, Considered):
+        for offer in found.offers:
+            print(f"service {offer.service}: it could not be planned with any more: {offer.problem}")
+        for one in found.affected:
+            print(f"{one.user} {one.called}: {one}")
+        if found.affected:
+            print("tasks, orders and templates keep the words that they have")
     for rule in found.broken:
         print(f"{rule.section} {rule.subject}: {rule.message} [{rule.rule}]")
     if found.broken:

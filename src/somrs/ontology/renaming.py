@@ -32,6 +32,15 @@ from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Ob
 from somrs.ontology.services import Handler, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
 
+_ANEW = "anew "
+"""Before another name, which nothing has: names have no blanks."""
+
+
+def speaks_of(formula: Formula, what: Named, ontology: Ontology) -> bool:
+    """Whether the formula would be another one if what is named had another name."""
+    renaming = Renaming(section=what.section, name=what.name, to=_ANEW + what.name)
+    return Renamer((renaming,), ontology).formula(formula) != formula
+
 
 class Renamer:
     """What each thing is called after the renamings, in an ontology as it was before them."""

@@ -35,12 +35,13 @@ class Desk:
 
     def __init__(self, context: Context, clock: Clock | None = None) -> None:
         self.context = context
-        self.ontology = OwlDesk(context)
+        orders = OrdersDesk(context, clock)
+        self.ontology = OwlDesk(context, orders)
         self.map = MapDesk(context)
         self.tasks = TasksDesk(context)
         self.fleet = FleetDesk(context)
         self.formulas = FormulasDesk(context)
-        self.orders = OrdersDesk(context, clock)
+        self.orders = orders
         self.questions = QuestionsDesk(context)
         self.records = RecordsDesk(context)
         self.scene = SceneDesk(context)

@@ -6,13 +6,15 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
+from somrs.app.desk.affected import Affected, affected, gone
 from somrs.app.desk.context import Context
 from somrs.app.desk.operations import Document, operation
+from somrs.app.desk.orders import OrdersDesk
 from somrs.app.overwriting import leading_to
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dump import dump_ontology
 from somrs.ontology.files import load_definitions, upper
-from somrs.ontology.naming import Named
+from somrs.ontology.naming import Named, Renaming
 from somrs.ontology.objects import Change
 from somrs.ontology.relied import relied
 from somrs.ontology.types import Ontology
@@ -41,7 +43,8 @@ class OfferBroken(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Consequences(msgspec.Struct, frozen=True, kw_only=True):
-    """What would come of a change of the ontology. Rules that would be `broken` stop it; broken `offers` do not.
+    """What would come of a change of the ontology. Rules that would be `broken` stop it; broken `offers` do not, nor do the `affected`:
+    tasks that run, orders and templates with words that would be gone. These stay as they are.
 
     `revision`: what it would change in the ontology; `changes`: how the map would change with it. Of long lists the first are told, and
     how many there are.
@@ -54,6 +57,7 @@ class Consequences(msgspec.Struct, frozen=True, kw_only=True):
     all_broken: int = 0
     all_changes: int = 0
     offers: tuple[OfferBroken, ...] = ()
+    affected: tuple[Affected, ...] = ()
 
 
 class ImportOntology(msgspec.Struct, frozen=True, kw_only=True):
@@ -74,8 +78,9 @@ class Imported(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class OntologyDesk:
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, orders: OrdersDesk) -> None:
         self._context = context
+        self._orders = orders
 
     @operation("GET", "/ontology")
     async def read(self, version: int | None = None) -> OntologySeen:
@@ -133,7 +138,21 @@ class OntologyDesk:
     async def _consequences(self, change: Define | Undo) -> Consequences:
         found = await self._context.client.consider(change)
         offers = tuple(broken_offers(self._context.ontology, found.revision, await self._context.client.services()))
-        return Consequences(**{name: getattr(found, name) for name in found.__struct_fields__}, offers=offers)
+        users = tuple(await self._affected(change, found.revision))
+        return Consequences(**{name: getattr(found, name) for name in found.__struct_fields__}, offers=offers, affected=users)
+
+    async def _affected(self, change: Define | Undo, revision: Revision | None) -> Iterator[Affected]:
+        words = gone(revision, change.renamed if isinstance(change, Define) else await self._called_back(change.version))
+        if not words:
+            return iter(())
+        tasks = await self._context.client.tasks(running=True)
+        return affected(words, self._context.ontology, tasks, *self._orders.kept)
+
+    async def _called_back(self, version: int) -> list[Renaming]:
+        """What would get its name back if the version were undone."""
+        events = (await self._context.client.happened(ReadEvents(before=version + 1, limit=1, ontology=True))).events
+        renamed = (one for event in events if event.version == version for one in event.renamed)
+        return [Renaming(section=one.section, name=one.to, to=one.name) for one in renamed]
 
 
 def broken_offers(ontology: Ontology, change: Revision | None, offers: Iterable[Offer]) -> Iterator[OfferBroken]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import uuid
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Collection, Mapping
 from contextlib import asynccontextmanager
 from datetime import tzinfo
 
@@ -181,6 +181,11 @@ class OrdersDesk:
         self._orders_changed()
 
     # What they are made of
+
+    @property
+    def kept(self) -> tuple[Collection[StandingOrder], Mapping[str, Template]]:
+        """All orders, and the templates by name; none where the windows do not run."""
+        return (self._book.orders.values(), self._book.templates) if self._open is not None else ((), {})
 
     @property
     def _book(self) -> Book:

@@ -178,6 +178,11 @@ def _objects(type: str, replica: Replica) -> list[str]:
     return [name for name, object in replica.map.objects.items() if replica.ontology.is_a(object.type, type)]
 
 
+def opened(template: Template) -> Submit:
+    """The task with a variable in the place of each blank: as far as its formulas are known before it is filled in."""
+    return _written(template.task, {blank.name: f"?{blank.name}" for blank in template.blanks})
+
+
 def _formulas(task: Submit) -> Iterator[str]:
     yield from (task.effect, task.precondition or "")
     for handler in task.handlers:

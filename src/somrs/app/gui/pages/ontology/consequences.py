@@ -6,10 +6,13 @@ from collections.abc import Sequence
 
 from nicegui import ui
 
+from somrs.app.desk.affected import Affected, User
 from somrs.app.desk.ontology import Consequences
 from somrs.app.gui.pages.ontology.changes import Changed, changed, on_map
 from somrs.app.gui.pages.ontology.pieces import Word, cell, note, row, table, titled
 from somrs.ontology.naming import Renaming
+
+USERS = {User.TASK: "running task", User.ORDER: "standing order", User.TEMPLATE: "template"}
 
 MOST = 100
 """So many lines are shown of one list."""
@@ -47,6 +50,8 @@ def show(found: Consequences, renamed: Sequence[Renaming] = ()) -> None:
                         Word("td", offer.service)
                         Word("td", offer.provider)
                         Word("td", offer.problem)
+    if found.affected:
+        _affected(found.affected)
     revised = changed(found.revision, renamed) if not found.broken else []
     if revised:
         with ui.element("section"):
@@ -59,7 +64,7 @@ def show(found: Consequences, renamed: Sequence[Renaming] = ()) -> None:
             with ui.element("ul"):
                 for line in on_map(found.changes)[:MOST]:
                     Word("li", line)
-    if not (found.broken or revised or found.changes or found.offers):
+    if not (found.broken or revised or found.changes or found.offers or found.affected):
         note("Nothing would change.")
 
 
@@ -78,6 +83,24 @@ def _broken(found: Consequences) -> None:
                     Word("td", one.rule, "somrs-soft")
         if total > len(found.broken[:MOST]):
             note(f"and {total - len(found.broken[:MOST])} more")
+
+
+def _affected(users: Sequence[Affected]) -> None:
+    """Who keeps words that would be gone, and what that means."""
+    with ui.element("section"):
+        _heading("warning", "Tasks, orders and templates use words that would be gone", "busy")
+        with table("What", "Which", "Why"):
+            for one in users[:MOST]:
+                with row():
+                    Word("td", USERS[one.user])
+                    Word("td", one.called)
+                    Word("td", str(one))
+        if len(users) > MOST:
+            note(f"and {len(users) - MOST} more")
+        note(
+            "They keep the words that they have. A task fails when it has to look at its formula again, and an order is refused when it is "
+            "due. Change orders and templates on the page New task."
+        )
 
 
 def revision(revised: Sequence[Changed]) -> None:

@@ -216,7 +216,7 @@ class Editor:
             if len(own) == len(found.broken):
                 return
         along = len([*found.revision.before.each()]) > 1 if found.revision is not None else False
-        if found.broken or found.offers or found.changes or along:
+        if found.broken or found.offers or found.affected or found.changes or along:
             title = f"Save {definition.name}: what comes of it" if not found.broken else f"{definition.name} cannot be saved like this"
             if not await confirmed(title, "Save", found, change.renamed) or found.broken:
                 return
