@@ -15,7 +15,7 @@ from starlette.applications import Starlette
 from starlette.routing import Mount
 
 from small_system import Porter, SmallSystem, running
-from somrs.app.client import Refused
+from somrs.app.client import Refused, who
 from somrs.app.desk.affected import User
 from somrs.app.desk.desk import Desk
 from somrs.app.desk.ontology import ImportOntology
@@ -31,6 +31,7 @@ from somrs.ontology.objects import Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import ObjectType, RelationType
 from somrs.protocol.clients import Submit
 from somrs.protocol.knowledge import Define, Definitions, RenameObject, UpdateMap
+from somrs.protocol.people import person
 
 VAT = ObjectType(name="Vat", parent="Support", attributes=("Label",))
 
@@ -165,6 +166,22 @@ def test_what_is_refused_says_each_problem_where_it_is(tmp_path: Path) -> None:
         with pytest.raises(Refused) as refused:
             await desk.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 99.0),)))
         assert [(rule.subject, rule.path) for rule in refused.value.broken] == [("Jar001", "Weight")]
+
+    desk(tmp_path, use)
+
+
+def test_who_gave_no_name_is_told_short_and_recorded_whole(tmp_path: Path) -> None:
+    async def use(desk: Desk) -> None:
+        made = await desk.ontology.change(Define(definitions=Definitions(types=(VAT,))))
+        (event,) = (await desk.ontology.history()).events
+        assert event.author == who()
+        await known(desk, made.version)
+        late = Define(removed=(Named(section=Section.TYPES, name="Vat"),), author="Ben", expected_version=0)
+        with pytest.raises(Refused) as refused:
+            await desk.ontology.change(late)
+        told = trouble(refused.value).problem
+        assert f"{person(who())} changed it in version 1" in told
+        assert "urn:" not in told
 
     desk(tmp_path, use)
 

@@ -11,13 +11,14 @@ from somrs.app.gui.pages.map.moves import Move, moved
 from somrs.app.gui.pages.map.proposals import Spot, adding, form_for, name_for
 from somrs.app.gui.pages.map.readings import limits, read, text_of
 from somrs.app.gui.pages.map.relations import added, seats
-from somrs.app.gui.pages.map.words import person, sentences, shown
+from somrs.app.gui.pages.map.words import sentences, shown
 from somrs.errors import InputError
 from somrs.ontology.conformance import violations
 from somrs.ontology.files import load
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import value_of
+from somrs.protocol.people import client, person
 
 SCENARIO = Path(__file__).parents[1] / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
 
@@ -170,7 +171,15 @@ def test_changes_are_told_in_words(known: tuple[Map, Ontology]) -> None:
 
 @pytest.mark.parametrize(
     ("author", "said"),
-    [("Anna", "Anna"), ("urn:so-mrs:client:root@vm", "root@vm"), ("http://127.0.0.1:4242/Robot1", "Robot1"), ("", "somebody")],
+    [
+        ("Anna", "Anna"),
+        ("Robot1.TransferObject", "Robot1.TransferObject"),
+        ("urn:so-mrs:client:root@vm", "root@vm"),
+        (client("Anna Maria/2@vm"), "Anna Maria/2@vm"),
+        (client(client("root@vm")), "root@vm"),
+        ("http://127.0.0.1:4242/devices/Robot1", "Robot1"),
+        ("", "somebody"),
+    ],
 )
 def test_authors_are_told_as_people_know_them(author: str, said: str) -> None:
     assert person(author) == said

@@ -10,7 +10,6 @@ from collections.abc import AsyncIterator
 from itertools import chain
 from pathlib import Path
 from typing import TypeVar
-from urllib.parse import quote
 
 import msgspec
 
@@ -21,13 +20,13 @@ from somrs.ontology.types import Definition, Ontology
 from somrs.protocol import clients, directory, frp, knowledge
 from somrs.protocol.bodies import Body
 from somrs.protocol.envelope import Header, Message
+from somrs.protocol.people import client
 
 SYSTEM_FILE = "system.json"
 PAGE = 50
 """Tasks that are asked for at once."""
 
 
-CLIENT = "urn:so-mrs:client:"
 """What the names of those who ask begin with."""
 
 PATIENCE = 30.0
@@ -77,7 +76,7 @@ def who() -> str:
         user = getpass.getuser()
     except (OSError, KeyError):  # a container may run as a user that has no name
         user = str(os.getuid())
-    return f"{CLIENT}{quote(user)}@{quote(socket.gethostname())}"
+    return client(f"{user}@{socket.gethostname()}")
 
 
 class Client:
@@ -109,7 +108,7 @@ class Client:
         `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same, and so is what
         is sent again with the same `id`. `by`: who asks, if it is not who runs this program.
         """
-        header = Header(sender=f"{CLIENT}{quote(by)}" if by else self._who, recipient=address, message_id=id or uuid.uuid4().urn)
+        header = Header(sender=client(by) if by else self._who, recipient=address, message_id=id or uuid.uuid4().urn)
         message = Message(header=header, body=body)
         answer = await asked_again(lambda: self._wire.post(message, timeout=timeout), patience)
         if answer is None:

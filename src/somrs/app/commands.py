@@ -13,6 +13,7 @@ from somrs.errors import ModelError, RemoteError, UsageError
 from somrs.ontology.types import Value
 from somrs.protocol.directory import Discover
 from somrs.protocol.knowledge import UpdateMap
+from somrs.protocol.people import person
 from somrs.service_manager.values import python_value
 
 
@@ -141,7 +142,7 @@ async def history(name: str, data: Path, *, json: bool) -> None:
     if json:
         show.print_json(found.events)
         return
-    rows = ((event.version, show.clock(event.at), event.author or "-", "\n".join(told(event))) for event in found.events)
+    rows = ((event.version, show.clock(event.at), person(event.author), "\n".join(told(event))) for event in found.events)
     show.console().print(show.table(name, ("version", "when", "who", "what"), rows) if found.events else f"nothing happened to {name} yet")
 
 

@@ -13,6 +13,7 @@ from somrs.app.overwriting import leading_to
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.naming import SINGULAR, Named, Renaming, Section, named
 from somrs.protocol.knowledge import Alteration, Considered, Define, Event, ReadEvents, RenameObject, Revision, Undo
+from somrs.protocol.people import person
 
 if TYPE_CHECKING:
     from somrs.app.desk.ontology import Consequences
@@ -40,7 +41,7 @@ async def history(limit: int, data: Path, *, ontology: bool, before: int | None,
     elif not found.events:
         print("nothing changed yet" if before is None else f"nothing changed before version {before}")
     else:
-        rows = ((event.version, show.moment(event.at), event.author or "-", "\n".join(_shortened(event))) for event in found.events)
+        rows = ((event.version, show.moment(event.at), person(event.author), "\n".join(_shortened(event))) for event in found.events)
         show.console().print(show.table("the ontology" if ontology else "the map", ("version", "when", "who", "what"), rows))
         if found.more:
             print(f"and more before version {found.events[-1].version}; --before {found.events[-1].version} shows them")

@@ -16,6 +16,7 @@ from somrs.app.tasks import do
 from somrs.app.windows import Windows
 from somrs.errors import UsageError
 from somrs.protocol.clients import Submit
+from somrs.protocol.people import person
 
 _SO_LONG = re.compile(r"(\d+(?:\.\d+)?)\s*(m|min|h|d)")
 _MINUTES = {"m": 1, "min": 1, "h": 60, "d": 1440}
@@ -23,7 +24,7 @@ _MINUTES = {"m": 1, "min": 1, "h": 60, "d": 1440}
 
 def me() -> str:
     """Who changes something, as the histories of templates and orders name them."""
-    return who().rpartition(":")[2]
+    return person(who())
 
 
 def values(said: Sequence[str]) -> dict[str, str]:

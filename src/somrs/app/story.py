@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from typing import Any
-from urllib.parse import unquote
 
 import msgspec
 from rich.console import Console, Group, RenderableType
@@ -16,6 +15,7 @@ from somrs.app.chart import SETBACKS, said
 from somrs.app.trace import TASK_MANAGER, Line, without_heartbeats
 from somrs.protocol.clients import ContractView, Phase, TaskEvent, TaskRecord, TaskView, WorkView
 from somrs.protocol.frp import State
+from somrs.protocol.people import person
 
 
 class Story(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,7 +66,7 @@ def _facts(story: Story) -> Table:
         ("task", seen.task),
         ("submitted", show.moment(seen.submitted_at)),
         *([("ended", show.moment(record.ended_at))] if record is not None else []),
-        ("by", unquote(seen.client.removeprefix("urn:so-mrs:client:"))),
+        ("by", person(seen.client)),
         ("policy", seen.policy.value),
         *([("priority", f"{seen.priority}")] if seen.priority else []),
         *([("from", seen.precondition)] if seen.precondition else []),

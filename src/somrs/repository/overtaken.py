@@ -8,6 +8,7 @@ from somrs.ontology.conformance import Violation
 from somrs.ontology.naming import Named, find, named
 from somrs.ontology.objects import objects_of
 from somrs.protocol.knowledge import Alteration, Define, RenameObject, Undo, UpdateMap
+from somrs.protocol.people import person
 from somrs.repository.entries import Contents
 from somrs.repository.outcome import VERSION, Outcome
 
@@ -39,7 +40,7 @@ def _definitions(define: Define, expected: int, contents: Contents) -> Iterator[
         if latest is not None and latest.version > expected:
             is_now = "changed" if find(contents.ontology, what) is not None else "removed or renamed"
             message = (
-                f"{latest.author} {is_now} it in version {latest.version}, after version {expected} that was expected; "
+                f"{person(latest.author)} {is_now} it in version {latest.version}, after version {expected} that was expected; "
                 "look at it again and decide anew"
             )
             yield Violation(subject=what.name, rule="overtaken", message=message, section=what.section)

@@ -16,6 +16,7 @@ from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, 
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Definition
 from somrs.protocol.knowledge import Define, Event, RenameObject, Revision, by_kind
+from somrs.protocol.people import person
 from somrs.repository.definition import object_renamed, redefined
 from somrs.repository.entries import Contents
 from somrs.repository.outcome import Outcome
@@ -66,7 +67,7 @@ def _changed_since(what: Named, was_gone: bool, is_gone: bool, contents: Content
     if was_gone:
         return f"there is a {what} again; remove it or rename it first"
     latest = contents.defined_at.get(what)
-    by = f" by {latest.author} in version {latest.version}; undo that first" if latest is not None else ""
+    by = f" by {person(latest.author)} in version {latest.version}; undo that first" if latest is not None else ""
     return f"the {what} was changed since{by}"
 
 

@@ -17,6 +17,7 @@ from somrs.app.desk.standing import Run, StandingOrder
 from somrs.app.desk.templates import Template
 from somrs.app.disk import Disk, Kind
 from somrs.entish.parse import nearest
+from somrs.protocol.people import person
 
 T = TypeVar("T")
 
@@ -108,7 +109,7 @@ class Book:
 def expect(version: int | None, now: int, what: str, by: str = "") -> None:
     """Raises Changed if somebody else changed it since it had that version."""
     if version is not None and version != now:
-        who = f" by {by}" if by else ""
+        who = f" by {person(by)}" if by else ""
         changed = f"was changed{who} meanwhile" if now else "was removed meanwhile"
         there = f"{what} is there already" if version == 0 else f"{what} {changed}"
         raise Changed(f"{there}; nothing was saved: look at it as it is now, and say again what is to be otherwise")

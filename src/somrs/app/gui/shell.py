@@ -82,7 +82,8 @@ def _turn(dark: ui.dark_mode, button: ui.button) -> None:
 
 
 def author() -> str:
-    """Who sits in front of the page, as histories name them: what was said in this browser, or the user of this machine."""
+    """Who sits in front of the page, as histories record them: what was said in this browser, or the user of this machine. `person` shows
+    them."""
     return str(app.storage.user.get("author") or who())
 
 

@@ -8,10 +8,11 @@ from nicegui import ui
 
 from somrs.app.desk.desk import Desk
 from somrs.app.gui.pages.task_ending import Ending
-from somrs.app.gui.pages.task_words import PHASES, counted, due, gist, key, person, sign
+from somrs.app.gui.pages.task_words import PHASES, counted, due, gist, key, sign
 from somrs.app.gui.signs import Badge, clock, lasted
 from somrs.protocol.clients import Phase, Policy, TaskView
 from somrs.protocol.frp import State
+from somrs.protocol.people import person
 
 POLICIES = {Policy.PRICE: "the cheapest", Policy.TIME: "the soonest", Policy.WEIGHTED: "price and time"}
 

@@ -7,9 +7,10 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from somrs.app.gui.pages.task_words import counted, gist, person
+from somrs.app.gui.pages.task_words import counted, gist
 from somrs.protocol.clients import EventKind, TaskEvent, TaskView
 from somrs.protocol.frp import Outcome, State
+from somrs.protocol.people import person
 
 RUNGS = {
     EventKind.HANDLER: "As laid down",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from urllib.parse import unquote
 
 from somrs.app.gui.signs import OUTCOMES, Sign, lasted
 from somrs.protocol.clients import Phase
@@ -37,11 +36,6 @@ def key(task: str) -> str:
 
 def path(task: str) -> str:
     return f"/tasks/{key(task)}"
-
-
-def person(client: str) -> str:
-    """Who stated a task."""
-    return unquote(client.removeprefix("urn:so-mrs:client:")) or "somebody"
 
 
 def device(service: str) -> str:

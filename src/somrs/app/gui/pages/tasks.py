@@ -16,13 +16,14 @@ from somrs.app.desk.questions import OpenQuestions
 from somrs.app.desk.tasks import TasksChanged
 from somrs.app.gui.following import follow
 from somrs.app.gui.pages import task
-from somrs.app.gui.pages.task_words import counted, device, due, gist, key, person, sign
+from somrs.app.gui.pages.task_words import counted, device, due, gist, key, sign
 from somrs.app.gui.shell import page
 from somrs.app.gui.signs import clock, lasted, listed
 from somrs.app.gui.silence import Silence
 from somrs.app.gui.soon import Soon
 from somrs.errors import SomrsError
 from somrs.protocol.clients import Phase, TaskRow
+from somrs.protocol.people import person
 
 MOST = 200
 """Tasks that are shown: as many as the Task Manager has in mind when they are over."""

@@ -7,10 +7,11 @@ from functools import partial
 
 from nicegui import ui
 
-from somrs.app.gui.pages.map.words import at, person, told
+from somrs.app.gui.pages.map.words import at, told
 from somrs.app.gui.shell import guarded
 from somrs.ontology.types import Ontology
 from somrs.protocol.knowledge import Event
+from somrs.protocol.people import person
 
 
 def entries(

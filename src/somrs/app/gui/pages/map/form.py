@@ -11,13 +11,14 @@ from nicegui import ui
 from somrs.app.desk.desk import Desk
 from somrs.app.desk.refusals import Refused
 from somrs.app.gui.pages.map.fields import Field, Raw, Spot
-from somrs.app.gui.pages.map.words import person, shown
+from somrs.app.gui.pages.map.words import shown
 from somrs.app.gui.pages.map.writing import Writing
 from somrs.app.gui.shell import author, tell
 from somrs.errors import InputError, SomrsError
 from somrs.ontology.objects import Change, Object, ValueSet
 from somrs.ontology.types import Kind, Ontology, Value
 from somrs.protocol.knowledge import BrokenRule, UpdateMap
+from somrs.protocol.people import person
 
 PLACE = ("Position", "Rotation")
 FORM = "Shape.Form"

@@ -7,10 +7,11 @@ from collections.abc import Callable
 from nicegui import ui
 
 from somrs.app.desk.desk import Desk
-from somrs.app.gui.pages.map.words import at, person, told
+from somrs.app.gui.pages.map.words import at, told
 from somrs.app.gui.shell import guarded
 from somrs.errors import SomrsError
 from somrs.protocol.knowledge import Event
+from somrs.protocol.people import person
 
 STEP = 0.9
 """Seconds between two versions, when the history is played."""

@@ -93,12 +93,6 @@ def degrees(angle: float) -> str:
     return f"{math.degrees(angle):.4g}°"
 
 
-def person(author: str) -> str:
-    """An author as people know them: without what addresses have around a name."""
-    name = author.rpartition("/")[2].rpartition(":")[2] if author.startswith(("urn:", "http")) else author
-    return name.replace("%20", " ") or "somebody"
-
-
 def at(seconds: float, *, exactly: bool = True) -> str:
     """A time, with the day where it is another one than today."""
     when = datetime.fromtimestamp(seconds)

@@ -10,7 +10,7 @@ from nicegui import ui
 from somrs.app.desk.desk import Desk
 from somrs.app.gui.pages.ontology.changes import changed, summary
 from somrs.app.gui.pages.ontology.consequences import confirmed
-from somrs.app.gui.pages.ontology.pieces import Word, lasting, person, titled
+from somrs.app.gui.pages.ontology.pieces import Word, lasting, titled
 from somrs.app.gui.pages.ontology.sections import SERVICES, TYPES, Section
 from somrs.app.gui.pages.ontology.seen import Seen
 from somrs.app.gui.shell import author, guarded, tell
@@ -20,6 +20,7 @@ from somrs.ontology.naming import Section as Naming
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import ObjectType
 from somrs.protocol.knowledge import Define, Event, by_kind
+from somrs.protocol.people import person
 
 Done = Callable[[Section, str, int], Awaitable[None]]
 """Go to this definition, once this version is there."""

@@ -15,7 +15,7 @@ from somrs.app.gui.pages.ontology.changes import FIELDS, differences
 from somrs.app.gui.pages.ontology.consequences import confirmed
 from somrs.app.gui.pages.ontology.drafts import Draft, begun, form_of, merged
 from somrs.app.gui.pages.ontology.fields import Fields
-from somrs.app.gui.pages.ontology.pieces import Word, lasting, person
+from somrs.app.gui.pages.ontology.pieces import Word, lasting
 from somrs.app.gui.pages.ontology.reading import Mistakes, definition_of, place
 from somrs.app.gui.pages.ontology.seen import Seen
 from somrs.app.gui.parts.keeper import Keeper
@@ -25,6 +25,7 @@ from somrs.ontology.naming import Renaming
 from somrs.ontology.naming import Section as Naming
 from somrs.ontology.types import Definition
 from somrs.protocol.knowledge import BrokenRule, Define, Event, by_kind
+from somrs.protocol.people import person
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,7 +23,7 @@ from somrs.app.gui.pages.ontology.editor import Editor, Ends
 from somrs.app.gui.pages.ontology.exchange import Import, export_menu
 from somrs.app.gui.pages.ontology.index import Choices, Index
 from somrs.app.gui.pages.ontology.past import Past
-from somrs.app.gui.pages.ontology.pieces import Word, lasting, person, titled
+from somrs.app.gui.pages.ontology.pieces import Word, lasting, titled
 from somrs.app.gui.pages.ontology.sections import ATTRIBUTES, SECTION, SECTIONS, TYPES, Section
 from somrs.app.gui.pages.ontology.seen import Seen
 from somrs.app.gui.parts.keeper import Keeper
@@ -32,6 +32,7 @@ from somrs.errors import SomrsError
 from somrs.ontology.objects import ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology
 from somrs.protocol.knowledge import Define
+from somrs.protocol.people import person
 
 PATH = "/ontology"
 BACK = '<script>window.addEventListener("popstate", () => emitEvent("somrs-ontology-back", location.search));</script>'

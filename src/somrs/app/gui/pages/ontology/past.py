@@ -10,10 +10,11 @@ from somrs.app.desk.desk import Desk
 from somrs.app.gui.pages.ontology.actions import Actions
 from somrs.app.gui.pages.ontology.changes import changed
 from somrs.app.gui.pages.ontology.consequences import revision
-from somrs.app.gui.pages.ontology.pieces import Word, lasting, note, person, titled
+from somrs.app.gui.pages.ontology.pieces import Word, lasting, note, titled
 from somrs.app.gui.pages.ontology.sections import Section
 from somrs.app.gui.shell import guarded
 from somrs.protocol.knowledge import Event
+from somrs.protocol.people import person
 
 PAGE = 40
 """So many events are shown at once."""

@@ -94,11 +94,6 @@ def titled(title: str) -> ui.dialog:
     return ui.dialog().props(f'aria-label="{title}"')
 
 
-def person(author: str) -> str:
-    """An author as people know them: without what addresses have around a name."""
-    return author.rpartition(":")[2].replace("%20", " ") if author.startswith("urn:") else author
-
-
 class OnPage(Protocol):
     """Something that belongs to one browser's page."""
 
