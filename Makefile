@@ -27,7 +27,7 @@ lint: setup
 # Slow suites: each prints `N passed, N failed`.
 # The windows in a real browser; pictures of the pages come to out/screenshots.
 browser: setup
-	@$(BIN)/pytest tests/browser
+	@$(BIN)/pytest tests/browser --numprocesses 3 --dist loadfile
 
 scenarios: setup
 	@$(BIN)/python scripts/scenarios.py --runs $(RUNS)

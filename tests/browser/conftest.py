@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,7 @@ FLAGS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    "--disable-gpu-compositing",  # pages are drawn without GL, which is all software here; only the 3D view takes it
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
@@ -72,15 +74,25 @@ class Running:
         for id in found.stdout.split():
             os.kill(int(id), signal.SIGKILL)
 
+    @contextmanager
+    def without(self, program: str) -> Iterator[None]:
+        """One of its programs is killed, and not started again before the end."""
+        self._process.send_signal(signal.SIGSTOP)
+        try:
+            self.kill(program)
+            yield
+        finally:
+            self._process.send_signal(signal.SIGCONT)
+
     def stop(self) -> None:
         self._process.send_signal(signal.SIGINT)
         self._process.wait(30)
         self._said.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """The paper's scenario, for all tests that leave it usable to the others."""
+    """The paper's scenario, for all tests of one file."""
     running = Running(tmp_path_factory.mktemp("browser") / "data")
     yield running
     running.stop()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import time
 import urllib.request
 from collections.abc import Callable
@@ -65,8 +66,8 @@ def test_filters_narrow_the_list_and_are_in_the_address(system: Running, window:
     page.get_by_role("option", name="Failed").click()
     expect(page.get_by_text("No task that is over fits these filters.")).to_be_visible()
     shoot(page, "history-nothing")
-    assert "text=building001" in page.url
-    assert "outcome=failed" in page.url
+    expect(page).to_have_url(re.compile("text=building001"))
+    expect(page).to_have_url(re.compile("outcome=failed"))
     page.reload()
     expect(page.get_by_label("Wish contains")).to_have_value("building001")
     page.get_by_role("button", name="Show all").click()

@@ -54,6 +54,9 @@ def opened(window: Window, system: Running, query: str = "", size: str = "1280",
     page = window(f"{system.url}/map{query}", size, dark=dark)
     body(page, "Floor001").wait_for(state="attached")
     page.get_by_text("objects", exact=False).first.wait_for()
+    before = None
+    while before != (before := spot(page, "Floor001")):  # laid out, to the last panel
+        page.wait_for_timeout(100)
     return page
 
 
