@@ -26,7 +26,7 @@ ROW_NAMES = {"attributes": "attribute", "parts": "type", "defaults": "path", "in
 BLANK: dict[str, Form] = {
     "types": {"name": "", "parent": "Object", "doc": "", "driver": "", "attributes": [], "parts": [], "defaults": [], "constraints": []},
     "attributes": {
-        "name": "", "kind": "number", "unit": "", "tolerance": "", "minimum": "", "maximum": "", "values": [], "attributes": [], "doc": "",
+        "name": "", "kind": "number", "unit": "", "tolerance": "", "minimum": "", "maximum": "", "values": "", "attributes": [], "doc": "",
     },
     "relations": {"name": "", "joins": ["Object", "Object"], "symmetric": False, "functional": False, "excludes": "", "doc": ""},
     "functions": {"name": "", "parameters": ["Object"], "source": READ, "attribute": None, "values": [], "unit": "", "doc": ""},
@@ -135,6 +135,7 @@ def form_of(definition: Definition) -> Form:
             form["parent"] = definition.parent
         case AttributeType():
             form["minimum"], form["maximum"] = _text(definition.minimum), _text(definition.maximum)
+            form["values"] = ", ".join(definition.values)
             form["tolerance"] = _text(definition.tolerance) if definition.tolerance else ""
         case FunctionType():
             form["source"] = READ if definition.attribute else TABLE if definition.values else COMPUTED

@@ -163,16 +163,13 @@ class Fields:
         mirror = CHOSEN if not isinstance(options, Mapping) else f"{json.dumps([*known])}[value?.value] ?? null"
         return self._made(field, path, hint, width, "update:model-value", mirror)
 
-    def several(self, path: str, label: str, options: Iterable[str] | None = None, *, hint: str = "") -> ui.select:
-        """Any number of the options; without options, names that are typed."""
+    def several(self, path: str, label: str, options: Iterable[str]) -> ui.select:
+        """Any number of the options."""
         value = self.get(path)
-        known = [*dict.fromkeys([*(options or ()), *value])]
-        field = ui.select(
-            known, label=label, value=value, multiple=True, with_input=True, new_value_mode="add-unique" if options is None else None,
-            on_change=self._hear(path),
-        )  # fmt: skip
-        field.props("outlined dense options-dense use-chips" + (" hide-dropdown-icon" if options is None else ""))
-        return self._made(field, path, hint, "full", "update:model-value", ALL_CHOSEN)
+        known = [*dict.fromkeys([*options, *value])]
+        field = ui.select(known, label=label, value=value, multiple=True, with_input=True, on_change=self._hear(path))
+        field.props("outlined dense options-dense use-chips")
+        return self._made(field, path, "", "full", "update:model-value", ALL_CHOSEN)
 
     def flag(self, path: str, label: str) -> ui.checkbox:
         field = ui.checkbox(label, value=self.get(path), on_change=self._hear(path)).props("dense")

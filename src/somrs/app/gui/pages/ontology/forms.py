@@ -76,7 +76,7 @@ def _attribute(fields: Fields, ontology: Ontology) -> None:
                         fields.text("maximum", "At most", width="narrow")
                         fields.text("tolerance", "Equal within", width="narrow")
                 case Kind.ENUMERATION.value:
-                    fields.several("values", "Values", hint="Type each and press Enter")
+                    fields.text("values", "Values", hint="With commas between them", width="full")
                 case Kind.COMPLEX.value:
                     others = sorted(name for name in ontology.attributes if name != fields.draft.name)
                     fields.several("attributes", "Made of", others)

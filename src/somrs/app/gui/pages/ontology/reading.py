@@ -130,8 +130,7 @@ class _Reading:
             return {"formula": row["formula"].strip(), "doc": doc}
         attribute = known.get(row["attribute"] or "")
         unit = attribute.unit if attribute is not None else None
-        listed = [text.strip() for text in row["values"].split(",") if text.strip()]
-        values = [value for text in listed if (value := self.value(text, attribute, f"{path}.values")) is not None]
+        values = [value for text in _listed(row["values"]) if (value := self.value(text, attribute, f"{path}.values")) is not None]
         return {
             "attribute": self.chosen(row["attribute"], f"{path}.attribute", "an attribute"),
             "minimum": self.number(row["minimum"], f"{path}.minimum", unit),
@@ -154,7 +153,9 @@ class _Reading:
         if kind == Kind.NUMBER.value:
             more = {key: self.number(self.form[key], key, unit or None) for key in ("minimum", "maximum", "tolerance")}
             more["unit"] = unit or None
-        return {**self.plain(*{"enumeration": ["values"], "complex": ["attributes"]}.get(kind, [])), **more, "kind": kind}
+        elif kind == Kind.ENUMERATION.value:
+            more = {"values": _listed(self.form["values"])}
+        return {**self.plain(*(["attributes"] if kind == Kind.COMPLEX.value else [])), **more, "kind": kind}
 
     def relation(self) -> Form:
         joins = [self.chosen(type, path, "a type") for path, type in self.rows("joins")]
@@ -190,6 +191,11 @@ class _Reading:
             {"on": row["on"], "when": row["when"].strip() or None, "effect": row["effect"].strip()} for row in self.form["handlers"]
         ]
         return {**self.plain("parent", "precondition", "effect", "cost", "kind"), **sides, "handlers": handlers}
+
+
+def _listed(text: str) -> list[str]:
+    """What is written with commas between."""
+    return [word for one in text.split(",") if (word := one.strip())]
 
 
 def place(path: str, form: Form) -> str:
