@@ -16,7 +16,7 @@ demo: setup
 
 test: setup lint
 	@$(BIN)/pytest --ignore tests/browser
-	@$(BIN)/pytest tests/browser/test_api.py
+	@$(MAKE) --no-print-directory browser
 
 lint: setup
 	@$(BIN)/ruff check .
@@ -24,11 +24,11 @@ lint: setup
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
-# Slow suites: each prints `N passed, N failed`.
 # The windows in a real browser; pictures of the pages come to out/screenshots.
 browser: setup
 	@$(BIN)/pytest tests/browser --numprocesses 3 --dist loadfile
 
+# Slow suites: each prints `N passed, N failed`.
 scenarios: setup
 	@$(BIN)/python scripts/scenarios.py --runs $(RUNS)
 
