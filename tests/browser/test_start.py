@@ -18,13 +18,12 @@ PLACES = ["Map", "Ontology", "New task", "Tasks", "Fleet", "History"]
 @pytest.mark.parametrize("size", ["1280", "1920", "820"])
 def test_every_page_is_one_click_away(system: Running, window: Callable[..., Page], size: str, dark: bool) -> None:
     page = window(system.url, size, dark=dark)
+    shoot(page, f"start-{size}-{'dark' if dark else 'light'}")
     for place in PLACES:
         page.get_by_role("navigation").get_by_role("link", name=place).click()
         page.wait_for_url("**/" + {"New task": "define"}.get(place, place.lower()))
         assert page.get_by_role("navigation").locator("[aria-current=page]").get_attribute("aria-label") == place
         assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), f"{place} is wider than the window"
-        page.wait_for_load_state("networkidle")
-        shoot(page, f"{place.lower().replace(' ', '-')}-{size}-{'dark' if dark else 'light'}")
 
 
 def test_the_api_describes_itself(system: Running, window: Callable[..., Page]) -> None:
