@@ -27,8 +27,9 @@ import pages
 
 from somrs.app.client import Addresses
 from somrs.app.system import free_ports
+from somrs.devices.simulator.connection import RobotGaveUp
 from somrs.devices.simulator.lines import Answer, Ask, Follow, Mover, Poses, Welcome, Work, read_by_server, written
-from somrs.devices.simulator.link import RobotGaveUp, RobotLink
+from somrs.devices.simulator.link import RobotLink
 
 ROBOTS = 50
 RATE = 20.0

@@ -37,6 +37,7 @@ from somrs.devices.simulator.commands import (
     Status,
     Stop,
 )
+from somrs.devices.simulator.connection import RobotGaveUp
 from somrs.devices.simulator.lines import (
     LONGEST,
     Ask,
@@ -54,7 +55,7 @@ from somrs.devices.simulator.lines import (
     read_by_server,
     written,
 )
-from somrs.devices.simulator.link import OperatorLink, RobotGaveUp, RobotLink
+from somrs.devices.simulator.link import OperatorLink, RobotLink
 from somrs.devices.simulator.server import MOST_STATES, Server
 from somrs.errors import RemoteError, SimulationError, UsageError, WireError
 from somrs.ontology.objects import Object

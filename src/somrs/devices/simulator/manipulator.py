@@ -10,7 +10,7 @@ from collections.abc import Coroutine, Iterable
 from dataclasses import dataclass
 
 from somrs.devices.simulator.commands import Done, Fault, RobotState, Seen
-from somrs.devices.simulator.link import RobotGaveUp
+from somrs.devices.simulator.connection import RobotGaveUp
 from somrs.devices.simulator.simulated import SimulatedDevice, is_a, plain
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Number, Relation, conjuncts
 from somrs.errors import RemoteError, UsageError

@@ -11,7 +11,7 @@ from collections.abc import Coroutine
 from dataclasses import dataclass, replace
 
 from somrs.devices.simulator.commands import Done, Seen
-from somrs.devices.simulator.link import RobotGaveUp
+from somrs.devices.simulator.connection import RobotGaveUp
 from somrs.devices.simulator.recognition import recognised
 from somrs.devices.simulator.simulated import SimulatedDevice, is_a
 from somrs.entish.formula import Formula, Number

@@ -12,7 +12,8 @@ from collections.abc import Awaitable, Callable, Coroutine
 from typing import TypeVar
 
 from somrs.devices.simulator.commands import Done, Fault, RobotState
-from somrs.devices.simulator.link import RobotGaveUp, RobotLink
+from somrs.devices.simulator.connection import RobotGaveUp
+from somrs.devices.simulator.link import RobotLink
 from somrs.entish.formula import Number
 from somrs.errors import DeviceError, RemoteError
 from somrs.ontology.types import Value
