@@ -8,7 +8,6 @@ find out, what is to be restored. Who takes a step is `tender.py`'s to say; what
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol
 
 from msgspec import structs
 
@@ -16,50 +15,20 @@ from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceKind
 from somrs.planner.plan import NoPlan, Plan
 from somrs.protocol import frp
-from somrs.protocol.clients import EventKind, Phase, Submit
+from somrs.protocol.clients import EventKind, Phase
 from somrs.protocol.frp import State
 from somrs.task_manager.claims import Held
 from somrs.task_manager.draft import Draft
 from somrs.task_manager.looking import Look
-from somrs.task_manager.offered import Offered, named
-from somrs.task_manager.participants import Member, Participants
+from somrs.task_manager.offered import named
+from somrs.task_manager.owner import Owner
+from somrs.task_manager.participants import Member
 from somrs.task_manager.purpose import Purpose
 from somrs.task_manager.recovery import Replans, Rung, next_rung
-from somrs.task_manager.setting import Setting, known_to_hold
+from somrs.task_manager.setting import known_to_hold
 from somrs.task_manager.tender import AT_ONCE, Tender, Tenders, call
-from somrs.task_manager.work import Ledger, Work
+from somrs.task_manager.work import Work
 from somrs.task_manager.workflow import Progress, StepRun, Workflow
-
-
-class Owner(Protocol):
-    """The transaction that a pursuit belongs to."""
-
-    id: str
-    task: Submit
-    submitted_at: float
-    setting: Setting
-    participants: Participants
-    offered: Offered
-    ledger: Ledger
-
-    @property
-    def latest(self) -> float | None:
-        """When all has to be done."""
-
-    def tell(self, now: float, text: str, run: StepRun | None = None, kind: EventKind = EventKind.NEWS) -> None: ...
-
-    def proceed(self, now: float) -> None:
-        """Do whatever comes next, in this pursuit or another."""
-
-    def reached(self, pursuit: Pursuit, now: float) -> None: ...
-
-    def failed(self, pursuit: Pursuit, why: str, now: float) -> None: ...
-
-    def handled(self, run: StepRun, now: float) -> bool:
-        """A step failed: whether a procedure that was laid down for that is begun. The step is recovered after it."""
-
-    def unblocked(self, pursuit: Pursuit, why: str, now: float) -> bool:
-        """There is no plan: whether what failures left is being undone. `again` is called after it, or it has failed."""
 
 
 class Pursuit:
