@@ -11,7 +11,20 @@ from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.bodies import Body
 from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Wake
-from somrs.protocol.knowledge import Event, Events, MapPage, OntologyPage, ReadEvents, ReadMap, ReadOntology
+from somrs.protocol.knowledge import (
+    Alteration,
+    BrokenRule,
+    Consider,
+    Considered,
+    Event,
+    Events,
+    MapPage,
+    OntologyPage,
+    ReadEvents,
+    ReadMap,
+    ReadOntology,
+    Rejected,
+)
 from somrs.protocol.replica import Replica
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
@@ -61,6 +74,15 @@ class Keeper:
         (send,) = said
         assert isinstance(send.message.body, answer), send.message.body
         return send.message.body
+
+    def broken(self, change: Alteration) -> tuple[BrokenRule, ...]:
+        """Why a change is rejected, which is what considering it says; and that it left no trace."""
+        before, version = self.contents.map, self.contents.version
+        considered = self.say(Consider(change=change), Considered)
+        rejected = self.say(change, Rejected)
+        assert rejected.broken == considered.broken
+        assert (self.contents.map, self.contents.version) == (before, version)
+        return rejected.broken
 
     def events(self, wanted: ReadEvents | None = None) -> tuple[Event, ...]:
         return self.say(wanted if wanted is not None else ReadEvents(limit=1000), Events).events

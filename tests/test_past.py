@@ -16,9 +16,6 @@ from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object,
 from somrs.ontology.types import FunctionType, ObjectType, Value
 from somrs.protocol.frp import Fault
 from somrs.protocol.knowledge import (
-    BrokenRule,
-    Consider,
-    Considered,
     Define,
     Defined,
     Definitions,
@@ -29,7 +26,6 @@ from somrs.protocol.knowledge import (
     ReadHistory,
     ReadMap,
     ReadOntology,
-    Rejected,
     RenameObject,
     Revision,
     Undo,
@@ -54,15 +50,6 @@ def keeper(tmp_path: Path) -> Iterator[Keeper]:
 
 def update(keeper: Keeper, *changes: Change, situation: str | None = None, author: str = "Anna") -> int:
     return keeper.say(UpdateMap(changes=changes, situation=situation, author=author), Updated).version
-
-
-def broken(keeper: Keeper, change: Undo | RenameObject) -> tuple[BrokenRule, ...]:
-    before, version = keeper.contents.map, keeper.contents.version
-    considered = keeper.say(Consider(change=change), Considered)
-    rejected = keeper.say(change, Rejected)
-    assert rejected.broken == considered.broken
-    assert (keeper.contents.map, keeper.contents.version) == (before, version)
-    return rejected.broken
 
 
 # The map at a version
@@ -211,7 +198,7 @@ def test_what_has_nothing_to_do_with_it_does_not_stand_in_the_way(keeper: Keeper
 def test_what_was_changed_since_stands_in_the_way(keeper: Keeper, first: list[Change], then: list[Change], said: str) -> None:
     update(keeper, *first)
     update(keeper, *then)
-    told = broken(keeper, Undo(version=1))
+    told = keeper.broken(Undo(version=1))
     assert any(said in rule.message for rule in told), told
     assert all("version 1 cannot be undone" in rule.message for rule in told)
     keeper.say(Undo(version=2), Updated)
@@ -222,7 +209,7 @@ def test_what_was_changed_since_stands_in_the_way(keeper: Keeper, first: list[Ch
 def test_what_would_break_a_rule_is_not_undone(keeper: Keeper) -> None:
     update(keeper, FactRemoved(Fact("isOn", ("Jar1", "Table1"))))
     update(keeper, FactAdded(Fact("isIn", ("Jar1", "Table2"))))
-    assert [rule.rule for rule in broken(keeper, Undo(version=1))] == ["exclusive"]
+    assert [rule.rule for rule in keeper.broken(Undo(version=1))] == ["exclusive"]
 
 
 # Other names
@@ -253,7 +240,7 @@ def test_nothing_gets_a_name_of_which_the_ontology_says_something(keeper: Keeper
     way = FunctionType(name="way", parameters=("Table", "Table"), values={"Table1 Table2": 3.0})
     keeper.say(Define(definitions=Definitions(functions=(way,))), Defined)
     update(keeper, ObjectRemoved("Table2"))
-    assert "the function way speaks of another Table2" in broken(keeper, RenameObject(name="Jar2", to="Table2"))[0].message
+    assert "the function way speaks of another Table2" in keeper.broken(RenameObject(name="Jar2", to="Table2"))[0].message
 
 
 def test_history_stays_with_what_was_renamed_and_not_with_the_name(keeper: Keeper) -> None:
@@ -285,12 +272,12 @@ def test_undoing_a_new_name_takes_along_what_came_since(keeper: Keeper) -> None:
     ],
 )
 def test_what_cannot_be_renamed(keeper: Keeper, rename: RenameObject, said: str) -> None:
-    assert said in broken(keeper, rename)[0].message
+    assert said in keeper.broken(rename)[0].message
 
 
 def test_a_renaming_minds_what_was_changed_meanwhile(keeper: Keeper) -> None:
     update(keeper, ValueSet("Jar1", "Color", "Red"))
-    (rule,) = broken(keeper, RenameObject(name="Jar1", to="Krug", expected_version=0))
+    (rule,) = keeper.broken(RenameObject(name="Jar1", to="Krug", expected_version=0))
     assert rule.rule == "overtaken"
     keeper.say(RenameObject(name="Jar1", to="Krug", expected_version=1), Updated)
 
@@ -334,6 +321,6 @@ def test_a_file_of_the_first_format_is_gone_on_with(tmp_path: Path) -> None:
     assert keeper.at(2)[1].objects["Jar1"].values["Color"] == "Red"
     assert "from version 2 on" in keeper.say(ReadMap(at_version=1), Fault).text
     keeper.say(Undo(version=3), Updated)
-    assert "what was before version 1 is not known" in broken(keeper, Undo(version=1))[0].message
+    assert "what was before version 1 is not known" in keeper.broken(Undo(version=1))[0].message
     keeper.close()
     RepositoryStore.open(path).close()

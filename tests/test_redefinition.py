@@ -15,7 +15,6 @@ from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.objects import Fact, Object, ObjectAdded, ValueSet
 from somrs.ontology.types import AttributeType, Constraint, Kind, ObjectType
 from somrs.protocol.knowledge import (
-    BrokenRule,
     Consider,
     Considered,
     Define,
@@ -99,16 +98,6 @@ def remove(section: Section, *names: str) -> Define:
 
 def types(*types: ObjectType, expected: int | None = None, author: str = "Anna") -> Define:
     return Define(definitions=Definitions(types=types), expected_version=expected, author=author)
-
-
-def broken(keeper: Keeper, define: Define | Undo) -> tuple[BrokenRule, ...]:
-    """Why it is rejected, which is what considering it says; and that it left no trace."""
-    before, version = keeper.contents.map, keeper.contents.version
-    considered = keeper.say(Consider(change=define), Considered)
-    rejected = keeper.say(define, Rejected)
-    assert rejected.broken == considered.broken
-    assert (keeper.contents.map, keeper.contents.version) == (before, version)
-    return rejected.broken
 
 
 # Renaming
@@ -214,7 +203,7 @@ def test_renaming_and_redefining_come_together(keeper: Keeper) -> None:
     ],
 )
 def test_what_cannot_be_done_is_said_clearly(keeper: Keeper, define: Define, said: str) -> None:
-    assert any(said in rule.message for rule in broken(keeper, define)), broken(keeper, define)
+    assert any(said in rule.message for rule in keeper.broken(define)), keeper.broken(define)
 
 
 # Removing
@@ -228,7 +217,7 @@ def test_what_nothing_speaks_of_is_removed(keeper: Keeper) -> None:
 
 
 def test_the_consequences_of_removing_are_all_told_where_they_are(keeper: Keeper) -> None:
-    told = broken(keeper, remove(Section.TYPES, "Tin"))
+    told = keeper.broken(remove(Section.TYPES, "Tin"))
     where = {(rule.section, rule.subject, rule.path) for rule in told}
     assert ("types", "SmallTin", "parent") in where
     assert ("relations", "belongsTo", "joins.0") in where
@@ -238,7 +227,7 @@ def test_the_consequences_of_removing_are_all_told_where_they_are(keeper: Keeper
 
 
 def test_removing_an_attribute_tells_which_objects_have_it(keeper: Keeper) -> None:
-    told = broken(keeper, remove(Section.ATTRIBUTES, "Content"))
+    told = keeper.broken(remove(Section.ATTRIBUTES, "Content"))
     where = {(rule.section, rule.subject, rule.path) for rule in told}
     assert ("attributes", "Package", "attributes.1") in where
     assert ("objects", "Tin1", "Package.Content") in where
@@ -252,7 +241,7 @@ def test_something_may_take_the_place_of_what_is_removed_unless_there_is_any_on_
     tin = Define(
         removed=(Named(section=Section.TYPES, name="SmallTin"),), renamed=(Renaming(section=Section.TYPES, name="Can", to="SmallTin"),)
     )
-    assert ("objects", "Tin2") in {(rule.section, rule.subject) for rule in broken(keeper, tin)}
+    assert ("objects", "Tin2") in {(rule.section, rule.subject) for rule in keeper.broken(tin)}
 
 
 # Redefining
@@ -261,17 +250,17 @@ def test_something_may_take_the_place_of_what_is_removed_unless_there_is_any_on_
 def test_a_narrower_rule_tells_which_objects_break_it(keeper: Keeper) -> None:
     tin = keeper.contents.ontology.types["Tin"]
     narrow = structs.replace(tin, constraints=(Constraint(attribute="Package.Volume", maximum=1.5),))
-    (rule,) = broken(keeper, types(narrow))
+    (rule,) = keeper.broken(types(narrow))
     assert (rule.subject, rule.section, rule.path, rule.rule) == ("Tin1", "objects", "Package.Volume", "constraint")
 
 
 def test_moving_a_type_is_defining_it_with_another_parent(keeper: Keeper) -> None:
     bench = keeper.contents.ontology.types["Bench"]
-    told = broken(keeper, types(structs.replace(bench, parent="Shelf")))
+    told = keeper.broken(types(structs.replace(bench, parent="Shelf")))
     assert [(rule.section, rule.subject, rule.path) for rule in told] == [("services", "Refill", "cost")]
     keeper.say(remove(Section.SERVICES, "Refill", "RefillQuickly"), Defined)
     assert keeper.say(types(structs.replace(bench, parent="Shelf")), Defined) == Defined(version=2)
-    told = broken(keeper, types(structs.replace(bench, parent="Space")))
+    told = keeper.broken(types(structs.replace(bench, parent="Space")))
     assert {"Bench1", "Bench2"} <= {rule.subject for rule in told if rule.section == "objects"}
 
 
@@ -285,11 +274,11 @@ def test_a_rule_about_other_types_is_looked_at_when_those_move(keeper: Keeper) -
 def test_two_people_who_edit_the_same_type_hear_of_each_other(keeper: Keeper) -> None:
     tin = keeper.contents.ontology.types["Tin"]
     keeper.say(types(structs.replace(tin, doc="Anna's"), expected=0, author="Anna"), Defined)
-    (rule,) = broken(keeper, types(structs.replace(tin, doc="Ben's"), expected=0, author="Ben"))
+    (rule,) = keeper.broken(types(structs.replace(tin, doc="Ben's"), expected=0, author="Ben"))
     assert (rule.section, rule.subject, rule.rule) == ("types", "Tin", "overtaken")
     assert "Anna changed it in version 1, after version 0 that was expected" in rule.message
     keeper.restart()
-    assert "Anna" in broken(keeper, types(structs.replace(tin, doc="Ben's"), expected=0))[0].message
+    assert "Anna" in keeper.broken(types(structs.replace(tin, doc="Ben's"), expected=0))[0].message
     # Another type is nobody's business, nor is what says the same.
     vice = structs.replace(keeper.contents.ontology.types["Vice"], doc="Ben's")
     assert keeper.say(types(vice, structs.replace(tin, doc="Anna's"), expected=0), Defined) == Defined(version=2)
@@ -298,14 +287,14 @@ def test_two_people_who_edit_the_same_type_hear_of_each_other(keeper: Keeper) ->
 
 def test_what_was_removed_or_renamed_meanwhile_is_said_to_be(keeper: Keeper) -> None:
     keeper.say(rename(Section.TYPES, "SmallTin", "TinyTin"), Defined)
-    told = broken(keeper, types(ObjectType(name="SmallTin", parent="Tin"), expected=0))
+    told = keeper.broken(types(ObjectType(name="SmallTin", parent="Tin"), expected=0))
     assert "Anna removed or renamed it in version 1" in told[0].message
 
 
 def test_a_renaming_minds_what_others_did_to_the_same_thing_only(keeper: Keeper) -> None:
     keeper.say(types(structs.replace(keeper.contents.ontology.types["Tin"], doc="Anna's")), Defined)
     assert keeper.say(structs.replace(rename(Section.ATTRIBUTES, "Volume", "Litres"), expected_version=0), Defined)
-    assert broken(keeper, structs.replace(rename(Section.TYPES, "Tin", "Box1"), expected_version=0))
+    assert keeper.broken(structs.replace(rename(Section.TYPES, "Tin", "Box1"), expected_version=0))
 
 
 # Considering
@@ -404,7 +393,7 @@ def test_what_was_changed_since_stands_in_the_way_of_undoing(keeper: Keeper) -> 
     tin = keeper.contents.ontology.types["Tin"]
     keeper.say(types(structs.replace(tin, doc="Anna's")), Defined)
     keeper.say(types(structs.replace(tin, doc="Ben's"), author="Ben"), Defined)
-    (rule,) = broken(keeper, Undo(version=1))
+    (rule,) = keeper.broken(Undo(version=1))
     assert (rule.section, rule.subject, rule.rule) == ("types", "Tin", "changed-since")
     assert "Ben in version 2" in rule.message
     keeper.say(Undo(version=2), Updated)
@@ -415,13 +404,13 @@ def test_what_was_changed_since_stands_in_the_way_of_undoing(keeper: Keeper) -> 
 def test_what_speaks_of_it_since_stands_in_the_way_of_undoing(keeper: Keeper) -> None:
     keeper.say(types(ObjectType(name="Drill", parent="Furniture")), Defined)
     keeper.say(types(ObjectType(name="HandDrill", parent="Drill")), Defined)
-    told = broken(keeper, Undo(version=1))
+    told = keeper.broken(Undo(version=1))
     assert ("types", "HandDrill", "parent") in {(rule.section, rule.subject, rule.path) for rule in told}
 
 
 def test_a_version_that_is_not_there_is_not_undone(keeper: Keeper) -> None:
-    assert "there is no version 7" in broken(keeper, Undo(version=7))[0].message
-    assert "there is no version 0" in broken(keeper, Undo(version=0))[0].message
+    assert "there is no version 7" in keeper.broken(Undo(version=7))[0].message
+    assert "there is no version 0" in keeper.broken(Undo(version=0))[0].message
 
 
 def test_a_request_to_undo_that_comes_again_is_answered_again(keeper: Keeper) -> None:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from somrs.app.cli_ontology import SOMEBODY, Author, Before, Dry, Limit, Version, ontology_app
+from somrs.app.cli_ontology import SOMEBODY, Author, Before, Dry, Limit, ontology_app, undo
 from somrs.app.cli_options import HERE, LOOPBACK, Data, Formula, HostOption, Json, awaited, fail, guarded
 from somrs.app.cli_orders import orders_app, templates_app
 from somrs.app.cli_run import run_app
@@ -236,13 +236,7 @@ def events(limit: Limit = 20, before: Before = None, data: Data = HERE, json: Js
     awaited(run(limit, data, ontology=False, before=before, json=json))
 
 
-@map_app.command()
-def undo(version: Version, author: Author = SOMEBODY, dry: Dry = False, data: Data = HERE, json: Json = False) -> None:
-    """Bring back what a version changed, if nothing changed it since."""
-    from somrs.app.editing import alter
-    from somrs.protocol.knowledge import Undo
-
-    sys.exit(awaited(alter(Undo(version=version, author=author), data, dry=dry, json=json)))
+map_app.command()(undo)
 
 
 @map_app.command()

@@ -48,7 +48,7 @@ class Book:
         self._disk = Disk(path, _KIND)
         try:
             self.templates, self.orders, self.runs = self._disk.read(_read).result()
-        except BaseException:
+        except BaseException:  # whatever it was, nobody else has the file to close it
             self._disk.close()
             raise
         self.changing = asyncio.Lock()
