@@ -19,9 +19,9 @@ from somrs.app.gui.pages.task_telling import Telling
 from somrs.app.gui.pages.task_terms import Terms
 from somrs.app.gui.pages.task_words import key
 from somrs.app.gui.panel import panel
-from somrs.app.gui.parts.chart import MessageChart
-from somrs.app.gui.parts.graph import PlanGraph
-from somrs.app.gui.parts.timeline import DeviceTimeline
+from somrs.app.gui.parts.task.chart import MessageChart
+from somrs.app.gui.parts.task.graph import PlanGraph
+from somrs.app.gui.parts.task.timeline import DeviceTimeline
 from somrs.app.gui.shell import page
 from somrs.app.gui.silence import Silence
 from somrs.app.gui.soon import Soon

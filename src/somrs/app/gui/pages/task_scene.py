@@ -9,7 +9,7 @@ from nicegui import app, ui
 
 from somrs.app.gui.pages.task_words import device
 from somrs.app.gui.parts.floorplan import FloorPlan
-from somrs.app.gui.parts.scene3d import Scene3D
+from somrs.app.gui.parts.scene import Scene3D
 from somrs.entish import Name, Relation
 from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse

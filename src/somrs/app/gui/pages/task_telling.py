@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from somrs.app.gui.pages.task_story import Chapter, story, summary
 from somrs.app.gui.panel import Panel
-from somrs.app.gui.parts.story import Part, StoryBook, Told
+from somrs.app.gui.parts.task.story import Part, StoryBook, Told
 from somrs.app.gui.signs import clock, lasted
 from somrs.protocol.clients import TaskEvent, TaskView
 

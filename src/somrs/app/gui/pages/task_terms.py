@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from somrs.app.gui.panel import Panel
-from somrs.app.gui.parts.terms import Bid, TermsTable
+from somrs.app.gui.parts.task.terms import Bid, TermsTable
 from somrs.app.gui.signs import Sign, clock, lasted
 from somrs.protocol.clients import ContractView
 from somrs.protocol.frp import State

@@ -11,7 +11,7 @@ from nicegui import background_tasks, ui
 from somrs.app.desk.choices import Sayable, SayableAttribute
 from somrs.app.gui.pages.define.form import Form
 from somrs.app.gui.pages.define.lines import ORDERS, Line, lines_of, same, text_of
-from somrs.app.gui.parts.picker import Choice, Picker, things
+from somrs.app.gui.parts.fields.picker import Choice, Picker, things
 from somrs.errors import SomrsError
 from somrs.ontology.types import ABSTRACT, Kind
 

@@ -13,8 +13,8 @@ from somrs.app.gui.pages.define.draft import DAILY, EVERY, NOW, ONCE, UNITS, Dra
 from somrs.app.gui.pages.define.form import Form
 from somrs.app.gui.pages.define.procedures import Procedures
 from somrs.app.gui.panel import panel
+from somrs.app.gui.parts.fields.picker import Choice, Picker
 from somrs.app.gui.parts.formula import FormulaField
-from somrs.app.gui.parts.picker import Choice, Picker
 from somrs.protocol.clients import Policy
 
 POLICIES = {

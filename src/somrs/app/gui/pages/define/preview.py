@@ -13,7 +13,7 @@ from somrs.app.desk.formulas import CheckFormula
 from somrs.app.gui.pages.define.draft import Draft
 from somrs.app.gui.pages.define.form import Form
 from somrs.app.gui.panel import panel
-from somrs.app.gui.parts.graph import PlanGraph
+from somrs.app.gui.parts.task.graph import PlanGraph
 from somrs.app.gui.signs import lasted
 from somrs.errors import SomrsError
 from somrs.protocol.clients import Preview as Wanted

@@ -8,8 +8,8 @@ from nicegui import ui
 
 from somrs.app.gui.pages.define.draft import Procedure
 from somrs.app.gui.pages.define.form import Form
+from somrs.app.gui.parts.fields.picker import Choice, Picker
 from somrs.app.gui.parts.formula import FormulaField
-from somrs.app.gui.parts.picker import Choice, Picker
 from somrs.ontology.services import PROVIDER, Occasion
 
 OCCASIONS = {Occasion.FAILURE: "When a step fails", Occasion.COMPENSATION: "To undo a step"}

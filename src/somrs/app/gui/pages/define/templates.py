@@ -11,7 +11,7 @@ from somrs.app.gui.following import follow
 from somrs.app.gui.pages.define.blanks import blanked, named, proposed, types_of
 from somrs.app.gui.pages.define.form import Form
 from somrs.app.gui.pages.define.sure import sure
-from somrs.app.gui.parts.picker import Choice, Picker, things
+from somrs.app.gui.parts.fields.picker import Choice, Picker, things
 from somrs.app.gui.shell import author, guarded, tell
 from somrs.errors import SomrsError
 

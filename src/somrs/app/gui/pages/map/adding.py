@@ -11,8 +11,8 @@ from somrs.app.desk.desk import Desk
 from somrs.app.gui.pages.map.fields import Field, Raw
 from somrs.app.gui.pages.map.fields import Spot as AttributeSpot
 from somrs.app.gui.pages.map.proposals import Spot, adding, form_for, name_for
+from somrs.app.gui.parts.fields.tree import Node, Tree
 from somrs.app.gui.parts.floorplan import FloorPlan
-from somrs.app.gui.parts.tree import Node, Tree
 from somrs.app.gui.shell import guarded
 from somrs.errors import InputError
 from somrs.ontology.objects import Change

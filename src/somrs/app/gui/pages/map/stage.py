@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from nicegui import ui
 
 from somrs.app.gui.parts.floorplan import FloorPlan
-from somrs.app.gui.parts.scene3d import Scene3D
+from somrs.app.gui.parts.scene import Scene3D
 
 PLAN, SCENE = "Plan", "3D"
 

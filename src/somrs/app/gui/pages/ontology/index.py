@@ -11,7 +11,7 @@ from nicegui.events import ValueChangeEventArguments
 
 from somrs.app.gui.pages.ontology.sections import SECTION, SECTIONS, SERVICES, TYPES, Section
 from somrs.app.gui.pages.ontology.seen import Seen
-from somrs.app.gui.parts.tree import Node, Tree
+from somrs.app.gui.parts.fields.tree import Node, Tree
 
 Marks = Mapping[tuple[str, str], str]
 """What is wrong with a definition, by section and name."""

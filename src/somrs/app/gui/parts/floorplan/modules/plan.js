@@ -1,15 +1,15 @@
 // The drawing of a storey: what is known of the map, the part of it that is in view, and the layers, names, links and frames that show it.
 // `floorplan.js` is the element on the page, with its tools and what people do with their hands.
 
-import { Frame } from "floorplan_frame";
-import { Labels } from "floorplan_labels";
-import { Layers } from "floorplan_layers";
-import { arrow, Links } from "floorplan_links";
-import { bounds, Model, reach } from "floorplan_model";
-import { Motion } from "floorplan_motion";
-import { pose } from "floorplan_shapes";
-import { Sheets } from "floorplan_sheets";
-import { View } from "floorplan_view";
+import { Frame } from "./frame.js";
+import { Labels } from "./labels.js";
+import { Layers } from "./layers.js";
+import { arrow, Links } from "./links.js";
+import { bounds, Model, reach } from "./model.js";
+import { Motion } from "./motion.js";
+import { pose } from "./shapes.js";
+import { Sheets } from "./sheets.js";
+import { View } from "./view.js";
 
 const LABELS_REST = 120; // milliseconds between two times that all names are placed anew, while the plan is moved
 const DOT = 1.5; // pixels; what is larger is not to be covered by the name of what it stands on

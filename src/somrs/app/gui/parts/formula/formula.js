@@ -4,7 +4,7 @@
 // other field. It asks the API by itself, so that typing does not wait for the page's own connection.
 
 import { follow } from "live";
-import { counted, pieces, placed, proposals } from "formula_text";
+import { counted, pieces, placed, proposals } from "somrs-formula/text.js";
 
 const CHECK = 180; // milliseconds without typing before the text is checked
 const AGAIN = 2000; // milliseconds before it is tried again when nobody answered

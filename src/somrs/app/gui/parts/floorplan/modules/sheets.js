@@ -2,8 +2,8 @@
 // zoomed, a large map's sheets are only shifted and stretched, which costs next to nothing, and painted sharply again once it rests.
 // Names, frames and links are on top, in pixels.
 
-import { SHEETS } from "floorplan_kinds";
-import { svg } from "floorplan_layers";
+import { SHEETS } from "./kinds.js";
+import { svg } from "./layers.js";
 
 const OVER = 0.3; // by how much of its size a sheet is larger than what is seen, on each side
 const MANY = 700; // objects; with fewer, the sheets are painted at every step

@@ -1,4 +1,4 @@
-// The 3D view: what there is, where it is while it moves, and ways to look at it. `scene3d.py` says how it is used.
+// The 3D view: what there is, where it is while it moves, and ways to look at it. `__init__.py` says how it is used.
 import { Feed, Labels, Marks, Motion, Pilot, Stage, World, described, listed, summary, template } from "somrs-scene";
 
 const LISTED = 200;

@@ -1,10 +1,10 @@
 // Who does what when, in one task: a lane for each device, a bar for each piece of work, which grows while it goes on; behind it, in
 // outline, until when it was promised; above all, what happened to the task.
 
-import { drawn, lanes, ticks, works } from "bars";
-import { escaped, fitting, sign } from "marks";
-import { since, span } from "messages";
-import { feed } from "taskfeed";
+import { drawn, lanes, ticks, works } from "somrs-task/bars.js";
+import { escaped, fitting, sign } from "somrs-task/marks.js";
+import { since, span } from "somrs-task/messages.js";
+import { feed } from "somrs-task/feed.js";
 
 const LANE = 38;
 const TOP = 58;

@@ -7,6 +7,9 @@ from typing import TypedDict
 
 from nicegui.element import Element
 
+from somrs.app.gui.parts import LIVE
+from somrs.app.gui.parts.task import MODULES
+
 
 class Told(TypedDict):
     """Something that was done about a failure."""
@@ -35,7 +38,7 @@ class Part(TypedDict):
     took: str
 
 
-class StoryBook(Element, component="story.js", dependencies=["messages.js", "live.js", "taskfeed.js"]):
+class StoryBook(Element, component="story.js", dependencies=[LIVE], esm=MODULES):
     """The chapters are given; the events of the task it follows by itself."""
 
     def __init__(self, task: str) -> None:

@@ -1,7 +1,7 @@
 // What is drawn around single objects, in pixels: the frame and the turning handle of the one that is chosen, and rings about what was found.
 
-import { reach } from "floorplan_model";
-import { outline, pose } from "floorplan_shapes";
+import { reach } from "./model.js";
+import { outline, pose } from "./shapes.js";
 
 const SMALL = 9; // pixels; what is smaller has a ring about it instead of a frame
 const AWAY = 0.3; // metres; what is seen so far from where the map has it, leaves its outline there

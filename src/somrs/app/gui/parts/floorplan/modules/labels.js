@@ -1,6 +1,6 @@
 // The names on the plan, as many as there is room for, the important ones first. They are drawn in pixels: a name is as large from afar.
 
-import { svg } from "floorplan_layers";
+import { svg } from "./layers.js";
 
 const HEIGHT = 14;
 const GAP = 3;

@@ -1,13 +1,13 @@
-// The floor plan as an element on a page: its tools, and what it hears from the page and of the map. What it draws is `floorplan_plan.js`,
-// what people do with it `floorplan_doings.js`.
+// The floor plan as an element on a page: its tools, and what it hears from the page and of the map. What it draws is `modules/plan.js`,
+// what people do with it `modules/doings.js`.
 
-import { doings } from "floorplan_doings";
-import { Hands } from "floorplan_hands";
-import { kindById, LEGEND } from "floorplan_kinds";
-import { get, Live } from "floorplan_live";
-import { Plan } from "floorplan_plan";
-import { Poses } from "floorplan_poses";
-import { sample } from "floorplan_shapes";
+import { doings } from "somrs-floorplan/doings.js";
+import { Hands } from "somrs-floorplan/hands.js";
+import { kindById, LEGEND } from "somrs-floorplan/kinds.js";
+import { get, Live } from "somrs-floorplan/live.js";
+import { Plan } from "somrs-floorplan/plan.js";
+import { Poses } from "somrs-floorplan/poses.js";
+import { sample } from "somrs-floorplan/shapes.js";
 
 const KEPT = "somrs-plan"; // what is in view, by the browser's tab: so it is the same after the page was loaded again
 

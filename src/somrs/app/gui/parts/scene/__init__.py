@@ -1,7 +1,7 @@
 """The 3D view of the building, with the robots moving, as an element for pages: `Scene3D(height="70vh")`.
 
 It reads what there is from `/api/scene`, follows changes at `/api/live` and poses at `/api/poses` by itself, and draws only when something
-changed. How it is made is in `scene/*.js`.
+changed. How it is made is in `modules`.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ import nicegui
 from nicegui.element import Element
 from nicegui.events import GenericEventArguments
 
-# NiceGUI's own three.js, of the version that it brings along.
 THREE = Path(nicegui.__file__).parent / "elements" / "scene" / "dist"
-
+"""NiceGUI's own three.js, of the version that it brings along."""
+MODULES = Path(__file__).parent / "modules"
+"""What the view is made of; the floor plan moves robots as it does."""
 
 Told = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 
-class Scene3D(Element, component="scene3d.js", esm={"nicegui-scene": str(THREE), "somrs-scene": "scene"}):
+class Scene3D(Element, component="scene3d.js", esm={"nicegui-scene": str(THREE), "somrs-scene": str(MODULES)}):
     """`height`: as CSS has it. `follow`: the object that the camera stays with. `version`: the map of that version, at rest; None: as it
     is now.
 

@@ -1,7 +1,7 @@
 // The pieces of work of a task as bars: from when until when, by whom, until when it was promised, and how it ended.
 
-import { escaped, fitting, look, sign, word } from "marks";
-import { since } from "messages";
+import { escaped, fitting, look, sign, word } from "./marks.js";
+import { since } from "./messages.js";
 
 const HIGH = 24;
 const ENDS = { Completed: "does", Failed: "does", Stopped: "does", Compensated: "undoes", Stranded: "undoes" };

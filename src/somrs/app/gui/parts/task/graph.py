@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import msgspec
 from nicegui.element import Element
 
+from somrs.app.gui.parts import LIVE
+from somrs.app.gui.parts.task import MODULES
 from somrs.protocol.clients import StepView
 
 
-class PlanGraph(Element, component="graph.js", dependencies=["layout.js", "marks.js", "messages.js", "live.js", "taskfeed.js"]):
+class PlanGraph(Element, component="graph.js", dependencies=[LIVE], esm=MODULES):
     """With a `task` (its whole id) it shows that task's plan, and follows it by itself; otherwise the `steps`."""
 
     def __init__(

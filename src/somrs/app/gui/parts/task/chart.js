@@ -1,9 +1,9 @@
 // The messages of a task between the Task Manager and services: a lifeline each, an arrow for each message, growing at the end. Rows are
 // drawn once, by blocks that the browser passes over while they are out of sight, so that thousands of them stay quick.
 
-import { escaped, fitting } from "marks";
-import { clock, said, saidOf, since } from "messages";
-import { feed } from "taskfeed";
+import { escaped, fitting } from "somrs-task/marks.js";
+import { clock, said, saidOf, since } from "somrs-task/messages.js";
+import { feed } from "somrs-task/feed.js";
 
 const ROW = 38; // pixels from one message to the next
 const BLOCK = 40; // messages drawn as one picture

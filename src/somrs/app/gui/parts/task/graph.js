@@ -1,9 +1,9 @@
 // A plan as a graph: a box for each step, coloured and marked by its state, and a curve for each "this first", which says on hover and
 // on focus what it brings about. Of a task (`task`), it follows how the steps go; of a mere plan (`steps`), it shows what would be done.
 
-import { curve, layered } from "layout";
-import { escaped, fitting, look, sign, word } from "marks";
-import { feed } from "taskfeed";
+import { curve, layered } from "somrs-task/layout.js";
+import { escaped, fitting, look, sign, word } from "somrs-task/marks.js";
+import { feed } from "somrs-task/feed.js";
 
 const WIDE = 212;
 const HIGH = 66;

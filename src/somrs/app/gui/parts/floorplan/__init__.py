@@ -28,11 +28,14 @@ from typing import Any, Literal
 from nicegui.element import Element
 from nicegui.events import GenericEventArguments
 
+from somrs.app.gui.parts import LIVE
+from somrs.app.gui.parts.scene import MODULES
+
 Mode = Literal["view", "pick", "edit"]
 Told = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 
-class FloorPlan(Element, component="floorplan.js", dependencies=["floorplan_*.js", "live.js"], esm={"somrs-scene": "scene"}):
+class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"somrs-floorplan": "modules", "somrs-scene": str(MODULES)}):
     """`storey`: which one to show, else the first; `snap`: metres between the points that dragged objects snap to, 0 for none."""
 
     def __init__(self, *, mode: Mode = "view", storey: str | None = None, snap: float = 0.0, legend: bool = False) -> None:

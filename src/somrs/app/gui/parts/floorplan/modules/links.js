@@ -1,6 +1,6 @@
 // Relations, drawn as links between objects: an arrow from the first to each of the others, bent so that two ways do not cover each other.
 
-import { escape, svg } from "floorplan_layers";
+import { escape, svg } from "./layers.js";
 
 const MOST = 3000;
 const NAMED = 60; // with more links than these, their names would only cover the plan

@@ -1,7 +1,7 @@
 // What the floor plan knows: the ontology and the map as the API tells them, kept up with news, and what follows from them: where a
 // thing is and what it takes up, what stands on what, on which storey. Knows nothing of drawing.
 
-import { kindOf } from "floorplan_kinds";
+import { kindOf } from "./kinds.js";
 
 const PLACED_BY = ["isOn", "isIn", "isHeldBy"];
 const PART_OF = "isPartOf";

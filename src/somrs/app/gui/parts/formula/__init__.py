@@ -26,6 +26,7 @@ from nicegui.elements.mixins.value_element import ValueElement
 from nicegui.events import GenericEventArguments, Handler, ValueChangeEventArguments
 
 from somrs.app.desk.formulas import Checked
+from somrs.app.gui.parts import LIVE
 from somrs.ontology.types import ObjectType
 
 
@@ -35,7 +36,7 @@ class Report(Checked, frozen=True, kw_only=True):
     text: str
 
 
-class FormulaField(ValueElement[str], DisableableElement, component="formula.js", dependencies=["live.js", "formula_text.js"]):
+class FormulaField(ValueElement[str], DisableableElement, component="formula.js", dependencies=[LIVE], esm={"somrs-formula": "modules"}):
     VALUE_PROP = "value"
     LOOPBACK = False
 

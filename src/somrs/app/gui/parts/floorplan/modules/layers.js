@@ -1,7 +1,7 @@
 // The objects of one storey as SVG, by layers. Only what changed is drawn anew: an object that only moved keeps its drawing.
 
-import { LAYERS, SHEETS } from "floorplan_kinds";
-import { look, pose } from "floorplan_shapes";
+import { LAYERS, SHEETS } from "./kinds.js";
+import { look, pose } from "./shapes.js";
 
 export class Layers {
   // `sheets`: a group for each of the sheets, by name.

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from nicegui.element import Element
 
+from somrs.app.gui.parts import LIVE
+from somrs.app.gui.parts.task import MODULES
 
-class MessageChart(Element, component="chart.js", dependencies=["marks.js", "messages.js", "live.js", "taskfeed.js"]):
+
+class MessageChart(Element, component="chart.js", dependencies=[LIVE], esm=MODULES):
     """Of the task with this whole id, which it follows by itself."""
 
     def __init__(self, task: str, *, empty: str = "No messages have passed yet") -> None:

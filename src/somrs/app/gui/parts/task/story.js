@@ -1,7 +1,7 @@
 // The story of a task, a chapter each: what happened, what was done about it, what came of that. And all events, as a list that grows.
 
-import { feed } from "taskfeed";
-import { clock, since } from "messages";
+import { feed } from "somrs-task/feed.js";
+import { clock, since } from "somrs-task/messages.js";
 
 const SHOWN = 300; // events of which rows are made at first, the latest; the others on demand
 
