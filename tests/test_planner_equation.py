@@ -5,15 +5,16 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
-from collections import Counter
+from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, composite
 
-from somrs.planner.equation import equation
+from somrs.planner.equation import Equation, companions, definite, equation
 from somrs.planner.finite import Assignment, Effect, FiniteTask, Operation, State
 from somrs.planner.sas import written
 
@@ -70,14 +71,69 @@ def done(operation: Operation, state: State) -> State:
     return tuple(values.get(variable, value) for variable, value in enumerate(state))
 
 
+def occurrences(task: FiniteTask, plan: list[int], wanted: Equation) -> list[int]:
+    """How often each case occurs in the plan, by carrying it out."""
+    times = [0] * len(wanted.cases)
+    state = task.initial
+    for number in plan:
+        for place, (operation, when) in enumerate(wanted.cases):
+            times[place] += operation == number and holds(when, state)
+        state = done(task.operations[number], state)
+    return times
+
+
 @given(tasks())
-def test_every_plan_satisfies_the_equation(task: FiniteTask) -> None:
+def test_every_plan_satisfies_the_equation_of_whichever_pairs(task: FiniteTask) -> None:
     plan = a_plan(task)
     if plan is None:
         return
-    wanted, times = equation(task), Counter(plan)
-    for fact, least in enumerate(wanted.least):
-        assert sum(change * times[operation] for place, operation, change in wanted.terms if place == fact) >= least, wanted.facts[fact]
+    every = list(combinations(sorted(definite(task)), 2))
+    for pairs in ([], companions(task), every):
+        wanted = equation(task, pairs)
+        sums = [0] * len(wanted.least)
+        times = occurrences(task, plan, wanted)
+        for place, case, change in wanted.terms:
+            sums[place] += change * times[case]
+        assert all(found >= least for found, least in zip(sums, wanted.least, strict=True)), (pairs, plan)
+
+
+@given(tasks())
+def test_companions_are_definite_and_what_changes_one_says_the_other(task: FiniteTask) -> None:
+    for first, second in companions(task):
+        assert {first, second} <= definite(task)
+        assert any(
+            all(
+                one in dict(operation.needs)
+                for operation in task.operations
+                if any(variable == other for _, variable, _ in operation.effects)
+            )
+            for one, other in ((first, second), (second, first))
+        )
+
+
+def test_a_lamp_that_a_switch_lights_only_if_there_is_power_is_not_looked_at_with_it() -> None:
+    switch, lamp, power = range(3)
+    pressed = Operation(move=0, cost=1, needs=((switch, 0),), effects=(((), switch, 1), (((power, 1),), lamp, 1)))
+    plugged = Operation(move=1, cost=1, needs=((power, 0),), effects=(((), power, 1),))
+    task = FiniteTask(
+        names=(("up()", "down()"), ("dark()", "lit()"), ("out()", "in()")),
+        initial=(0, 0, 0),
+        goal=((lamp, 1),),
+        operations=(pressed, plugged),
+        exclusive=(),
+    )
+    assert definite(task) == {switch, power}
+    assert companions(task) == []
+
+
+@needs_scipy
+@settings(deadline=None)  # the first one loads SciPy
+@given(tasks())
+def test_no_plan_is_said_of_no_task_that_has_one(task: FiniteTask) -> None:
+    from somrs.app.engine_equation import equations, unsatisfiable
+
+    if any(map(unsatisfiable, equations(task))):
+        assert a_plan(task) is None
 
 
 def proved(task: FiniteTask, place: Path) -> bool:
@@ -111,3 +167,70 @@ def test_a_lift_that_counts_too_few_lets_nobody_out(passengers: int, counted: in
     task = lift(passengers, counted)
     assert proved(task, tmp_path) == (counted < passengers)
     assert (a_plan(task) is None) == (counted < passengers)
+
+
+def sensors(charges: tuple[int, ...], measured: tuple[bool, ...]) -> FiniteTask:
+    """Sensors in a row, the last one beside the base, that are to send what they measure to it. Each has a message of its own and a
+    charge, of which measuring and sending take one each. Data is put on a message and taken off it where the message is."""
+    row = range(len(charges))
+    base = len(charges)
+    names = [tuple(f"charge{sensor}({left})" for left in range(max(charges) + 1)) for sensor in row]
+    names += [tuple(f"at{message}({place})" for place in range(base + 1)) for message in row]
+    names += [("out()", "has()") for _ in range(base * (base + 1))]  # whose data is where
+    names += [("off()", "on()") for _ in range(base * base)]  # whose data is on which message
+
+    def at(message: int) -> int:
+        return base + message
+
+    def has(place: int, data: int) -> int:
+        return 2 * base + place * base + data
+
+    def on(message: int, data: int) -> int:
+        return 2 * base + base * (base + 1) + message * base + data
+
+    def moves() -> Iterator[tuple[tuple[Assignment, ...], tuple[Effect, ...]]]:
+        for sensor in row:
+            for left in range(1, charges[sensor] + 1):
+                yield ((sensor, left),), (((), sensor, left - 1), ((), has(sensor, sensor), 1))
+                for message in row:
+                    sent = ((), at(message), sensor + 1)
+                    yield ((sensor, left), (at(message), sensor)), (((), sensor, left - 1), sent)
+        for message in row:
+            for data in row:
+                for place in range(base + 1):
+                    here, there = has(place, data), on(message, data)
+                    yield ((at(message), place), (here, 1), (there, 0)), (((), here, 0), ((), there, 1))
+                    yield ((at(message), place), (there, 1)), (((), there, 0), ((), here, 1))
+
+    initial = [*charges, *row, *(0 for _ in names[2 * base :])]
+    for sensor in row:
+        initial[has(sensor, sensor)] = int(measured[sensor])
+    return FiniteTask(
+        names=tuple(names),
+        initial=tuple(initial),
+        goal=tuple((has(base, data), 1) for data in row),
+        operations=tuple(Operation(move=n, cost=1, needs=needs, effects=effects) for n, (needs, effects) in enumerate(moves())),
+        exclusive=(),
+    )
+
+
+@needs_scipy
+@pytest.mark.parametrize(
+    ("charges", "measured", "possible"),
+    [
+        ((2,), (False,), True),
+        ((1,), (True,), True),
+        ((1,), (False,), False),
+        ((2, 2), (False, False), True),
+        ((1, 1), (True, True), True),
+        ((1, 2), (False, True), False),
+        ((2, 1), (False, False), False),
+        ((1, 0), (True, True), False),
+    ],
+)
+def test_data_reaches_the_base_only_if_a_charge_is_left_to_send_it(
+    charges: tuple[int, ...], measured: tuple[bool, ...], possible: bool, tmp_path: Path
+) -> None:
+    task = sensors(charges, measured)
+    assert (a_plan(task) is not None) == possible
+    assert proved(task, tmp_path) != possible

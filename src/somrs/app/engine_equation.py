@@ -6,12 +6,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
-from somrs.planner.equation import equation
+from somrs.planner.equation import Equation, companions, equation
+from somrs.planner.finite import FiniteTask, relevant
 from somrs.planner.sas import parsed
 
 UNSOLVABLE = 11
@@ -21,11 +24,39 @@ INFEASIBLE = 2
 
 
 def main(task: str) -> int:
-    wanted = equation(parsed(Path(task).read_text(encoding="ascii")))
+    given = parsed(Path(task).read_text(encoding="ascii"))
+    return UNSOLVABLE if any(map(unsatisfiable, equations(given))) else 1
+
+
+def equations(task: FiniteTask) -> Iterator[Equation]:
+    """That of the task; then, with pairs of variables, those of its parts: what takes a minute as a whole takes a second in parts."""
+    yield equation(task)
+    if companions(task):
+        for part in parts(task):
+            if pairs := companions(part):
+                yield equation(part, pairs)
+
+
+def parts(task: FiniteTask) -> Iterable[FiniteTask]:
+    """What the parts of the goal depend on: one for all that depend on the same."""
+    found: dict[tuple[tuple[str, ...], ...], FiniteTask] = {}
+    for variable, value in task.goal:
+        if task.initial[variable] != value:
+            part = relevant(replace(task, goal=((variable, value),)))
+            same = found.get(part.names)
+            found[part.names] = replace(part, goal=(*same.goal, *part.goal)) if same else part
+    return found.values()
+
+
+def unsatisfiable(wanted: Equation) -> bool:
+    """Whether no numbers of times satisfy it. As few times as possible are asked for: so the solver can begin with none at all,
+    and is many times as fast as when any number will do."""
+    if not wanted.cases:
+        return max(wanted.least) > 0
     rows, columns, changes = ([term[place] for term in wanted.terms] for place in range(3))
-    matrix = csr_array((changes, (rows, columns)), shape=(len(wanted.facts), wanted.operations), dtype=float)
-    found = linprog([0.0] * wanted.operations, A_ub=-matrix, b_ub=[-least for least in wanted.least], method="highs")
-    return UNSOLVABLE if found.status == INFEASIBLE else 1
+    matrix = csr_array((changes, (rows, columns)), shape=(len(wanted.least), len(wanted.cases)), dtype=float)
+    found = linprog([1.0] * len(wanted.cases), A_ub=-matrix, b_ub=[-least for least in wanted.least], method="highs")
+    return bool(found.status == INFEASIBLE)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 State = tuple[int, ...]
 """The value of each variable."""
@@ -32,3 +33,39 @@ class FiniteTask:
     goal: tuple[Assignment, ...]
     operations: tuple[Operation, ...]
     exclusive: tuple[tuple[Assignment, ...], ...]
+
+
+def relevant(task: FiniteTask) -> FiniteTask:
+    """The task without variables that the goal does not depend on, and what only changes those."""
+    wanted = {variable for variable, _ in task.goal}
+    changing: dict[int, list[Operation]] = {}
+    for operation in task.operations:
+        for _, variable, _ in operation.effects:
+            changing.setdefault(variable, []).append(operation)
+    waiting = list(wanted)
+    while waiting:
+        for operation in changing.get(waiting.pop(), ()):
+            for variable, _ in (*operation.needs, *(condition for conditions, *_ in operation.effects for condition in conditions)):
+                if variable not in wanted:
+                    wanted.add(variable)
+                    waiting.append(variable)
+    number = {old: new for new, old in enumerate(sorted(wanted))}
+
+    def renamed(assignments: Iterable[Assignment]) -> tuple[Assignment, ...]:
+        return tuple((number[variable], value) for variable, value in assignments if variable in number)
+
+    operations = (
+        replace(
+            operation,
+            needs=renamed(operation.needs),
+            effects=tuple((renamed(c), number[variable], value) for c, variable, value in operation.effects if variable in number),
+        )
+        for operation in task.operations
+    )
+    return FiniteTask(
+        names=tuple(task.names[old] for old in sorted(wanted)),
+        initial=tuple(task.initial[old] for old in sorted(wanted)),
+        goal=renamed(task.goal),
+        operations=tuple(operation for operation in operations if operation.effects),
+        exclusive=tuple(group for old in task.exclusive if len(group := renamed(old)) > 1),
+    )

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from heapq import heapify, heappop, heappush
 
-from somrs.planner.finite import Assignment, FiniteTask, Operation
+from somrs.planner.finite import Assignment, FiniteTask, Operation, relevant
 from somrs.planner.invariants import groups
 from somrs.planner.operators import Fact
 from somrs.planner.task import Task
@@ -37,7 +37,7 @@ def merged(task: Task) -> FiniteTask:
     excludes = _excludes(task, found)
     operations = _settled(task, _possible(task, operations, excludes))
     operations = _without_implied(task, operations, found, excludes)
-    return _relevant(_Merging(task, found, operations).task())
+    return relevant(_Merging(task, found, operations).task())
 
 
 def _whole(costs: list[float]) -> list[int]:
@@ -281,39 +281,3 @@ class _Merging:
                 effects[(*conditions, held), variable] = none
             elif given[variable] == held[1]:
                 effects[conditions, variable] = none
-
-
-def _relevant(task: FiniteTask) -> FiniteTask:
-    """Without variables that nothing needs, and what only changes those."""
-    wanted = {variable for variable, _ in task.goal}
-    changing: dict[int, list[Operation]] = {}
-    for operation in task.operations:
-        for _, variable, _ in operation.effects:
-            changing.setdefault(variable, []).append(operation)
-    waiting = list(wanted)
-    while waiting:
-        for operation in changing.get(waiting.pop(), ()):
-            for variable, _ in (*operation.needs, *(condition for conditions, *_ in operation.effects for condition in conditions)):
-                if variable not in wanted:
-                    wanted.add(variable)
-                    waiting.append(variable)
-    number = {old: new for new, old in enumerate(sorted(wanted))}
-
-    def renamed(assignments: Iterable[Assignment]) -> tuple[Assignment, ...]:
-        return tuple((number[variable], value) for variable, value in assignments if variable in number)
-
-    operations = (
-        replace(
-            operation,
-            needs=renamed(operation.needs),
-            effects=tuple((renamed(c), number[variable], value) for c, variable, value in operation.effects if variable in number),
-        )
-        for operation in task.operations
-    )
-    return FiniteTask(
-        names=tuple(task.names[old] for old in sorted(wanted)),
-        initial=tuple(task.initial[old] for old in sorted(wanted)),
-        goal=renamed(task.goal),
-        operations=tuple(operation for operation in operations if operation.effects),
-        exclusive=tuple(group for old in task.exclusive if len(group := renamed(old)) > 1),
-    )
