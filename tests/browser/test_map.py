@@ -19,6 +19,25 @@ from .conftest import Running, shoot
 OFFICE = Path(__file__).parents[3] / "shared" / "sites" / "office.building.yaml"
 Window = Callable[..., Page]
 
+FLOOR = {
+    "PositionX": 6.0,
+    "PositionY": 4.0,
+    "PositionZ": 2.9,
+    "Shape.Form": "Box",
+    "Shape.Width": 12.0,
+    "Shape.Depth": 8.0,
+    "Shape.Height": 0.1,
+}
+CHAIR = {**FLOOR, "PositionX": 2.0, "PositionZ": 3.0, "Shape.Width": 0.5, "Shape.Depth": 0.5, "Shape.Height": 0.9}
+UPSTAIRS = [
+    {"type": "ObjectAdded", "object": {"name": "Storey002", "type": "Storey", "values": {"Elevation": 3.0}}},
+    {"type": "ObjectAdded", "object": {"name": "Floor003", "type": "Floor", "values": FLOOR}},
+    {"type": "ObjectAdded", "object": {"name": "Chair009", "type": "Chair", "values": CHAIR}},
+    {"type": "FactAdded", "fact": {"relation": "isPartOf", "arguments": ["Storey002", "Building001"]}},
+    {"type": "FactAdded", "fact": {"relation": "isPartOf", "arguments": ["Floor003", "Storey002"]}},
+]
+"""A storey above the other, with a chair."""
+
 
 def api(system: Running, path: str, body: Any = None) -> Any:
     data = json.dumps(body).encode() if body is not None else None
@@ -234,30 +253,66 @@ def test_an_object_is_added_by_keys_alone(kept: Running, window: Window) -> None
 def test_a_storey_that_is_added_can_be_chosen(kept: Running, window: Window) -> None:
     page = opened(window, kept)
     expect(page.get_by_role("combobox", name="Storey")).to_have_count(0)
-    floor = {
-        "PositionX": 6.0,
-        "PositionY": 4.0,
-        "PositionZ": 2.9,
-        "Shape.Form": "Box",
-        "Shape.Width": 12.0,
-        "Shape.Depth": 8.0,
-        "Shape.Height": 0.1,
-    }
-    chair = {**floor, "PositionX": 2.0, "PositionZ": 3.0, "Shape.Width": 0.5, "Shape.Depth": 0.5, "Shape.Height": 0.9}
-    changes = [
-        {"type": "ObjectAdded", "object": {"name": "Storey002", "type": "Storey", "values": {"Elevation": 3.0}}},
-        {"type": "ObjectAdded", "object": {"name": "Floor003", "type": "Floor", "values": floor}},
-        {"type": "ObjectAdded", "object": {"name": "Chair009", "type": "Chair", "values": chair}},
-        {"type": "FactAdded", "fact": {"relation": "isPartOf", "arguments": ["Storey002", "Building001"]}},
-        {"type": "FactAdded", "fact": {"relation": "isPartOf", "arguments": ["Floor003", "Storey002"]}},
-    ]
-    api(kept, "/map/changes", {"changes": changes, "author": "Anna"})
+    api(kept, "/map/changes", {"changes": UPSTAIRS, "author": "Anna"})
     page.get_by_role("combobox", name="Storey").select_option("Storey002")
     expect(body(page, "Chair009")).to_have_count(1)
     expect(body(page, "Chair001")).to_have_count(0)
     page.get_by_role("combobox", name="Storey").select_option("Storey001")
     expect(body(page, "Chair009")).to_have_count(0)
     expect(body(page, "Chair001")).to_have_count(1)
+
+
+def test_the_address_keeps_the_view_and_the_storey(kept: Running, window: Window) -> None:
+    api(kept, "/map/changes", {"changes": UPSTAIRS, "author": "Anna"})
+    page = opened(window, kept)
+    page.get_by_role("combobox", name="Storey").select_option("Storey002")
+    page.mouse.click(*spot(page, "Chair009"))
+    expect(page).to_have_url(f"{kept.url}/map?storey=Storey002&object=Chair009")
+    page.reload()
+    expect(body(page, "Chair009")).to_have_count(1)
+    expect(page.get_by_role("heading", name="Chair009", exact=True)).to_be_visible()
+    page.get_by_role("button", name="3D", exact=True).click()
+    expect(page).to_have_url(f"{kept.url}/map?view=3d&storey=Storey002&object=Chair009")
+    storey = page.locator(".somrs-scene").get_by_role("combobox", name="Storey")
+    expect(storey.locator("option:checked")).to_have_text("Storey002")
+    page.reload()
+    expect(page.locator(".somrs-map-stage canvas").first).to_be_visible()
+    expect(plan(page)).to_be_hidden()
+    expect(storey.locator("option:checked")).to_have_text("Storey002")
+    storey.select_option("All storeys")
+    expect(page).to_have_url(f"{kept.url}/map?view=3d&storey=all&object=Chair009")
+    page.reload()
+    expect(storey.locator("option:checked")).to_have_text("All storeys")
+    page.get_by_role("button", name="Plan", exact=True).click()
+    until(page, lambda: _inside(page, "Chair009") or _inside(page, "Chair001"), "the plan is drawn in full, though it was hidden at first")
+
+
+def test_the_plan_is_fitted_again_to_another_window_unless_somebody_zoomed(system: Running, window: Window) -> None:
+    page = opened(window, system)
+    wide = _scale(page)
+    page.set_viewport_size({"width": 820, "height": 700})
+    until(page, lambda: _scale(page) < 0.9 * wide and _inside(page, "Floor001"), "the plan is smaller, and whole")
+    page.set_viewport_size({"width": 1280, "height": 800})
+    until(page, lambda: abs(_scale(page) / wide - 1) < 0.01, "the plan is as large as before")
+    page.get_by_role("button", name="Zoom in").click()
+    until(page, lambda: _scale(page) > 1.2 * wide, "the plan is zoomed")
+    zoomed = _scale(page)
+    page.set_viewport_size({"width": 1000, "height": 800})
+    page.wait_for_timeout(500)
+    assert _scale(page) == pytest.approx(zoomed), "whoever zoomed looks at something"
+
+
+def _inside(page: Page, name: str) -> bool:
+    """Whether an object is in view as a whole."""
+    box, pad = body(page, name).bounding_box(), plan(page).bounding_box()
+    if box is None or pad is None:
+        return False
+    return (
+        box["x"] >= pad["x"]
+        and box["y"] >= pad["y"]
+        and box["x"] + box["width"] <= pad["x"] + pad["width"]
+        and box["y"] + box["height"] <= pad["y"] + pad["height"]
+    )
 
 
 def test_what_would_break_a_rule_cannot_be_removed(kept: Running, window: Window) -> None:
@@ -364,6 +419,23 @@ def test_the_history_shows_the_map_as_it_was(kept: Running, window: Window) -> N
     happened = page.get_by_role("list", name="What happened to the map").get_by_role("listitem").first
     expect(happened).to_contain_text("Jar003 moved to")
     expect(happened).to_contain_text("put on Platform001")
+
+
+def test_a_map_of_the_past_is_drawn_with_the_types_of_then(kept: Running, window: Window) -> None:
+    shape = {"Shape.Form": "Box", "Shape.Width": 1.0, "Shape.Depth": 1.0, "Shape.Height": 1.0}
+    api(kept, "/ontology/changes", {"definitions": {"types": [{"name": "Crate", "parent": "Obstacle"}]}, "author": "Anna"})
+    crate = {"name": "Crate001", "type": "Crate", "values": {"PositionX": 8.0, "PositionY": 1.2, "PositionZ": 0.0, **shape}}
+    then = api(kept, "/map/changes", {"changes": [{"type": "ObjectAdded", "object": crate}], "author": "Anna"})["version"]
+    api(kept, "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Crate001"}], "author": "Anna"})
+    api(kept, "/ontology/changes", {"removed": [{"section": "types", "name": "Crate"}], "author": "Anna"})
+    page = opened(window, kept)
+    expect(page.locator("[data-name=Crate001]")).to_have_count(0)
+    for _ in range(Seen(kept).version - then):
+        page.get_by_role("button", name="One version back").click()
+    expect(page.locator("[data-name=Crate001].fp-obstacle")).to_have_count(1)
+    assert "Crate001" in {one["name"] for one in api(kept, f"/scene?version={then}")["bodies"]}
+    page.get_by_role("button", name="Back to now").click()
+    expect(page.locator("[data-name=Crate001]")).to_have_count(0)
 
 
 def test_relations_are_drawn_listed_and_added(kept: Running, window: Window) -> None:

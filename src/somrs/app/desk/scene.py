@@ -32,7 +32,7 @@ class SceneDesk:
         if version is not None and version != now:
             if not 0 <= version <= now:
                 raise NotFound(f"there is no version {version} of the map; the latest is {now}")
-            map = await self._context.client.map(version)
+            map, ontology = await asyncio.gather(self._context.client.map(version), self._context.client.ontology(version))
             return scene_of(map, version, ontology, map.objects.values())
         if self._whole is None or self._whole.version != now:
             self._whole = scene_of(map, now, ontology, map.objects.values())

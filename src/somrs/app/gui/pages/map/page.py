@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from typing import Any
-from urllib.parse import parse_qs, quote
+from urllib.parse import parse_qs, quote, urlencode
 
 from nicegui import ui
 from nicegui.events import KeyEventArguments, ValueChangeEventArguments
@@ -21,7 +21,7 @@ from somrs.app.gui.pages.map.form import OVERTAKEN
 from somrs.app.gui.pages.map.moves import Move, moved
 from somrs.app.gui.pages.map.removal import remove
 from somrs.app.gui.pages.map.sheet import Sheet, Ways
-from somrs.app.gui.pages.map.stage import PLAN, SCENE, Stage
+from somrs.app.gui.pages.map.stage import PLAN, SCENE, VIEWS, Stage
 from somrs.app.gui.pages.map.times import Times
 from somrs.app.gui.pages.map.writing import Writing
 from somrs.app.gui.parts.floorplan import FloorPlan
@@ -62,7 +62,7 @@ class MapPage:
             with ui.element("div").classes("somrs-map-left"):
                 with ui.element("div").classes("somrs-map-stage") as holder:
                     self._plan = FloorPlan(mode="edit", snap=SNAP)
-                self._stage = Stage(self._plan, holder, self._chosen)
+                self._stage = Stage(desk, self._plan, holder, self._chosen, self._address)
                 self._times = Times(desk, self._stage.turn_to)
             with ui.element("aside").classes("somrs-sheet somrs-map-side").props('aria-label="Details"'):
                 self._side()
@@ -74,8 +74,8 @@ class MapPage:
         with ui.element("div").classes("somrs-map-bar"):
             ui.label("Map").classes("somrs-title").props('role="heading" aria-level="1"')
             self._count = ui.label().classes("somrs-soft")
-            views = ui.toggle([PLAN, SCENE], value=PLAN, on_change=lambda event: self._stage.switch(str(event.value)))
-            views.props('dense no-caps unelevated toggle-color=primary aria-label="How to show it"').classes("somrs-map-views")
+            self._views = ui.toggle([PLAN, SCENE], value=PLAN, on_change=lambda event: self._stage.switch(str(event.value)))
+            self._views.props('dense no-caps unelevated toggle-color=primary aria-label="How to show it"').classes("somrs-map-views")
             ui.space()
             self._links()
             snap = ui.switch("Snap", value=True, on_change=lambda event: self._plan.set_snap(SNAP if event.value else 0.0)).props("dense")
@@ -134,12 +134,22 @@ class MapPage:
 
     def begin(self, query: str) -> None:
         """Open what the address asks for."""
-        if named := parse_qs(query).get("object"):
-            self._selected = named[0]
-            self._stage.choose(named[0])
-            self._plan.show(named[0])
+        asked = {key: values[0] for key, values in parse_qs(query).items()}
+        if named := asked.get("object"):
+            self._selected = named
+            self._stage.choose(named)
+            if "storey" not in asked:
+                self._plan.show(named)
             self._show_object()
             self._tabs.value = OBJECT
+        self._stage.begin(asked.get("storey"))
+        if asked.get("view") == VIEWS[SCENE]:
+            self._views.value = SCENE
+
+    def _address(self) -> None:
+        """Have the page's address say what is looked at, so that it is so again when the page is loaded anew."""
+        asked = self._stage.asked() | ({"object": self._selected} if self._selected is not None else {})
+        ui.navigate.history.replace(f"{PATH}?{urlencode(asked, quote_via=quote)}" if asked else PATH)
 
     # What is chosen
 
@@ -162,7 +172,7 @@ class MapPage:
             self._writing.forget(self._selected)
         self._selected = name
         self._stage.choose(name)
-        ui.navigate.history.replace(f"{PATH}?object={quote(name)}" if name is not None else PATH)
+        self._address()
         self._show_object()
 
     def _show_object(self) -> None:

@@ -17,7 +17,7 @@ Events, each with a dict:
 - `dropped {thing, target, x, y}` and `picked {name, x, y, target}`, in `pick`. `target`: the highest support, place or floor there.
 - `placed {type, x, y, turned, target, storey}`: where something new goes, after `place(type)`; `stopped {}`: nowhere.
 - `open {name}` (Enter, double click), `remove {name}` (Delete), `undo {}` (Ctrl+Z).
-- `storey {name}`: which one is shown; `loaded {version, objects}`: a map was read.
+- `storey {name, alone}`: which one is shown, and whether there is no other; `loaded {version, objects}`: a map was read.
 """
 
 from __future__ import annotations

@@ -91,6 +91,7 @@ export default {
   mounted() {
     const plan = new Plan(this.$refs.pad, (names) => this.$emit("unanswered", { names }));
     this.plan = plan;
+    this.revealed = null; // what is to be in view once the map is read
     this.asked = []; // what was chosen here, and not yet heard back
     plan.turnable = (name) => this.doing === "edit" && plan.model.kind(name)?.moves !== "ground";
     plan.drawn = (view) => this.drawn(view);
@@ -130,7 +131,11 @@ export default {
     // What the page says
 
     fit() { this.plan.fit(); },
-    show(name) { if (!this.plan.reveal(name)) this.say(`${name} has no place on the map.`); this.after(); },
+    show(name) {
+      if (this.loading) { this.revealed = name; return; }
+      if (!this.plan.reveal(name)) this.say(`${name} has no place on the map.`);
+      this.after();
+    },
     settled(name, version) { this.plan.settle(name, version); },
     back(name) { this.plan.back(name); },
     place(type, values = {}) {
@@ -154,33 +159,38 @@ export default {
       if (news.lost) { this.lost = true; return; }
       this.lost = false;
       if (news.definitions) {
-        this.plan.learn(news.definitions);
-        if (!this.past()) this.read(news.map);
-        else this.turnTo();
+        this.definitions = news.definitions;
+        if (this.past()) this.turnTo();
+        else this.read(news.map, news.definitions);
       } else if (!this.past()) {
         this.plan.apply(news.changes, news.version);
         this.after();
       }
     },
-    read(map) {
+    read(map, definitions) {
+      this.plan.learn(definitions);
       const kept = this.loading && this.mode === "edit" ? JSON.parse(sessionStorage.getItem(KEPT)) : null;
       if (kept) this.plan.storey ??= kept.storey;
       this.plan.read(map, this.loading);
-      if (kept && kept.storey === this.plan.storey) Object.assign(this.plan.view, kept.view);
+      if (kept && kept.storey === this.plan.storey && !kept.view.fitted) Object.assign(this.plan.view, kept.view);
       this.loading = false;
+      if (this.revealed !== null) this.show(this.revealed);
+      this.revealed = null;
       this.after();
       this.$emit("loaded", { version: map.version, objects: map.objects.length });
     },
     past() { return this.version !== undefined && this.version !== null; },
     async turnTo() {
-      if (this.plan.model.types.size === 0) return;
+      if (!this.definitions) return;
       const wanted = this.version;
       this.plan.forget();
       if (this.past()) this.poses.rest();
       else this.poses.follow();
       try {
-        const map = await get(this.past() ? `/api/map?version=${wanted}` : "/api/map");
-        if (wanted === this.version) { this.read(map); this.trouble = ""; }
+        // A map of the past is drawn as the ontology of then had it.
+        const then = this.past() ? `?version=${wanted}` : "";
+        const [map, known] = await Promise.all([get(`/api/map${then}`), then ? get(`/api/ontology${then}`) : { definitions: this.definitions }]);
+        if (wanted === this.version) { this.read(map, known.definitions); this.trouble = ""; }
       } catch (error) {
         if (wanted === this.version) this.trouble = error.message;
       }
@@ -190,7 +200,7 @@ export default {
       this.storeys = model.storeys();
       if (this.storey !== this.plan.storey) {
         this.storey = this.plan.storey;
-        this.$emit("storey", { name: this.storey });
+        this.$emit("storey", { name: this.storey, alone: this.storeys.length < 2 });
       }
       this.unplaced = this.plan.unplaced();
       this.shown = this.plan.names().length;
@@ -209,8 +219,8 @@ export default {
       if (this.mode !== "edit" || this.loading) return;
       clearTimeout(this.keeping);
       this.keeping = setTimeout(() => {
-        const { x, y, scale } = view;
-        sessionStorage.setItem(KEPT, JSON.stringify({ storey: this.plan.storey, view: { x, y, scale } }));
+        const { x, y, scale, fitted } = view;
+        sessionStorage.setItem(KEPT, JSON.stringify({ storey: this.plan.storey, view: { x, y, scale, fitted } }));
       }, 300);
     },
     goTo(storey) { this.plan.choose(storey); this.after(); },

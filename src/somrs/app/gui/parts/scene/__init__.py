@@ -26,7 +26,8 @@ class Scene3D(Element, component="scene3d.js", esm={"nicegui-scene": str(THREE),
     """`height`: as CSS has it. `follow`: the object that the camera stays with. `version`: the map of that version, at rest; None: as it
     is now.
 
-    Event `select {name}`: what somebody chose, None for nothing. What was chosen elsewhere, say with `choose`.
+    Events: `select {name}`, what somebody chose, None for nothing; what was chosen elsewhere, say with `choose`. `storey {name}`: what the
+    storey is called that somebody looks at, None for all of them; have another one shown with `set_storey`.
     """
 
     def __init__(self, *, height: str = "60vh", follow: str | None = None, version: int | None = None) -> None:
@@ -52,14 +53,24 @@ class Scene3D(Element, component="scene3d.js", esm={"nicegui-scene": str(THREE),
         """Have the camera stay with an object; None: with none."""
         self._say("follow", name)
 
+    def set_storey(self, called: str | None) -> None:
+        """Show the storey that is called so; None: all of them."""
+        self._say("storey", called or "")
+
     def turn_to(self, version: int | None) -> None:
         """Show the map of a version; None: as it is now."""
         self._say("version", version)
 
     def on_select(self, told: Told) -> None:
-        async def hear(event: GenericEventArguments) -> None:
-            answer = told(event.args)
+        self._told("select", told)
+
+    def on_storey(self, told: Told) -> None:
+        self._told("storey", told)
+
+    def _told(self, event: str, told: Told) -> None:
+        async def hear(heard: GenericEventArguments) -> None:
+            answer = told(heard.args)
             if answer is not None:
                 await answer
 
-        self.on("select", hear)
+        self.on(event, hear)

@@ -12,8 +12,9 @@ export default {
     chosen: { type: String, default: null },
     highlighted: { type: Array, default: () => [] },
     version: { type: Number, default: null },
+    storey: { type: String, default: null },
   },
-  emits: ["select"],
+  emits: ["select", "storey"],
 
   data() {
     return {
@@ -64,6 +65,9 @@ export default {
     },
     highlighted() {
       this.mark();
+    },
+    storey() {
+      this.toStorey();
     },
     version() {
       this.feed.stop();
@@ -168,6 +172,7 @@ export default {
       this.title = scene.title;
       this.problems = scene.problems;
       this.world.show(scene);
+      if (!this.shown) this.toStorey();
       this.replay();
       this.settle();
       if (this.pilot && !this.shown) {
@@ -289,7 +294,19 @@ export default {
 
     setLevel() {
       this.turnTo(this.level);
+      this.tellStorey();
       this.fit();
+    },
+
+    tellStorey() {
+      this.$emit("storey", { name: this.level === null ? null : (this.world.storeys.get(this.level) ?? null) });
+    },
+
+    toStorey() {
+      // That the page asks for; an empty text is all of them.
+      if (this.world.levels.length < 2) return;
+      const [level] = this.storey === "" ? [null] : ([...this.world.storeys].find(([, name]) => name === this.storey) ?? []);
+      if (level !== undefined && level !== this.world.level) this.turnTo(level);
     },
 
     turnTo(level) {
@@ -301,7 +318,9 @@ export default {
     reveal(name) {
       // The storey where it is, if that is not looked at.
       const at = this.world.where(name);
-      if (at && !this.world.visible(name)) this.turnTo(this.world.levelAt(at.z));
+      if (!at || this.world.visible(name)) return;
+      this.turnTo(this.world.levelAt(at.z));
+      this.tellStorey();
     },
 
     setList(open) {

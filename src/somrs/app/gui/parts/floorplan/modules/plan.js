@@ -116,9 +116,8 @@ export class Plan {
 
   resize(width, height) {
     if (width === 0 || height === 0) return; // it is hidden, and will be seen again as it was
-    const first = this.view.width <= 1;
     this.view.size(width, height);
-    if (first) this.fit();
+    if (this.view.fitted) this.fit();
     else this.draw();
   }
 

@@ -13,6 +13,7 @@ export class View {
     this.y = 0;
     this.width = 1;
     this.height = 1;
+    this.fitted = true; // and nobody has moved or zoomed since: then it is fitted again when the window gets another size
   }
 
   size(width, height) {
@@ -35,12 +36,14 @@ export class View {
   }
 
   pan(dx, dy) {
+    this.fitted = false;
     this.x -= dx / this.scale;
     this.y += dy / this.scale;
   }
 
   // Zoom so that what is at the point of the screen stays there.
   zoom(factor, x = this.width / 2, y = this.height / 2) {
+    this.fitted = false;
     const before = this.toMap(x, y);
     this.scale = Math.min(MOST, Math.max(LEAST, this.scale * factor));
     const after = this.toMap(x, y);
@@ -49,6 +52,7 @@ export class View {
   }
 
   fit(box) {
+    this.fitted = true;
     if (!box) return;
     const [w, h] = [Math.max(box.right - box.left, 0.5), Math.max(box.top - box.bottom, 0.5)];
     const [width, height] = [Math.max(this.width - 2 * MARGIN - TOOLS, 40), Math.max(this.height - 2 * MARGIN - FOOT, 40)];
@@ -61,7 +65,7 @@ export class View {
   reveal(x, y, edge = 24) {
     const at = this.toScreen(x, y);
     const inside = at.x > edge && at.y > edge && at.x < this.width - edge && at.y < this.height - edge;
-    if (!inside) [this.x, this.y] = [x, y];
+    if (!inside) [this.x, this.y, this.fitted] = [x, y, false];
     return !inside;
   }
 
