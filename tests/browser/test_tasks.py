@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 from somrs.devices.simulator.commands import Fault
 from somrs.devices.simulator.link import OperatorLink
 
-from .conftest import WIDTHS, Running, shoot
+from .conftest import SCENARIO, WIDTHS, Running, shoot
 
 Open = Callable[..., Page]
 WORK_TIME = 90_000
@@ -243,3 +243,43 @@ def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: 
     expect(page.locator("header").filter(has_text="Jar002 isOn Table001")).to_contain_text("Accomplished")
     expect(message(page, "Completed")).to_have_count(1)
     context.close()
+
+
+@pytest.fixture
+def with_anna(tmp_path: Path) -> Iterator[Running]:
+    """The scenario with somebody who can be asked where things are."""
+    robots = "  Robot2:"
+    before, _, behind = SCENARIO.read_text(encoding="utf-8").partition(robots)
+    site = tmp_path / "site.yaml"
+    site.write_text(f"{before}  Anna: {{type: Person, at: [5.5, 1, 0]}}\n{robots}{behind}", encoding="utf-8")
+    running = Running(tmp_path / "data", site)
+    yield running
+    running.stop()
+
+
+def test_a_question_of_a_task_is_answered_on_its_page(with_anna: Running, window: Open) -> None:
+    task = stated(with_anna, "Jar002 isOn Platform001")
+    page = window(f"{with_anna.url}/tasks/{task}")
+    until(with_anna, task, carries)
+    expect(page.get_by_role("region", name="Question")).to_have_count(0)
+    call(with_anna, "/fleet/Robot1/faults/silent", post=True)
+    asked = page.get_by_role("region", name="Question 1")
+    expect(asked).to_contain_text("Anna is asked", timeout=WORK_TIME)
+    expect(asked).to_contain_text("Where is Jar002")
+    for size in ("1280", "820"):
+        page.set_viewport_size({"width": WIDTHS[size][0], "height": WIDTHS[size][1]})
+        page.wait_for_timeout(300)
+        shoot(page, f"task-question-{size}")
+        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    answer = asked.get_by_label("What is so")
+    answer.fill("Jar002 isOn Platfrom001")
+    answer.press("Enter")
+    expect(page.get_by_text("did you mean Platform001")).to_be_visible()
+    expect(answer).to_have_value("Jar002 isOn Platfrom001")
+    answer.fill("Jar002 isOn Platform001")  # Anna took it there herself
+    asked.get_by_role("button", name="Answer").click()
+    expect(asked).to_have_count(0)
+    expect(page.get_by_text("Thank you: the answer was taken.")).to_be_visible()
+    expect(page.locator("header").filter(has_text="Jar002 isOn Platform001")).to_contain_text("Accomplished", timeout=WORK_TIME)
+    expect(panel(page, "Story")).to_contain_text("Anna")
+    assert holds(with_anna, "Jar002 isOn Platform001")
