@@ -198,6 +198,7 @@ def test_a_preview_says_what_would_be_done_and_what_it_costs(opened: Callable[..
     page.get_by_role("textbox", name="As a formula").press("Control+Enter")
     plan = page.get_by_role("group", name="What would be done")
     expect(plan).to_contain_text("TransferObject", timeout=PREVIEW_TIME)
+    expect(plan.get_by_text("Carton001, Shelf001")).to_have_count(1)
     quotes = page.get_by_role("table")
     expect(quotes.get_by_role("row", name="Robot1.TransferObject")).to_contain_text("10 EUR")
     expect(quotes.get_by_role("row", name="Robot1.TransferObject")).to_contain_text("Chosen")

@@ -6,7 +6,7 @@ import { escaped, fitting, look, sign, word } from "somrs-task/marks.js";
 import { feed } from "somrs-task/feed.js";
 
 const WIDE = 212;
-const HIGH = 66;
+const HIGH = { task: 66, plan: 50 }; // of a task, there is a line for how the step goes
 const EDGE = 14; // pixels around all
 const LEGEND = ["New", "Arranging", "Committed", "Executing", "Completed", "Failed", "Compensated"];
 const LEAST = 0.75; // of its size; below that it is scrolled
@@ -44,6 +44,7 @@ export default {
     return { drawn: false, tall: false, chosen: null, told: [], beside: [], steps: null };
   },
   created() {
+    this.high = this.task ? HIGH.task : HIGH.plan;
     this.scale = 0; // as wide as there is room
     this.work = [];
     this.shape = "";
@@ -80,7 +81,7 @@ export default {
       if (this.chosen) this.tell(this.chosen);
     },
     draw() {
-      const nodes = this.steps.map((step) => ({ id: step.step, width: WIDE, height: HIGH }));
+      const nodes = this.steps.map((step) => ({ id: step.step, width: WIDE, height: this.high }));
       const edges = this.steps.flatMap((step) => step.after.map((from) => ({ from, to: step.step })));
       const room = this.$refs.view.clientWidth || 600;
       const laid = [true, false].map((right) => ({ ...layered(nodes, edges, { right }), right }));
@@ -91,7 +92,7 @@ export default {
       this.facts = facts(this.steps);
       const { width, height } = made;
       this.$refs.drawing.innerHTML = this.drawn
-        ? `<svg viewBox="${-EDGE} ${-EDGE} ${width + 2 * EDGE} ${height + 2 * EDGE}">${made.paths.map((path) => edge(path, made.right)).join("")}${this.steps.map((step, index) => node(step, made.places.get(step.step), index)).join("")}<g class="somrs-says"></g></svg>`
+        ? `<svg viewBox="${-EDGE} ${-EDGE} ${width + 2 * EDGE} ${height + 2 * EDGE}">${made.paths.map((path) => edge(path, made.right)).join("")}${this.steps.map((step, index) => node(step, made.places.get(step.step), index, this.high)).join("")}<g class="somrs-says"></g></svg>`
         : "";
       this.steps.forEach((step) => this.mark(step));
       this.size();
@@ -113,7 +114,7 @@ export default {
       box.setAttribute("aria-label", `${step.step}: ${step.service_type}, ${inputs(step)}: ${said}${tries ? `, ${failures(tries)}` : ""}`);
       box.querySelector(".somrs-node-part").setAttribute("width", state === "Executing" ? Math.max(4, step.fraction * WIDE) : 0);
       box.querySelector(".somrs-node-sign").innerHTML = this.task ? sign(state) : "";
-      box.querySelector(".somrs-node-says").textContent = fitting(this.task ? said : inputs(step), tries ? WIDE - 90 : WIDE - 22, 6.3);
+      box.querySelector(".somrs-node-says").textContent = this.task ? fitting(said, tries ? WIDE - 90 : WIDE - 22, 6.3) : "";
       box.querySelector(".somrs-node-tries").textContent = tries ? `✘ ${tries} failed` : "";
     },
     box(step) {
@@ -239,12 +240,13 @@ function edge(path, right) {
   return `<g class="somrs-edge" data-edge="${escaped(`${path.from} ${path.to}`)}" data-from="${escaped(path.from)}" data-to="${escaped(path.to)}"><path d="${drawn}"/><path class="somrs-tip" d="${tip}"/><path class="somrs-edge-near" d="${drawn}"/></g>`;
 }
 
-function node(step, [x, y], index) {
-  const [left, top] = [x - WIDE / 2, y - HIGH / 2];
+function node(step, [x, y], index, high) {
+  const [left, top] = [x - WIDE / 2, y - high / 2];
+  const begin = high === HIGH.task ? 32 : 11; // behind the sign of how it goes
   return `<g class="somrs-node" data-step="${escaped(step.step)}" role="button" tabindex="${index === 0 ? 0 : -1}" transform="translate(${left} ${top})">
-    <rect class="somrs-node-box" width="${WIDE}" height="${HIGH}" rx="8"/><rect class="somrs-node-part" y="${HIGH - 5}" width="0" height="5" rx="2.5"/>
+    <rect class="somrs-node-box" width="${WIDE}" height="${high}" rx="8"/><rect class="somrs-node-part" y="${high - 5}" width="0" height="5" rx="2.5"/>
     <g class="somrs-node-sign" transform="translate(10 9)"></g>
-    <text class="somrs-node-type" x="32" y="22">${escaped(fitting(step.service_type, WIDE - 46 - 6.6 * step.step.length, 7.9))}</text>
+    <text class="somrs-node-type" x="${begin}" y="22">${escaped(fitting(step.service_type, WIDE - begin - 14 - 6.6 * step.step.length, 7.9))}</text>
     <text class="somrs-node-id" x="${WIDE - 10}" y="22" text-anchor="end">${escaped(step.step)}</text>
     <text class="somrs-node-what" x="11" y="40">${escaped(fitting(inputs(step), WIDE - 22, 6.3))}</text>
     <text class="somrs-node-says" x="11" y="56"></text><text class="somrs-node-tries" x="${WIDE - 10}" y="56" text-anchor="end"></text></g>`;
