@@ -5,13 +5,16 @@ Each test makes definitions of its own, below types that the scenario does not u
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Callable
+import urllib.request
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from playwright.sync_api import Locator, Page, TimeoutError, expect
 
-from .conftest import Running, shoot
+from .conftest import WIDTHS, Running, shoot
 
 Open = Callable[..., Page]
 
@@ -210,6 +213,53 @@ def test_what_is_in_use_is_not_removed_and_the_reasons_are_told(system: Running,
     page.get_by_role("button", name="Discard").click()
     expect(heading(page, "Jar")).to_be_visible()
     expect(row(page, "Jar").get_by_role("img")).to_have_count(0)
+
+
+@pytest.fixture
+def with_users(system: Running) -> Iterator[str]:
+    """A task that runs, an order and a template, all of which speak of platforms; the id of the task."""
+    task = str(call(system, "POST", "/tasks", {"effect": "Jar002 isOn ?Place: Platform"})["task"])
+    blanks = [{"name": "Thing", "type": "Jar"}, {"name": "Where", "type": "Platform"}]
+    call(system, "PUT", "/templates/Bring%20it", {"task": {"effect": "{Thing} isOn {Where}"}, "blanks": blanks})
+    values = {"Thing": "Jar002", "Where": "Platform001"}
+    daily = {"type": "Daily", "at": "08:00"}
+    order = call(system, "POST", "/orders", {"name": "Every morning", "when": daily, "template": "Bring it", "values": values})
+    yield task
+    call(system, "DELETE", f"/orders/{order['id']}")
+    call(system, "DELETE", "/templates/Bring%20it")
+    call(system, "POST", f"/tasks/{task}/cancel")
+
+
+def call(system: Running, method: str, path: str, body: object = None) -> Any:
+    data = json.dumps(body).encode() if body is not None else None
+    with urllib.request.urlopen(urllib.request.Request(f"{system.url}/api{path}", data, method=method)) as answer:
+        return json.loads(answer.read() or b"null")
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_renaming_tells_who_goes_on_using_the_old_word(system: Running, with_users: str, window: Open, dark: bool) -> None:
+    page = window(f"{system.url}/ontology?type=Platform", dark=dark)
+    page.get_by_role("article").get_by_role("button", name="Rename").click()
+    page.get_by_role("textbox", name="New name").fill("Stand")
+    page.get_by_role("button", name="Go on").click()
+    dialog = page.get_by_role("dialog", name="Rename")
+    expect(dialog).to_contain_text("Tasks, orders and templates use words that would be gone")
+    task = with_users.rpartition(":")[2][:8]
+    for what, which in (("running task", task), ("standing order", "Every morning"), ("template", "Bring it")):
+        line = dialog.get_by_role("row").filter(has=page.get_by_role("cell", name=what, exact=True))
+        expect(line).to_contain_text(which)
+        expect(line).to_contain_text("it uses type Platform, which would be called Stand")
+    for size in ("1280", "820"):
+        page.set_viewport_size({"width": WIDTHS[size][0], "height": WIDTHS[size][1]})
+        page.wait_for_timeout(500)  # until the dialog stands
+        shoot(page, f"ontology-affected-{size}-{'dark' if dark else 'light'}")
+        box = dialog.get_by_role("table").first.bounding_box()
+        assert box is not None
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= WIDTHS[size][0]
+    dialog.get_by_role("button", name="Go back").click()
+    expect(dialog).to_be_hidden()
+    expect(row(page, "Platform")).to_be_visible()
 
 
 def test_two_people_write_the_same_type(system: Running, window: Open) -> None:

@@ -10,6 +10,7 @@ from somrs.app.desk.affected import Affected, User
 from somrs.app.desk.ontology import Consequences
 from somrs.app.gui.pages.ontology.changes import Changed, changed, on_map
 from somrs.app.gui.pages.ontology.pieces import Word, cell, note, row, table, titled
+from somrs.app.gui.pages.task_words import key, path
 from somrs.ontology.naming import Renaming
 
 USERS = {User.TASK: "running task", User.ORDER: "standing order", User.TEMPLATE: "template"}
@@ -93,7 +94,8 @@ def _affected(users: Sequence[Affected]) -> None:
             for one in users[:MOST]:
                 with row():
                     Word("td", USERS[one.user])
-                    Word("td", one.called)
+                    with cell():
+                        _user(one)
                     Word("td", str(one))
         if len(users) > MOST:
             note(f"and {len(users) - MOST} more")
@@ -101,6 +103,16 @@ def _affected(users: Sequence[Affected]) -> None:
             "They keep the words that they have. A task fails when it has to look at its formula again, and an order is refused when it is "
             "due. Change orders and templates on the page New task."
         )
+
+
+def _user(one: Affected) -> None:
+    """A task by its wish, which leads to its page; that is another tab, for the dialog waits here."""
+    if one.user is User.TASK:
+        with ui.link(target=path(one.id), new_tab=True).classes("somrs-onto-way"):
+            Word("code", one.name)
+        Word("div", f"task {key(one.id)[:8]}", "somrs-soft")
+    else:
+        ui.label(one.name)
 
 
 def revision(revised: Sequence[Changed]) -> None:
