@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from somrs.planner.finite import State
 from somrs.planner.grounding import Grounding
@@ -17,7 +19,7 @@ from somrs.planner.planning import plan
 from somrs.planner.problem import Problem
 from somrs.planner.relevance import demands
 from somrs.planner.sas import parsed, written
-from somrs.planner.task import Task
+from somrs.planner.task import Move, Task
 from somrs.planner.world import World
 from somrs.sites.pddl import read
 from test_planner_properties import problems
@@ -114,3 +116,53 @@ def test_problems_of_the_field_are_planned_for_without_an_engine(name: str) -> N
     found = plan(problem)
     assert isinstance(found, Plan)
     assert validate(found, problem) == []
+
+
+ATOMS = ("a", "b", "c", "d")
+
+
+@st.composite
+def strips(draw: st.DrawFn) -> Problem:
+    """Actions that take away what they need, or some of it, and bring about anything else."""
+    atoms = st.sampled_from(ATOMS)
+    actions = []
+    for number in range(draw(st.integers(1, 5))):
+        needs = draw(st.sets(atoms, min_size=1, max_size=2))
+        gone = draw(st.sets(st.sampled_from(sorted(needs))))
+        come = draw(st.sets(atoms, min_size=1, max_size=2)) - gone
+        effects = [*(f"(not ({atom}))" for atom in sorted(gone)), *(f"({atom})" for atom in sorted(come))]
+        needed = " ".join(f"({atom})" for atom in sorted(needs))
+        actions.append(f"(:action act{number} :parameters () :precondition (and {needed}) :effect (and {' '.join(effects)}))")
+    goal = " ".join(f"({atom})" for atom in sorted(draw(st.sets(atoms, min_size=1, max_size=2))))
+    beginning = " ".join(f"({atom})" for atom in sorted(draw(st.sets(atoms, min_size=1, max_size=2))))
+    predicates = " ".join(f"({atom})" for atom in ATOMS)
+    with tempfile.TemporaryDirectory() as folder:
+        domain, problem = Path(folder) / "domain.pddl", Path(folder) / "problem.pddl"
+        domain.write_text(f"(define (domain d) (:requirements :strips) (:predicates {predicates}) {' '.join(actions)})")
+        problem.write_text(f"(define (problem p) (:domain d) (:init {beginning}) (:goal (and {goal})))")
+        return read(domain, problem).problem()
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(strips())
+def test_what_goes_without_saying_is_so_in_every_state(problem: Problem) -> None:
+    """Played side by side, both tasks allow the same moves and reach the goal in the same states."""
+    task = task_of(problem)
+    if task is None:
+        return
+    asked = merged(task)
+    reached = {number for number, move in enumerate(task.moves) if move.length == 0}
+    begun = task.initial, asked.initial
+    seen = {begun}
+    for old, new in (waiting := [begun]):
+        ready = {one.move for one in asked.operations if all(new[variable] == value for variable, value in one.needs)}
+        there = all(new[variable] == value for variable, value in asked.goal) or bool(ready & reached)
+        assert there == any(task.moves[number].applicable(old) for number in reached)
+        for operation in asked.operations:
+            move = task.moves[operation.move]
+            assert move.applicable(old) == (operation.move in ready), str(move.action)
+            if operation.move in ready - reached:
+                after = move.apply(old), Move(action=move.action, needs=operation.needs, effects=operation.effects).apply(new)
+                if after not in seen:
+                    seen.add(after)
+                    waiting.append(after)

@@ -133,22 +133,26 @@ def _always_one(
     task: Task, operations: list[Operation], pairs: list[tuple[Assignment, Assignment]]
 ) -> Iterator[tuple[Assignment, Assignment]]:
     """The pairs of which one holds at the beginning, and none is lost unless the other comes. Both ways round."""
-    other = {}
+    others: dict[Assignment, set[Assignment]] = {}
     for one, two in pairs:
         if (task.initial[one[0]] == one[1]) != (task.initial[two[0]] == two[1]):
-            other[one], other[two] = two, one
-    lost: set[Assignment] = set()
-    variables = {variable for variable, _ in other}
+            others.setdefault(one, set()).add(two)
+            others.setdefault(two, set()).add(one)
+    lost: set[tuple[Assignment, Assignment]] = set()
+    """A fact that goes without the other one coming: of the facts that it is paired with, each by itself."""
+    variables = {variable for variable, _ in others}
     for operation in operations:
         made = {(variable, value) for conditions, variable, value in operation.effects if not conditions}
         needed = dict(operation.needs)
         for _, variable, value in operation.effects:
             if variable in variables:
                 before = [needed[variable]] if variable in needed else range(1, len(task.values[variable]))
-                lost.update((variable, old) for old in before if old != value and other.get((variable, old)) not in made)
-    for one, two in other.items():
-        if one not in lost and two not in lost:
-            yield one, two
+                gone = ((variable, old) for old in before if old != value)
+                lost.update((one, two) for one in gone for two in others.get(one, set()) - made)
+    for one, twos in others.items():
+        for two in twos:
+            if (one, two) not in lost and (two, one) not in lost:
+                yield one, two
 
 
 class _Merging:
