@@ -25,7 +25,7 @@ def judges() -> list[str]:
 
 
 def objections(domain: str, problem: str, plan: str) -> list[str]:
-    """What is wrong with a plan for the problem, as others see it, each beginning with who says so; empty when they all accept it. All three
+    """What is wrong with a plan for the problem, as others see it, each beginning with who says so; empty when all accept it. All three
     are PDDL.
     """
     with tempfile.TemporaryDirectory(prefix="somrs-codmap-") as place:
