@@ -19,6 +19,7 @@ from somrs.app.gui.pages.map.changes import Changes
 from somrs.app.gui.pages.map.finding import Finding
 from somrs.app.gui.pages.map.form import OVERTAKEN
 from somrs.app.gui.pages.map.moves import Move, moved
+from somrs.app.gui.pages.map.past_sheet import PastSheet
 from somrs.app.gui.pages.map.removal import remove
 from somrs.app.gui.pages.map.sheet import Sheet, Ways
 from somrs.app.gui.pages.map.stage import PLAN, SCENE, VIEWS, Stage
@@ -63,7 +64,7 @@ class MapPage:
                 with ui.element("div").classes("somrs-map-stage") as holder:
                     self._plan = FloorPlan(mode="edit", snap=SNAP)
                 self._stage = Stage(desk, self._plan, holder, self._chosen, self._address)
-                self._times = Times(desk, self._stage.turn_to)
+                self._times = Times(desk, self._turn_to)
             with ui.element("aside").classes("somrs-sheet somrs-map-side").props('aria-label="Details"'):
                 self._side()
         self._listen()
@@ -185,11 +186,19 @@ class MapPage:
                     ui.label("Choose an object on the plan, or find one by its name. With the plan in focus, Page down goes through them.")
                 self._unsaved()
                 return
+            if self._times.seen is not None:
+                PastSheet(self._desk, self._selected, self._times.seen, self.go)
+                return
             ways = Ways(
                 go=self.go, change=self.change, remove=self._remove, show=self._plan.show, look=self._times.look,
                 undo=self._undo_version, done=self._done,
             )  # fmt: skip
             self._sheet = Sheet(self._desk, self._selected, ways, self._writing)
+
+    def _turn_to(self, version: int | None) -> None:
+        """Show the map as it was at a version; None: as it is."""
+        self._stage.turn_to(version)
+        self._show_object()
 
     def _found_written(self, names: list[str]) -> None:
         """The page was loaded again, and something had not been saved."""
