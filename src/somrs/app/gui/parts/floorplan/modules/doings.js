@@ -67,7 +67,7 @@ export const doings = {
   },
   below(at) {
     const box = this.$refs.pad.getBoundingClientRect();
-    const names = document.elementsFromPoint(box.left + at.x, box.top + at.y).map((one) => one.closest("[data-name]")?.dataset.name).filter((one) => one);
+    const names = this.$refs.pad.shadowRoot.elementsFromPoint(box.left + at.x, box.top + at.y).map((one) => one.closest("[data-name]")?.dataset.name).filter((one) => one);
     const distinct = [...new Set(names)];
     return distinct[(distinct.indexOf(this.plan.selected) + 1) % distinct.length] ?? null;
   },

@@ -52,7 +52,7 @@ export class Hands {
       this._grip = { what: "pinch", ...this._pinch() };
       return;
     }
-    const handle = event.target.closest?.("[data-handle]");
+    const handle = under(event)?.closest("[data-handle]");
     const name = nameAt(event);
     const what = event.button === 1 ? "plan" : handle ? "turn" : name && this._does.draggable(name, event.pointerType) ? "object" : "plan";
     this._grip = { what, name, start: at, last: at, dragging: false, below: event.altKey };
@@ -170,6 +170,12 @@ export class Hands {
 }
 
 function nameAt(event) {
-  const element = event.target.closest?.("[data-name], [data-label]");
+  const element = under(event)?.closest("[data-name], [data-label]");
   return element?.dataset.name ?? element?.dataset.label ?? null;
+}
+
+// What is drawn under the pointer: the event itself only says that it was in the plan.
+function under(event) {
+  const first = event.composedPath()[0];
+  return first instanceof Element ? first : null;
 }

@@ -13,7 +13,8 @@ const STRETCH = 2.5; // more than so much a sheet is not stretched
 const FAR = 14; // pixels a metre; below, what is drawn inside of things is left out
 
 export class Sheets {
-  constructor(root) {
+  constructor(element) {
+    const root = shaded(element);
     this._sheets = [];
     this.groups = new Map();
     for (const name of Object.keys(SHEETS)) {
@@ -78,4 +79,16 @@ export class Sheets {
     const [w, h] = [(0.5 + OVER) * view.width * stretch, (0.5 + OVER) * view.height * stretch];
     return Math.abs(dx) + view.width / 2 <= w && Math.abs(dy) + view.height / 2 <= h && stretch < STRETCH && stretch > 1 / STRETCH;
   }
+}
+
+// A shadow in the element, with the page's own look. What else the page's style sheets say and how often they change, as they do with every
+// new class on it, does not matter to thousands of shapes there.
+function shaded(element) {
+  const root = element.attachShadow({ mode: "open" });
+  const holder = document.createElement("div");
+  const look = document.querySelector('link[rel="stylesheet"][href*="look.css"]').cloneNode();
+  holder.style.visibility = "hidden";
+  look.onload = look.onerror = () => (holder.style.visibility = "");
+  root.append(look, holder);
+  return holder;
 }
