@@ -246,8 +246,7 @@ def test_renaming_tells_who_goes_on_using_the_old_word(system: Running, with_use
     expect(dialog).to_contain_text("Tasks, orders and templates use words that would be gone")
     task = with_users.rpartition(":")[2][:8]
     for what, which in (("running task", task), ("standing order", "Every morning"), ("template", "Bring it")):
-        line = dialog.get_by_role("row").filter(has=page.get_by_role("cell", name=what, exact=True))
-        expect(line).to_contain_text(which)
+        line = dialog.get_by_role("row").filter(has=page.get_by_role("cell", name=what, exact=True), has_text=which)
         expect(line).to_contain_text("it uses type Platform, which would be called Stand")
     for size in ("1280", "820"):
         page.set_viewport_size({"width": WIDTHS[size][0], "height": WIDTHS[size][1]})
