@@ -236,9 +236,8 @@ def call(system: Running, method: str, path: str, body: object = None) -> Any:
         return json.loads(answer.read() or b"null")
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_renaming_tells_who_goes_on_using_the_old_word(system: Running, with_users: str, window: Open, dark: bool) -> None:
-    page = window(f"{system.url}/ontology?type=Platform", dark=dark)
+def test_renaming_tells_who_goes_on_using_the_old_word(system: Running, with_users: str, window: Open) -> None:
+    page = window(f"{system.url}/ontology?type=Platform")
     page.get_by_role("article").get_by_role("button", name="Rename").click()
     page.get_by_role("textbox", name="New name").fill("Stand")
     page.get_by_role("button", name="Go on").click()
@@ -251,7 +250,7 @@ def test_renaming_tells_who_goes_on_using_the_old_word(system: Running, with_use
     for size in ("1280", "820"):
         page.set_viewport_size({"width": WIDTHS[size][0], "height": WIDTHS[size][1]})
         page.wait_for_timeout(500)  # until the dialog stands
-        shoot(page, f"ontology-affected-{size}-{'dark' if dark else 'light'}")
+        shoot(page, f"ontology-affected-{size}-light")
         box = dialog.get_by_role("table").first.bounding_box()
         assert box is not None
         assert box["x"] >= 0
