@@ -55,7 +55,8 @@ def ask(system: Running, body: Body, expected: type[Any]) -> None:
         beside.submit(asyncio.run, asking()).result()
 
 
-@pytest.mark.parametrize(("size", "dark"), [("1280", False), ("820", True)])
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("size", ["1280", "1920", "820"])
 def test_every_device_is_there_with_what_it_offers(system: Running, window: Open, size: str, dark: bool) -> None:
     page = window(f"{system.url}/fleet", size, dark=dark)
     for name, price in (("Robot1", "10 EUR"), ("Robot2", "25 EUR")):

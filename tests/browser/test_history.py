@@ -45,7 +45,8 @@ def rows(page: Page) -> list[str]:
     return [row.inner_text() for row in page.locator("tbody tr").all()]
 
 
-@pytest.mark.parametrize(("size", "dark"), [("1280", False), ("820", True)])
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("size", ["1280", "1920", "820"])
 def test_tasks_that_are_over_are_listed_with_how_they_ended(system: Running, window: Open, ended: list[str], size: str, dark: bool) -> None:
     page = window(f"{system.url}/history", size, dark=dark)
     first = page.locator("tbody tr").first

@@ -7,7 +7,7 @@ import urllib.request
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from .conftest import Running, shoot
 
@@ -18,6 +18,8 @@ PLACES = ["Map", "Ontology", "New task", "Tasks", "Fleet", "History"]
 @pytest.mark.parametrize("size", ["1280", "1920", "820"])
 def test_every_page_is_one_click_away(system: Running, window: Callable[..., Page], size: str, dark: bool) -> None:
     page = window(system.url, size, dark=dark)
+    for said in ("version 0", "No task is under way.", "Robot2", "simulator"):
+        expect(page.get_by_text(said).first).to_be_visible()
     shoot(page, f"start-{size}-{'dark' if dark else 'light'}")
     for place in PLACES:
         page.get_by_role("navigation").get_by_role("link", name=place).click()
