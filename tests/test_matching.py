@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import small
@@ -15,7 +15,7 @@ from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
 from somrs.ontology.files import upper
 from somrs.ontology.matching import bring_about_all, can_bring_about, types_of, unifiers
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.truth import holds
 
@@ -117,6 +117,9 @@ wanted_relations = small.facts.map(lambda fact: Relation(fact.relation, tuple(Na
 wishes = st.lists(wanted_relations | st.builds(Not, wanted_relations), min_size=1, max_size=2).map(lambda parts: conjunction(*parts))
 
 
+PAIRED = Map([Object(name="A", type="Object"), Object(name="B", type="Jar")], [Fact("isPairedWith", ("A", "B"))])
+
+
 def made_true(effect: Formula, map: Map, inputs: dict[str, Term]) -> Map | None:
     try:
         return map.changed(changes(substitute(effect, inputs), map, small.ONTOLOGY))
@@ -126,6 +129,7 @@ def made_true(effect: Formula, map: Map, inputs: dict[str, Term]) -> Map | None:
 
 @settings(max_examples=400, deadline=None)
 @given(effects, wishes, small.maps(), st.sampled_from(["Object", "Thing", "Jar"]))
+@example(parse("?P isPairedWith ?P"), parse("NOT A isPairedWith B"), PAIRED, "Thing")
 def test_matches_agree_with_the_effects_made_true(effect: Formula, wanted: Formula, map: Map, type_name: str) -> None:
     offered = service(str(effect), P=type_name, Q="Object")
     fitting = [Name(o.name) for o in map.objects.values() if small.ONTOLOGY.is_a(o.type, type_name)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import product
 
 from msgspec import Struct
 
@@ -30,7 +31,7 @@ from somrs.entish.formula import (
 from somrs.entish.parse import parse
 from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, ServiceType
-from somrs.ontology.types import Ontology
+from somrs.ontology.types import Ontology, RelationType
 from somrs.ontology.values import Measured, attribute_at, compare
 
 DEVICE = "Device"
@@ -153,10 +154,7 @@ class _Unifying:
         if offered.relation != wanted.relation or len(offered.arguments) != len(wanted.arguments):
             return
         relation = self.ontology.relations.get(offered.relation)
-        orders = [wanted.arguments]
-        if relation is not None and relation.symmetric and len(wanted.arguments) == 2:
-            orders.append(wanted.arguments[::-1])
-        for arguments in orders:
+        for arguments in _orders(wanted, relation):
             found: _Match | None = match
             for place, (one, other) in enumerate(zip(offered.arguments, arguments, strict=True)):
                 found = self._join(found, one, other) if found is not None else None
@@ -166,7 +164,8 @@ class _Unifying:
                 yield found
 
     def _displaced(self, match: _Match, offered: Relation, wanted: Relation) -> Iterator[_Match]:
-        """NOT wanted, because its first argument enters a relation that it excludes, or another tuple of its own."""
+        """NOT wanted, because its first argument enters a relation that it excludes, or another tuple of its own. Each argument of a
+        symmetric relation is its first."""
         one, other = (self.ontology.relations.get(relation) for relation in (offered.relation, wanted.relation))
         if one is None or other is None or not offered.arguments or not wanted.arguments:
             return
@@ -174,13 +173,14 @@ class _Unifying:
             return
         if one.name != other.name and (one.excludes is None or one.excludes != other.excludes):
             return
-        found = self._join(match, offered.arguments[0], wanted.arguments[0])
-        if found is None:
-            return
-        rest = [(found.resolve(a), found.resolve(b)) for a, b in zip(offered.arguments[1:], wanted.arguments[1:], strict=False)]
-        differs = any(isinstance(a, Name) and isinstance(b, Name) and a != b for a, b in rest)
-        if one.name != other.name or differs or (not self.certain and any(a != b for a, b in rest)):
-            yield found
+        for mine, theirs in product(_orders(offered, one), _orders(wanted, other)):
+            found = self._join(match, mine[0], theirs[0])
+            if found is None:
+                continue
+            rest = [(found.resolve(a), found.resolve(b)) for a, b in zip(mine[1:], theirs[1:], strict=False)]
+            differs = any(isinstance(a, Name) and isinstance(b, Name) and a != b for a, b in rest)
+            if one.name != other.name or differs or (not self.certain and any(a != b for a, b in rest)):
+                yield found
 
     def _value(self, match: _Match, offered: Comparison, wanted: Comparison) -> Iterator[_Match]:
         given, asked = _about_attribute(offered), _about_attribute(wanted)
@@ -265,3 +265,9 @@ def _about_attribute(comparison: Comparison) -> Comparison | None:
     if isinstance(comparison.right, Attribute):
         return Comparison(comparison.right, _MIRRORED[comparison.operator], comparison.left)
     return None
+
+
+def _orders(atom: Relation, relation: RelationType | None) -> list[tuple[Term, ...]]:
+    """The arguments, in each order in which they say the same."""
+    either = relation is not None and relation.symmetric and len(atom.arguments) == 2
+    return [atom.arguments, atom.arguments[::-1]] if either else [atom.arguments]
