@@ -282,6 +282,14 @@ def test_as_ordinary_pddl_the_agent_is_a_parameter_and_nothing_is_private(tmp_pa
     assert list(alone.agents) == ["Agent1"]
 
 
+def test_a_type_that_is_said_of_nothing_is_left_out(tmp_path: Path) -> None:
+    domain = tmp_path / "domain.pddl"
+    problem = tmp_path / "problem.pddl"
+    domain.write_text("(define (domain d) (:requirements :strips :typing) (:types part board) (:predicates (cut ?p - part)))")
+    problem.write_text("(define (problem p) (:domain d) (:objects - board p0 p1 - part - board) (:init (cut p0)) (:goal (cut p0)))")
+    assert "(:objects p0 p1 - part)" in classical(domain, problem)[1]
+
+
 def test_unified_planning_accepts_what_the_world_did(tmp_path: Path) -> None:
     """An independent reader and validator, on a random walk to the goal; they know no `either`, and nothing that is changed twice."""
     unified_planning = pytest.importorskip("unified_planning.io")

@@ -6,6 +6,7 @@ As CoDMAP's own conversion does it: the agent becomes the first parameter of the
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 
 from somrs.sites.pddl.text import Group, Node, Word
 
@@ -29,10 +30,26 @@ def _section(section: Group) -> Group | None:
             public = [item for item in section.items[1:] if not _private(item)]
             private = [item for group in section.items[1:] if isinstance(group, Group) and _private(group) for item in group.items[2:]]
             # What is typed stands before what is not, which would take the next type for its own.
-            return Group((section.items[0], *private, *public), section.line)
+            return Group((section.items[0], *_typed([*private, *public])), section.line)
         case ":action":
             return _action(section)
     return section
+
+
+def _typed(items: list[Node]) -> Iterator[Node]:
+    """Without types that are said of nothing, as in `p0 - part - board`: not every reader takes them."""
+    named = False
+    rest = iter(items)
+    for item in rest:
+        if isinstance(item, Word) and item.text == "-" and not named:
+            next(rest, None)
+            continue
+        yield item
+        if isinstance(item, Word) and item.text == "-":
+            yield from islice(rest, 1)
+            named = False
+        else:
+            named = True
 
 
 def _private(node: Node) -> bool:
