@@ -56,7 +56,7 @@ bench-coordination: setup
 
 # What is generated: the state diagrams and the JSON Schema.
 docs: setup
-	@$(BIN)/python -m somrs.protocol.diagram docs/frp-states.md
+	@$(BIN)/python -m somrs.protocol.frp.diagram docs/frp-states.md
 	@$(BIN)/somrs schema --out src/somrs/ontology/data/somrs.schema.json
 
 clean:

@@ -10,8 +10,8 @@ import time
 RUNS = 15
 COMMANDS = {
     "python, doing nothing": [sys.executable, "-c", "pass"],
-    "somrs --help": [sys.executable, "-m", "somrs.app.cli", "--help"],
-    "importing a component and its node": [sys.executable, "-c", "import somrs.app.node, somrs.task_manager.manager"],
+    "somrs --help": [sys.executable, "-m", "somrs.cli.main", "--help"],
+    "importing a component and its node": [sys.executable, "-c", "import somrs.runtime.node, somrs.task_manager.manager"],
 }
 
 

@@ -23,7 +23,7 @@ import msgspec
 from contestants.contest import AT_ONCE, BIDDERS, MESSAGES, Contestant, Measured, Ready, Round, take_part
 from msgspec import Struct
 
-from somrs.app.programs import run_program
+from somrs.deployment.programs import run_program
 
 WARM_UP = Round(seconds=1.0, at_once=AT_ONCE)
 START_TIME = 60.0

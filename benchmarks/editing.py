@@ -15,17 +15,17 @@ from beside import shown
 from maps import hall
 from msgspec import structs
 
-from somrs.app.client import Addresses, Client
-from somrs.app.host import Host
-from somrs.app.store import RepositoryStore
-from somrs.ontology.files import upper
+from somrs.client.client import Addresses, Client
+from somrs.kernel.component import Received, Record
+from somrs.ontology.files.loading import upper
 from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.objects import ValueSet
 from somrs.ontology.types import Constraint, Definition
-from somrs.protocol.component import Received, Record
-from somrs.protocol.envelope import Header, Message, message_id
-from somrs.protocol.knowledge import Alteration, Consider, Define, ReadEvents, RenameObject, UpdateMap, by_kind
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.knowledge import Alteration, Consider, Define, ReadEvents, RenameObject, UpdateMap, by_kind
 from somrs.repository.component import Repository
+from somrs.runtime.host import Host
+from somrs.storage.repository_store import RepositoryStore
 
 EVENTS = 10_000
 HERE = "http://here/repository"

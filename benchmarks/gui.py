@@ -25,11 +25,11 @@ from pathlib import Path
 import aiohttp
 import pages
 
-from somrs.app.client import Addresses
-from somrs.app.system import free_ports
-from somrs.devices.simulator.connection import RobotGaveUp
-from somrs.devices.simulator.lines import Answer, Ask, Follow, Mover, Poses, Welcome, Work, read_by_server, written
-from somrs.devices.simulator.link import RobotLink
+from somrs.client.client import Addresses
+from somrs.deployment.system import free_ports
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.devices.simulator.link.lines import Answer, Ask, Follow, Mover, Poses, Welcome, Work, read_by_server, written
+from somrs.devices.simulator.link.link import RobotLink
 
 ROBOTS = 50
 RATE = 20.0
@@ -85,7 +85,7 @@ class Processes:
 
     def start(self, program: str, port: int, *more: str) -> int:
         """Start a program, and return its process when it is ready."""
-        line = [sys.executable, "-m", "somrs.app.cli", "run", program, "--data", str(self.folder), "--port", str(port), *more]
+        line = [sys.executable, "-m", "somrs.cli.main", "run", program, "--data", str(self.folder), "--port", str(port), *more]
         process = subprocess.Popen(line, stdout=subprocess.PIPE)
         self._stack.callback(process.wait)
         self._stack.callback(process.terminate)

@@ -12,12 +12,12 @@ from beside import side_by_side
 from somrs.entish.parse import parse
 from somrs.ontology import units
 from somrs.ontology.conformance import violations
-from somrs.ontology.dump import dump_map
-from somrs.ontology.files import load_text, upper
+from somrs.ontology.files.dump import dump_map
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import Ontology, Value
-from somrs.protocol.knowledge import UpdateMap
+from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.update import updated
 
 TABLES = 2500

@@ -23,11 +23,11 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from rich.console import Console
 from rich.table import Table
 
-from somrs.app.client import Addresses
-from somrs.app.importing import import_site
-from somrs.app.system import System
-from somrs.ontology.dump import dump_map
-from somrs.ontology.files import upper
+from somrs.cli.importing import import_site
+from somrs.client.client import Addresses
+from somrs.deployment.system import System
+from somrs.ontology.files.dump import dump_map
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Value
 

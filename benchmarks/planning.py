@@ -20,16 +20,16 @@ from functools import partial
 from beside import shown
 from contestants import unified
 
-from somrs.app.engines import driver, plan_in_process
-from somrs.app.programs import YOUNG_OBJECTS
+from somrs.deployment.programs import YOUNG_OBJECTS
 from somrs.entish.parse import parse
-from somrs.ontology.files import upper
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
-from somrs.planner.plan import NoPlan
+from somrs.planner.model.plan import NoPlan
+from somrs.planner.model.problem import Available, Problem
 from somrs.planner.planning import plan
-from somrs.planner.problem import Available, Problem
+from somrs.planner_service.engines import driver, plan_in_process
 
 RUNS = 3
 SIZES = (50, 100, 1_000, 10_000, 100_000)

@@ -19,12 +19,12 @@ from beside import side_by_side
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from somrs.devices.simulator.commands import Command, Done, DriveTo, Gave, Grip, Place
-from somrs.devices.simulator.navigation import Navigator, length
-from somrs.devices.simulator.scene import Scene
-from somrs.devices.simulator.server import Server
-from somrs.devices.simulator.simulation import Simulation
-from somrs.ontology.files import load, upper
+from somrs.devices.simulator.link.commands import Command, Done, DriveTo, Gave, Grip, Place
+from somrs.devices.simulator.motion.navigation import Navigator, length
+from somrs.devices.simulator.server.server import Server
+from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world.scene import Scene
+from somrs.ontology.files.loading import load, upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology, Value
 from somrs.sites.openrmf import import_building
@@ -85,7 +85,7 @@ def pace(title: str, map: Map, ontology: Ontology, jobs: Jobs) -> None:
 
 
 def scenario() -> tuple[Map, Ontology]:
-    with resources.as_file(resources.files("somrs.app") / "data" / "scenario-1.yaml") as file:
+    with resources.as_file(resources.files("somrs.demo") / "data" / "scenario-1.yaml") as file:
         loaded = load([file])
     assert loaded.map is not None, "the scenario's site has a map"
     return loaded.map, loaded.ontology

@@ -8,12 +8,13 @@ import msgspec
 from beside import side_by_side
 from lxml import etree
 
-from somrs.app.http import Server
-from somrs.app.wire import Wire
 from somrs.ontology.objects import Fact, Object
-from somrs.protocol import frp, knowledge, soap
-from somrs.protocol.bodies import Body
-from somrs.protocol.envelope import Header, Message, message_id
+from somrs.protocol.messages import frp, knowledge
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.soap import soap
+from somrs.runtime.http import Server
+from somrs.runtime.wire import Wire
 
 HEADER = Header(
     sender="http://10.0.0.2:8003/task-manager",
@@ -57,12 +58,12 @@ def compare(name: str, message: Message) -> None:
     assert decoder.decode(json) == both
     writing = {
         "lxml: the tree to bytes": lambda: etree.tostring(tree, encoding="utf-8", xml_declaration=True),
-        "somrs.protocol.soap.encode": lambda: soap.encode(message),
+        "somrs.protocol.soap.soap.encode": lambda: soap.encode(message),
         "msgspec.json of the same structs": lambda: encoder.encode(both),
     }
     reading = {
         "lxml: the bytes to a tree": lambda: etree.fromstring(document),
-        "somrs.protocol.soap.decode": lambda: soap.decode(document),
+        "somrs.protocol.soap.soap.decode": lambda: soap.decode(document),
         "msgspec.json of the same structs": lambda: decoder.decode(json),
     }
     print(f"\n{name}: {len(document)} bytes, and {len(json)} in JSON", end="")

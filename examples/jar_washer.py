@@ -5,7 +5,7 @@ python examples/jar_washer.py --name Washer001
 
 import asyncio
 
-from somrs.app.device import run
+from somrs.deployment.device import run
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import ObjectType, RelationType
 from somrs.service_manager import Device, Situation, Task, service

@@ -15,7 +15,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from somrs.app.demo import play
+from somrs.demo.scenarios import play
 from somrs.errors import SomrsError
 
 

@@ -10,10 +10,10 @@ from typing import Any, Literal
 from hypothesis import strategies as st
 from msgspec import Struct
 
-from somrs.protocol import frp
-from somrs.protocol.bodies import Body, FrpBody
-from somrs.protocol.envelope import ANONYMOUS, Header, Message
-from somrs.protocol.xml import MOST_WHOLE, union_of
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.bodies import Body, FrpBody
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
+from somrs.protocol.soap.xml import MOST_WHOLE, union_of
 
 KINDS: tuple[type[Struct], ...] = union_of(Body)
 

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from lab import REPOSITORY, lab, records, request
-from somrs.app.store import RepositoryStore
+from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Wake
+from somrs.kernel.replica import Replica
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
-from somrs.protocol.bodies import Body
-from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Wake
-from somrs.protocol.knowledge import (
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.knowledge import (
     Alteration,
     BrokenRule,
     Consider,
@@ -25,9 +25,9 @@ from somrs.protocol.knowledge import (
     ReadOntology,
     Rejected,
 )
-from somrs.protocol.replica import Replica
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
+from somrs.storage.repository_store import RepositoryStore
 
 B = TypeVar("B")
 FOLLOWER = "http://here/follower"

@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 from typing import TypeVar
 
-from somrs.ontology.files import load_text, upper
+from somrs.kernel.component import Component, Effect, Received, Record, Send
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
-from somrs.protocol.bodies import Body
-from somrs.protocol.component import Component, Effect, Received, Record, Send
-from somrs.protocol.envelope import Header, Message, message_id
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.repository.entries import Contents
 
 REPOSITORY = "http://here/repository"

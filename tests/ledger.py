@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from somrs.protocol.clients import CancelTask, TaskRecord
-from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Wake
-from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id, reply
-from somrs.protocol.frp import Outcome
+from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Wake
+from somrs.protocol.messages.clients import CancelTask, TaskRecord
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
+from somrs.protocol.messages.frp import Outcome
 
 LONG = 1e6
 """Seconds for which everything is said again."""

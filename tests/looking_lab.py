@@ -7,18 +7,18 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
 import robot_lab
-from somrs.devices.simulator.fixed_camera import FixedCamera
-from somrs.devices.simulator.link import OperatorLink
-from somrs.devices.simulator.manipulator import Manipulator
-from somrs.devices.simulator.patrol import PatrolRobot
-from somrs.devices.simulator.server import Server
-from somrs.devices.simulator.simulated import SimulatedDevice
+from somrs.devices.simulator.drivers.fixed_camera import FixedCamera
+from somrs.devices.simulator.drivers.manipulator import Manipulator
+from somrs.devices.simulator.drivers.patrol import PatrolRobot
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice
+from somrs.devices.simulator.link.link import OperatorLink
+from somrs.devices.simulator.server.server import Server
 from somrs.ontology.objects import Map
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
-from somrs.service_manager.device import Device, MapReader
-from somrs.service_manager.orders import Advance, Done, Halt, Order, Perform, Quote, Undo
-from somrs.service_manager.work import carry_out
+from somrs.service_manager.sdk.device import Device, MapReader
+from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, Perform, Quote, Undo
+from somrs.service_manager.sdk.work import carry_out
 from virtual_devices import asking
 
 SITE = """

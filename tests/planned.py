@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from somrs.ontology.truth import holds
-from somrs.planner.plan import Plan, after, linearisations, validate
+from somrs.planner.model.plan import Plan, after, linearisations, validate
+from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.planner.problem import Problem
 
 
 def sound(asked: Problem) -> Plan:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from somrs.app.virtual import Work
 from somrs.entish import Name, Term
 from somrs.entish.formula import substitute
 from somrs.entish.parse import parse
 from somrs.ontology.effects import changes
-from somrs.ontology.files import load_text
+from somrs.ontology.files.loading import load_text
 from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
 from somrs.ontology.truth import holds
 from somrs.ontology.types import Ontology
-from somrs.planner.causal import linked
-from somrs.planner.plan import Plan, Step, after
-from somrs.planner.problem import Available, Problem
-from somrs.service_manager.orders import Capability, Done, Order, Profile
+from somrs.planner.model.causal import linked
+from somrs.planner.model.plan import Plan, Step, after
+from somrs.planner.model.problem import Available, Problem
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Capability, Done, Order, Profile
 from virtual_system import Robot, VirtualSystem
 
 TAKE = ServiceType(

@@ -6,12 +6,12 @@ import asyncio
 from collections.abc import AsyncIterator, Coroutine
 from contextlib import asynccontextmanager
 
-from somrs.devices.simulator.server import Server
-from somrs.devices.simulator.simulation import Simulation
+from somrs.devices.simulator.server.server import Server
+from somrs.devices.simulator.server.simulation import Simulation
 from somrs.entish.parse import parse
 from somrs.ontology.check import check
 from somrs.ontology.effects import changes
-from somrs.ontology.files import Loaded, load_text, upper
+from somrs.ontology.files.loading import Loaded, load_text, upper
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import holds
 

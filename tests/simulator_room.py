@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 
-from somrs.devices.simulator.commands import Command, Done, Gave
-from somrs.devices.simulator.simulation import Simulation
-from somrs.ontology.files import upper
+from somrs.devices.simulator.link.commands import Command, Done, Gave
+from somrs.devices.simulator.server.simulation import Simulation
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology, Value
 

@@ -10,24 +10,24 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
-from somrs.app.archive import FILE
-from somrs.app.client import Addresses
-from somrs.app.desk.desk import Desk, desk_of
-from somrs.app.desk.scheduler import Clock
-from somrs.app.device import DeviceRunner
-from somrs.app.host import Host
-from somrs.app.journal import Journal
-from somrs.app.node import Report
-from somrs.app.store import RepositoryStore
-from somrs.app.system import free_ports
-from somrs.ontology.files import load_text
+from somrs.api.service import Desk, desk_of
+from somrs.client.client import Addresses
+from somrs.deployment.device import DeviceRunner
+from somrs.deployment.system import free_ports
+from somrs.ontology.files.loading import load_text
+from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.planner.problem import Problem
-from somrs.protocol.clients import ReadRecords
+from somrs.protocol.messages.clients import ReadRecords
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.service_manager.device import Device, Situation, Task, service
-from somrs.service_manager.orders import Refusal, ServiceFailed
+from somrs.runtime.host import Host
+from somrs.runtime.node import Report
+from somrs.scheduling.scheduler import Clock
+from somrs.service_manager.sdk.device import Device, Situation, Task, service
+from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+from somrs.storage.archive import FILE
+from somrs.storage.journal import Journal
+from somrs.storage.repository_store import RepositoryStore
 from somrs.task_manager.manager import TaskManager
 from virtual_system import SITE
 

@@ -16,17 +16,18 @@ import msgspec
 import pytest
 from msgspec import structs
 
-from somrs.app import archive, tasks
-from somrs.app.disk import Disk
-from somrs.app.export import Format, Table, columns, export, moment
-from somrs.app.journal import KIND
-from somrs.app.past import Past, past
+from somrs.cli import task_commands as tasks
+from somrs.client.export import Format, Table, columns, export, moment
+from somrs.client.task_history import Past, past
 from somrs.errors import UsageError
-from somrs.protocol import soap
-from somrs.protocol.clients import ReadRecords, Records, TaskRecord
-from somrs.protocol.document import MOST_BYTES
-from somrs.protocol.envelope import Header, Message, message_id
-from somrs.protocol.frp import Outcome, State
+from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.soap import soap
+from somrs.protocol.soap.document import MOST_BYTES
+from somrs.storage import archive
+from somrs.storage.disk import Disk
+from somrs.storage.journal import KIND
 from test_recovery import WISH, holding, puts_back
 from virtual_system import Robot, VirtualSystem
 

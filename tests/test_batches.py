@@ -11,16 +11,16 @@ import msgspec
 import pytest
 from aiohttp import web
 
-from somrs.app import batches
-from somrs.app.batches import MEDIA_TYPE, MOST_TOGETHER
-from somrs.app.disk import Disk
-from somrs.app.host import Host
 from somrs.errors import RemoteError
-from somrs.protocol import soap
-from somrs.protocol.clients import CancelTask
-from somrs.protocol.component import Effect, Input, Rang, Received, Record, Send, Undelivered
-from somrs.protocol.document import MOST_BYTES
-from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id
+from somrs.kernel.component import Effect, Input, Rang, Received, Record, Send, Undelivered
+from somrs.protocol.messages.clients import CancelTask
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
+from somrs.protocol.soap import soap
+from somrs.protocol.soap.document import MOST_BYTES
+from somrs.runtime import batches
+from somrs.runtime.batches import MEDIA_TYPE, MOST_TOGETHER
+from somrs.runtime.host import Host
+from somrs.storage.disk import Disk
 from test_node_durability import NOTES, Brake, in_time, until
 
 

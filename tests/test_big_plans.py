@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 
 from relay import SECONDS, Relay, longest
-from somrs.planner.plan import Plan
-from somrs.protocol import frp
-from somrs.protocol.frp import Outcome
+from somrs.planner.model.plan import Plan
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.frp import Outcome
 
 
 def coordinated(relay: Relay) -> tuple[float, float]:

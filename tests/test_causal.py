@@ -16,9 +16,9 @@ from somrs.entish.parse import parse
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.truth import holds
 from somrs.ontology.types import ObjectType, Ontology, RelationType
-from somrs.planner.causal import linked
-from somrs.planner.plan import Plan, Step, after, linearisations
-from somrs.planner.problem import Problem
+from somrs.planner.model.causal import linked
+from somrs.planner.model.plan import Plan, Step, after, linearisations
+from somrs.planner.model.problem import Problem
 
 ONTOLOGY = Ontology(
     [

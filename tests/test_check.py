@@ -13,7 +13,7 @@ from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
-from somrs.ontology.files import upper
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.units import converted, known
 

@@ -9,19 +9,19 @@ import pytest
 
 from relay import carried, maps_of
 from relay import problem as relay
-from somrs.app.virtual import Work
 from somrs.entish.parse import parse
 from somrs.ontology.effects import applied
-from somrs.ontology.files import load_text
+from somrs.ontology.files.loading import load_text
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.planner.causal import linked
-from somrs.planner.choice import by, opened
-from somrs.planner.plan import Plan, validate
+from somrs.planner.model.causal import linked
+from somrs.planner.model.choice import by, opened
+from somrs.planner.model.plan import Plan, validate
+from somrs.planner.model.problem import Available, Problem
 from somrs.planner.planning import plan
-from somrs.planner.problem import Available, Problem
-from somrs.protocol.clients import EventKind, Policy
-from somrs.protocol.frp import Outcome
-from somrs.service_manager.orders import Capability, Done, Order, Profile
+from somrs.protocol.messages.clients import EventKind, Policy
+from somrs.protocol.messages.frp import Outcome
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Capability, Done, Order, Profile
 from virtual_system import SITE, Robot, VirtualSystem
 
 PICK = ServiceType(

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from somrs.app.cli import FaultOption
-from somrs.app.cli_tasks import FormatOption, OutcomeOption, PolicyOption, TableOption
-from somrs.app.export import Format, Table
-from somrs.devices.simulator.commands import Fault
-from somrs.protocol.clients import Policy
-from somrs.protocol.frp import Outcome
+from somrs.cli.main import FaultOption
+from somrs.cli.tasks import FormatOption, OutcomeOption, PolicyOption, TableOption
+from somrs.client.export import Format, Table
+from somrs.devices.simulator.link.commands import Fault
+from somrs.protocol.messages.clients import Policy
+from somrs.protocol.messages.frp import Outcome
 
 REPOSITORY = Path(__file__).parent.parent
 SCENARIO = REPOSITORY / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
@@ -45,7 +45,7 @@ COMMANDS = [
 
 
 def somrs(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "somrs.app.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=60)
 
 
@@ -67,7 +67,7 @@ def test_help_needs_none_of_the_heavy_libraries() -> None:
     """What makes `--help` slow is imports; that it is quick is measured in benchmarks/."""
     code = (
         "import sys, runpy; sys.argv = ['somrs', '--help']\n"
-        "try: runpy.run_module('somrs.app.cli', run_name='__main__')\n"
+        "try: runpy.run_module('somrs.cli.main', run_name='__main__')\n"
         "except SystemExit: pass\n"
         "print('HEAVY', [m for m in ('mujoco', 'numpy', 'aiohttp', 'uvicorn', 'lxml', 'pint', 'pydantic', 'lark') if m in sys.modules])"
     )

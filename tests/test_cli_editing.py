@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from somrs.app.client import Addresses
-from somrs.ontology.files import load_definitions, upper
+from somrs.client.client import Addresses
+from somrs.ontology.files.loading import load_definitions, upper
 from test_cli import SCENARIO, somrs
 
 
@@ -19,7 +19,7 @@ from test_cli import SCENARIO, somrs
 def data(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The folder of a system of which only the Repository runs."""
     folder = tmp_path_factory.mktemp("cli") / "data"
-    command = [sys.executable, "-m", "somrs.app.cli", "run", "repository", "--site", str(SCENARIO), "--data", str(folder)]
+    command = [sys.executable, "-m", "somrs.cli.main", "run", "repository", "--site", str(SCENARIO), "--data", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
         assert program.stdout is not None
         address = json.loads(program.stdout.readline())["at"]

@@ -6,12 +6,12 @@ import asyncio
 
 import pytest
 
-from somrs.app.client import Addresses, Client
-from somrs.app.host import Host
-from somrs.app.system import free_ports
+from somrs.client.client import Addresses, Client
+from somrs.deployment.system import free_ports
 from somrs.errors import RemoteError
-from somrs.protocol.directory import Discover, Discovered
+from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.registry.component import Registry
+from somrs.runtime.host import Host
 
 HERE = "127.0.0.1"
 

@@ -17,7 +17,7 @@ from somrs.entish.parse import parse
 from somrs.ontology.concerned import violations_after
 from somrs.ontology.conformance import SELF, violations
 from somrs.ontology.consistency import ontology_violations
-from somrs.ontology.files import load_text, upper
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Named, Section, named, revised
 from somrs.ontology.objects import Fact, FactAdded, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.truth import holds

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from somrs.ontology.conformance import Violation, touched, violations, violations_of
 from somrs.ontology.consistency import ontology_violations
-from somrs.ontology.files import load, load_text, upper
+from somrs.ontology.files.loading import load, load_text, upper
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import PART_OF, ObjectType, Ontology
 
-DEMO = Path(str(resources.files("somrs.app").joinpath("data/scenario-1.yaml")))
+DEMO = Path(str(resources.files("somrs.demo").joinpath("data/scenario-1.yaml")))
 
 
 @pytest.fixture(scope="module")

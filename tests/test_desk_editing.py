@@ -15,23 +15,23 @@ from starlette.applications import Starlette
 from starlette.routing import Mount
 
 from small_system import Porter, SmallSystem, running
-from somrs.app.client import Refused, who
-from somrs.app.desk.affected import User
-from somrs.app.desk.desk import Desk
-from somrs.app.desk.ontology import ImportOntology
-from somrs.app.desk.orders import Blank, Daily, OrderSaved, TemplateSaved
-from somrs.app.desk.refusals import trouble
-from somrs.app.desk.rest import application
-from somrs.app.editing import alter
-from somrs.app.http import QuietServer, bound
+from somrs.api.affected import User
+from somrs.api.ontology import ImportOntology
+from somrs.api.orders import Blank, Daily, OrderSaved, TemplateSaved
+from somrs.api.rest import application
+from somrs.api.service import Desk
+from somrs.cli.editing import alter
+from somrs.client.client import Refused, who
+from somrs.client.refusals import trouble
 from somrs.errors import InputError, ModelError
-from somrs.ontology.files import load, load_text, upper
+from somrs.ontology.files.loading import load, load_text, upper
 from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.objects import Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import ObjectType, RelationType
-from somrs.protocol.clients import Submit
-from somrs.protocol.knowledge import Define, Definitions, RenameObject, UpdateMap
-from somrs.protocol.people import person
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.knowledge import Define, Definitions, RenameObject, UpdateMap
+from somrs.protocol.messages.people import person
+from somrs.runtime.http import QuietServer, bound
 
 VAT = ObjectType(name="Vat", parent="Support", attributes=("Label",))
 

@@ -11,26 +11,15 @@ from pathlib import Path
 import pytest
 
 from small_system import Porter, SmallSystem, desk_at, running
-from somrs.app.client import Client
-from somrs.app.desk.desk import Desk
-from somrs.app.desk.orders import (
-    Blank,
-    Daily,
-    Every,
-    Filled,
-    Once,
-    OrderSaved,
-    Run,
-    RunState,
-    StandingOrder,
-    TemplateSaved,
-)
-from somrs.app.desk.refusals import Changed, NotFound
-from somrs.app.desk.scheduler import _message_id
+from somrs.api.orders import Blank, Daily, Every, Filled, Once, OrderSaved, Run, RunState, StandingOrder, TemplateSaved
+from somrs.api.service import Desk
+from somrs.client.client import Client
+from somrs.client.refusals import Changed, NotFound
 from somrs.errors import FormulaError, InputError, UsageError
 from somrs.ontology.services import Handler, Occasion
-from somrs.protocol.clients import Policy, Submit
-from somrs.protocol.frp import Outcome
+from somrs.protocol.messages.clients import Policy, Submit
+from somrs.protocol.messages.frp import Outcome
+from somrs.scheduling.scheduler import _message_id
 
 MONDAY = datetime(2026, 11, 23, 6, 0).timestamp()
 HOUR, DAY = 3600.0, 86_400.0

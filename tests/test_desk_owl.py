@@ -9,8 +9,8 @@ import pytest
 from rdflib import Graph
 
 from small_system import running
-from somrs.app.desk.desk import Desk
-from somrs.app.desk.ontology import ImportOntology
+from somrs.api.ontology import ImportOntology
+from somrs.api.service import Desk
 from somrs.errors import ModelError, RemoteError
 from somrs.ontology import owl
 from somrs.ontology.objects import FactAdded, ObjectAdded

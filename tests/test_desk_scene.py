@@ -14,14 +14,14 @@ import msgspec
 import pytest
 
 from robot_lab import SITE, run, simulator, site
-from somrs.app.client import Addresses, Client
-from somrs.app.desk.bodies import Body, scene_of
-from somrs.app.desk.context import Context
-from somrs.app.desk.hub import Hub
-from somrs.app.desk.listener import Listener
-from somrs.app.desk.poses import PoseFeed
-from somrs.devices.simulator.link import RobotLink
-from somrs.devices.simulator.server import Server
+from somrs.api.bodies import Body, scene_of
+from somrs.api.context import Context
+from somrs.api.hub import Hub
+from somrs.api.listener import Listener
+from somrs.api.poses import PoseFeed
+from somrs.client.client import Addresses, Client
+from somrs.devices.simulator.link.link import RobotLink
+from somrs.devices.simulator.server.server import Server
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet
 from somrs.ontology.types import Ontology
 

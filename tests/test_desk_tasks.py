@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from small_system import Porter, SmallSystem, running
-from somrs.app.desk.desk import Desk
-from somrs.app.desk.hub import News
-from somrs.app.desk.refusals import NotFound
-from somrs.app.desk.tasks import TaskChanged, TasksChanged
-from somrs.app.tasks import task as shown
+from somrs.api.hub import News
+from somrs.api.service import Desk
+from somrs.api.tasks import TaskChanged, TasksChanged
+from somrs.cli.task_commands import task as shown
+from somrs.client.refusals import NotFound
 from somrs.errors import UsageError
-from somrs.protocol.clients import ContractView, MessageView, Phase, Submit
-from somrs.protocol.frp import Outcome, State
+from somrs.protocol.messages.clients import ContractView, MessageView, Phase, Submit
+from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager import manager
 
 WISH = "Jar002 isOn Platform001"

@@ -8,21 +8,21 @@ from pathlib import Path
 import pytest
 
 from lab import contents
-from somrs.app.client import Addresses
-from somrs.app.device import DeviceJournal, DeviceRunner, load
-from somrs.app.host import Host
+from somrs.client.client import Addresses
+from somrs.deployment.device import DeviceJournal, DeviceRunner, load
 from somrs.errors import DeviceError, UsageError
+from somrs.kernel.component import Effect, Input, Rang, Received, Send
 from somrs.ontology.types import AttributeType, Kind
-from somrs.protocol import frp
-from somrs.protocol.component import Effect, Input, Rang, Received, Send
-from somrs.protocol.envelope import Message
-from somrs.protocol.frp import State
-from somrs.protocol.session import CoordinatorBody, CoordinatorSession, ParticipantSession
+from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, ParticipantSession
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import State
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.service_manager.device import Device, Situation, Task, service
-from somrs.service_manager.orders import Kept
-from somrs.service_manager.participant import REMEMBERED
+from somrs.runtime.host import Host
+from somrs.service_manager.participant.participant import REMEMBERED
+from somrs.service_manager.sdk.device import Device, Situation, Task, service
+from somrs.service_manager.sdk.orders import Kept
 
 
 class Carrier(Device):
@@ -169,7 +169,7 @@ def test_of_each_device_the_latest_participants_are_remembered(tmp_path: Path) -
 
 def test_a_driver_is_found_in_a_module_or_a_file(tmp_path: Path) -> None:
     file = tmp_path / "lifter.py"
-    file.write_text("from somrs.service_manager.device import Device\nclass Lifter(Device):\n    type = 'Device'\n")
+    file.write_text("from somrs.service_manager.sdk.device import Device\nclass Lifter(Device):\n    type = 'Device'\n")
     assert load(f"{file}:Lifter").__name__ == "Lifter"
     with pytest.raises(DeviceError, match="has no class Lift that is a Device; it has Lifter"):
         load(f"{file}:Lift")

@@ -13,11 +13,11 @@ from msgspec import structs
 from keeper import Keeper, definitions
 from somrs.ontology.conformance import violations
 from somrs.ontology.consistency import ontology_violations
-from somrs.ontology.files import load_text, upper
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Constraint, Kind, ObjectType, RelationType
-from somrs.protocol.knowledge import (
+from somrs.protocol.messages.knowledge import (
     Alteration,
     Consider,
     Considered,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.app.virtual import Work
 from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.types import Constraint, ObjectType
-from somrs.protocol.clients import Phase
-from somrs.protocol.envelope import Header, Message, message_id
-from somrs.protocol.frp import Outcome, State
-from somrs.protocol.knowledge import Alteration, Define, Defined, Definitions, RenameObject, Updated
-from somrs.service_manager.orders import Order, ServiceFailed
+from somrs.protocol.messages.clients import Phase
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.knowledge import Alteration, Define, Defined, Definitions, RenameObject, Updated
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Order, ServiceFailed
 from virtual_system import Robot, VirtualSystem
 
 WISH = "Jar002 isOn Platform001"

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from somrs.app.engine_race import Entrant, race
 from somrs.errors import RemoteError
+from somrs.planner_service.engine_race import Entrant, race
 
 ANSWERS = "import sys; open(sys.argv[2], 'w').write('(3)\\n(1)\\n; cost = 2\\n')"
 NEVER = "import time; time.sleep(600)"

@@ -37,7 +37,7 @@ from somrs.entish.formula import (
 from somrs.entish.parse import nearest, parse, read
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
-from somrs.ontology.files import load_text, upper
+from somrs.ontology.files.loading import load_text, upper
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "entish.md"
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from somrs.app.virtual import Moment, World
-from somrs.protocol.clients import CancelTask, Policy
-from somrs.protocol.component import Component, Effect, Input, Rang, Received
-from somrs.protocol.frp import Accept, Outcome
-from somrs.protocol.knowledge import UpdateMap
-from somrs.service_manager.orders import Kept, Profile
+from somrs.kernel.component import Component, Effect, Input, Rang, Received
+from somrs.protocol.messages.clients import CancelTask, Policy
+from somrs.protocol.messages.frp import Accept, Outcome
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.runtime.virtual import Moment, World
+from somrs.service_manager.sdk.orders import Kept, Profile
 from somrs.task_manager.claims import Claims
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.participants import Participants

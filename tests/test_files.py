@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 from somrs.errors import ModelError, Problem
 from somrs.ontology.conformance import violations
 from somrs.ontology.consistency import ontology_violations
-from somrs.ontology.dump import dump_map, dump_ontology
-from somrs.ontology.files import Loaded, load, load_definitions, load_text, upper
+from somrs.ontology.files.dump import dump_map, dump_ontology
+from somrs.ontology.files.loading import Loaded, load, load_definitions, load_text, upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.schema import json_schema, published
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import PART_OF, AttributeType, Constraint, FunctionType, Kind, ObjectType, Ontology, Part, RelationType, Value
 
-DEMO = Path(str(resources.files("somrs.app").joinpath("data/scenario-1.yaml")))
+DEMO = Path(str(resources.files("somrs.demo").joinpath("data/scenario-1.yaml")))
 DOCS = Path(__file__).parent.parent / "docs" / "ontology.md"
 
 HOUSE = """\
@@ -58,7 +58,7 @@ def test_upper_ontology_is_consistent() -> None:
     assert ontology_violations(upper()) == []
     assert upper().is_a("PioneerP3DX", "MobileRobot")
     assert upper().default("Jar", "Shape.Radius") == 0.04
-    assert upper().driver("DeliveryRobot") == "somrs.devices.simulator.manipulator:Manipulator"
+    assert upper().driver("DeliveryRobot") == "somrs.devices.simulator.drivers.manipulator:Manipulator"
 
 
 def test_map_is_read_with_units_positions_and_parts() -> None:

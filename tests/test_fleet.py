@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.app import archive
-from somrs.app.desk.experience import WINDOW, Experience, Tally
-from somrs.app.desk.roster import UNSEEN, Roster
-from somrs.app.past import Past
+from somrs.api.reliability_stats import WINDOW, Experience, Tally
+from somrs.api.service_presence import UNSEEN, Roster
+from somrs.client.task_history import Past
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
-from somrs.protocol.clients import ReadRecords, Records, TaskRecord, WorkView
-from somrs.protocol.directory import Offer, ServicesJoined, ServicesLeft
-from somrs.protocol.envelope import message_id
-from somrs.protocol.frp import Outcome, State
+from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord, WorkView
+from somrs.protocol.messages.directory import Offer, ServicesJoined, ServicesLeft
+from somrs.protocol.messages.envelope import message_id
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.storage import archive
 
 
 def offer(service: str, price: float = 1.0) -> Offer:

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.app.desk.context import Context
-from somrs.app.desk.formulas import Checked, CheckFormula, CompleteFormula, FormulasDesk, checked
-from somrs.app.desk.refusals import NotFound
+from somrs.api.context import Context
+from somrs.api.formulas import Checked, CheckFormula, CompleteFormula, FormulasDesk, checked
+from somrs.client.refusals import NotFound
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, UsageError
 from somrs.ontology.check import check
 from somrs.ontology.completion import Completions, complete
-from somrs.ontology.files import load
+from somrs.ontology.files.loading import load
 from somrs.ontology.objects import Fact, Map, Object
 
 SITE = Path(__file__).parents[1] / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"

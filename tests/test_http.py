@@ -10,13 +10,14 @@ import aiohttp
 import pytest
 from msgspec import structs
 
-from somrs.app.http import Server
-from somrs.app.wire import NONE, Wire
 from somrs.errors import RemoteError, UsageError
-from somrs.protocol import directory, frp, knowledge, soap
-from somrs.protocol.bodies import Body
-from somrs.protocol.document import MOST_BYTES
-from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id, reply
+from somrs.protocol.messages import directory, frp, knowledge
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
+from somrs.protocol.soap import soap
+from somrs.protocol.soap.document import MOST_BYTES
+from somrs.runtime.http import Server
+from somrs.runtime.wire import NONE, Wire
 
 TYPE = {"Content-Type": "application/soap+xml; charset=utf-8"}
 QUERY = knowledge.QueryMap(formula="Jar1 isOn ?Place")

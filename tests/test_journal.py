@@ -18,17 +18,17 @@ from msgspec import structs
 
 from bodies import KINDS, messages
 from ledger import Ledger, doubled, told
-from somrs.app.client import Addresses
-from somrs.app.entries import batch, decoded, encoded
-from somrs.app.journal import KIND, Journal, program
-from somrs.app.programs import run_task_manager
+from somrs.client.client import Addresses
+from somrs.deployment.programs import run_task_manager
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.errors import UsageError
-from somrs.planner.plan import Link, NoPlan, Plan, Step
-from somrs.protocol.clients import ReadRecords, Records
-from somrs.protocol.component import Answered, Component, Input, Rang, Received, Record, Started, Trouble, Undelivered
-from somrs.protocol.pending import Entry, Journaled, Pending
+from somrs.kernel.component import Answered, Component, Input, Rang, Received, Record, Started, Trouble, Undelivered
+from somrs.kernel.pending import Entry, Journaled, Pending
+from somrs.planner.model.plan import Link, NoPlan, Plan, Step
+from somrs.protocol.messages.clients import ReadRecords, Records
+from somrs.storage.journal import KIND, Journal, program
+from somrs.storage.journal_entries import batch, decoded, encoded
 
 ADDRESS = "http://127.0.0.1:7001/ledger"
 

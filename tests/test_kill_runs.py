@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from somrs.ontology.objects import ValueSet
-from somrs.protocol.frp import Outcome, State
-from somrs.protocol.knowledge import Event
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.knowledge import Event
 from verification.kill_runs import truth
 from verification.kill_runs.bystanders import AUTHOR, CHANGED, PATH, Acknowledged
 from verification.kill_runs.draw import CELLS, MESSAGES, Victim, drawn

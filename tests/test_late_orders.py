@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from somrs.app.virtual import LATENCY, Medium
-from somrs.protocol import frp
-from somrs.protocol.clients import CancelTask
-from somrs.protocol.envelope import Message
-from somrs.protocol.frp import Outcome, State
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import CancelTask
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.runtime.virtual import LATENCY, Medium
 from somrs.task_manager.participants import SILENCE
 from test_recovery import puts_back, sees
 from virtual_system import Robot, VirtualSystem

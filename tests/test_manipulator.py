@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 import pytest
 
 from robot_lab import after, run, simulator, site
-from somrs.devices.simulator.commands import Fault
-from somrs.devices.simulator.link import OperatorLink
-from somrs.devices.simulator.manipulator import Manipulator, Spot, where
+from somrs.devices.simulator.drivers.manipulator import Manipulator, Spot, where
+from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.link.link import OperatorLink
 from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import DeviceError
@@ -21,9 +21,9 @@ from somrs.ontology.objects import Map
 from somrs.ontology.values import value_of
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
-from somrs.service_manager.device import MapReader
-from somrs.service_manager.orders import Advance, Done, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
-from somrs.service_manager.work import carry_out
+from somrs.service_manager.sdk.device import MapReader
+from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
+from somrs.service_manager.sdk.work import carry_out
 from virtual_devices import asking
 
 

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from somrs.app.gui.pages.map.moves import Move, moved
-from somrs.app.gui.pages.map.proposals import Spot, adding, form_for, name_for
-from somrs.app.gui.pages.map.readings import limits, read, text_of
-from somrs.app.gui.pages.map.relations import added, seats
-from somrs.app.gui.pages.map.words import sentences, shown
 from somrs.errors import InputError
+from somrs.gui.pages.map.moves import Move, moved
+from somrs.gui.pages.map.proposals import Spot, adding, form_for, name_for
+from somrs.gui.pages.map.readings import limits, read, text_of
+from somrs.gui.pages.map.relations import added, seats
+from somrs.gui.pages.map.words import sentences, shown
 from somrs.ontology.conformance import violations
-from somrs.ontology.files import load
+from somrs.ontology.files.loading import load
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import value_of
-from somrs.protocol.people import client, person
+from somrs.protocol.messages.people import client, person
 
 SCENARIO = Path(__file__).parents[1] / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
 

@@ -13,7 +13,7 @@ from somrs.entish.formula import Formula, Name, Not, Relation, Term, Variable, c
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
-from somrs.ontology.files import upper
+from somrs.ontology.files.loading import upper
 from somrs.ontology.matching import bring_about_all, can_bring_about, types_of, unifiers
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.protocol import states
-from somrs.protocol.frp import Cancel, End, Fault, State, Stop
-from somrs.protocol.states import Entry, Kind
+from somrs.protocol.frp import states
+from somrs.protocol.frp.states import Entry, Kind
+from somrs.protocol.messages.frp import Cancel, End, Fault, State, Stop
 from verification.model_check.explore import explore
 from verification.model_check.media import DUPLICATING, EMPTY, FIFO, LOSSY_FIFO, MEDIA, OUTBOX, UNORDERED, Medium
 from verification.model_check.mutations import Mutation, all_mutations, altered, noticed

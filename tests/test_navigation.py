@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from somrs.devices.simulator.clearance import Disc
-from somrs.devices.simulator.navigation import Navigator, edge_targets, length
-from somrs.devices.simulator.solids import Point, Solid, solid_of
-from somrs.ontology.files import upper
+from somrs.devices.simulator.motion.clearance import Disc
+from somrs.devices.simulator.motion.navigation import Navigator, edge_targets, length
+from somrs.devices.simulator.world.solids import Point, Solid, solid_of
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Value
 

@@ -7,18 +7,18 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from lab import contents
-from somrs.app.client import Addresses
-from somrs.app.device import DeviceRunner
-from somrs.app.host import Host
-from somrs.app.wire import Wire
+from somrs.client.client import Addresses
+from somrs.deployment.device import DeviceRunner
 from somrs.entish.formula import Formula
 from somrs.errors import UsageError
-from somrs.protocol import frp, knowledge
-from somrs.protocol.bodies import Body
-from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id
+from somrs.protocol.messages import frp, knowledge
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.service_manager.device import Device, Situation, Task, service
+from somrs.runtime.host import Host
+from somrs.runtime.wire import Wire
+from somrs.service_manager.sdk.device import Device, Situation, Task, service
 
 INPUTS = {"Object": "Jar1", "Destination": "Table2"}
 ARRANGE = frp.Arrange(service_type="TransferObject", inputs=INPUTS, effect="Jar1 isOn Table2")

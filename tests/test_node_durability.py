@@ -14,16 +14,16 @@ import pytest
 
 from lab import CLIENT
 from ledger import Ledger, Sink, Teller, doubled, expected, told
-from somrs.app.disk import Disk, Kind
-from somrs.app.host import Host
-from somrs.app.journal import Journal
-from somrs.app.node import Report
-from somrs.app.wire import Wire
 from somrs.errors import RemoteError, UsageError
-from somrs.protocol import frp
-from somrs.protocol.clients import CancelTask
-from somrs.protocol.component import Effect, Input, Rang, Received, Send, Undelivered
-from somrs.protocol.envelope import Header, Message, message_id
+from somrs.kernel.component import Effect, Input, Rang, Received, Send, Undelivered
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import CancelTask
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.runtime.host import Host
+from somrs.runtime.node import Report
+from somrs.runtime.wire import Wire
+from somrs.storage.disk import Disk, Kind
+from somrs.storage.journal import Journal
 
 NOTES = Kind(
     owner="a test's",
@@ -316,9 +316,9 @@ import asyncio, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[3])
 from ledger import Ledger, doubled
-from somrs.app.host import Host
-from somrs.app.journal import Journal
-from somrs.app.programs import say_ready
+from somrs.runtime.host import Host
+from somrs.storage.journal import Journal
+from somrs.deployment.programs import say_ready
 
 async def main():
     journal = Journal(Path(sys.argv[1]))

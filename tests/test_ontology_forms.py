@@ -6,15 +6,15 @@ from typing import Any
 
 import pytest
 
-from somrs.app.gui.pages.ontology.changes import changed, summary
-from somrs.app.gui.pages.ontology.drafts import begun, form_of, merged
-from somrs.app.gui.pages.ontology.reading import Mistakes, definition_of, place
-from somrs.app.gui.pages.ontology.sections import ATTRIBUTES, SERVICES, TYPES, section_of
-from somrs.ontology.files import load_text, upper
+from somrs.gui.pages.ontology.changes import changed, summary
+from somrs.gui.pages.ontology.drafts import begun, form_of, merged
+from somrs.gui.pages.ontology.reading import Mistakes, definition_of, place
+from somrs.gui.pages.ontology.sections import ATTRIBUTES, SERVICES, TYPES, section_of
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.services import Handler, Occasion, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology
-from somrs.protocol.knowledge import Revision, by_kind
+from somrs.protocol.messages.knowledge import Revision, by_kind
 
 MORE = """
 attributes:

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from somrs.errors import InputError, ModelError
 from somrs.ontology.conformance import violations
 from somrs.ontology.consistency import ontology_violations
-from somrs.ontology.dump import dump_map, dump_ontology
-from somrs.ontology.files import load_text, upper
+from somrs.ontology.files.dump import dump_map, dump_ontology
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Object
 from somrs.sites import IMPORTERS, Site
 from somrs.sites.openrmf import import_text

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from somrs.errors import ModelError, Problem, UsageError
 from somrs.ontology.conformance import violations
-from somrs.ontology.files import Loaded, load_text, upper
+from somrs.ontology.files.loading import Loaded, load_text, upper
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Change, Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.owl import Format, Read, export, read, to_graph
@@ -23,7 +23,7 @@ from test_files import HOUSE, definitions, maps, the_map
 
 pyshacl = pytest.importorskip("pyshacl", reason="pySHACL is not installed")
 
-WRITE = "import sys; from somrs.ontology.owl import export; from somrs.ontology.files import upper;"
+WRITE = "import sys; from somrs.ontology.owl import export; from somrs.ontology.files.loading import upper;"
 
 HERE = Path(__file__).parent
 PREFIXES = """\

@@ -10,12 +10,11 @@ import pytest
 
 from keeper import Keeper, definitions
 from lab import lab
-from somrs.app.store import RepositoryStore
 from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import FunctionType, ObjectType, Value
-from somrs.protocol.frp import Fault
-from somrs.protocol.knowledge import (
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import (
     Define,
     Defined,
     Definitions,
@@ -32,6 +31,7 @@ from somrs.protocol.knowledge import (
     Updated,
     UpdateMap,
 )
+from somrs.storage.repository_store import RepositoryStore
 
 JAR: dict[str, Value] = {"PositionX": 1.0, "PositionY": 1.1, "PositionZ": 0.7}
 

@@ -12,11 +12,11 @@ import pytest
 
 from looking_lab import SITE, after, carrying, lab, looking
 from robot_lab import run
-from somrs.app.device import load
-from somrs.devices.simulator.commands import Fault
-from somrs.ontology.files import load_text, upper
+from somrs.deployment.device import load
+from somrs.devices.simulator.link.commands import Fault
+from somrs.ontology.files.loading import load_text, upper
 from somrs.service_manager import Device
-from somrs.service_manager.orders import Done, Halt, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
+from somrs.service_manager.sdk.orders import Done, Halt, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
 
 
 def test_a_patrol_finds_a_jar_that_stands_where_it_was_and_measures_it() -> None:

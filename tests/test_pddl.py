@@ -18,11 +18,11 @@ from somrs.entish.parse import parse
 from somrs.errors import ModelError, UsageError
 from somrs.ontology.conformance import violations
 from somrs.ontology.consistency import ontology_violations
-from somrs.ontology.dump import dump_map, dump_ontology
-from somrs.ontology.files import load_text, upper
+from somrs.ontology.files.dump import dump_map, dump_ontology
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.services import PROVIDER
 from somrs.ontology.truth import holds
-from somrs.planner.plan import Step
+from somrs.planner.model.plan import Step
 from somrs.sites.pddl import Imported, classical, read
 
 BENCHMARKS = Path(__file__).parents[2] / "shared" / "benchmarks" / "codmap"

@@ -13,16 +13,16 @@ import pytest
 
 from lab import lab
 from robot_lab import run
-from somrs.app.client import Addresses
-from somrs.devices.person import Person
-from somrs.devices.questions import Question, Questions
+from somrs.client.client import Addresses
+from somrs.devices.person.device import Person
+from somrs.devices.person.questions import Question, Questions
 from somrs.errors import UsageError
 from somrs.ontology.objects import Object, ObjectAdded
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
-from somrs.service_manager.device import MapReader
-from somrs.service_manager.orders import Done, Order, Perform, Quote, Quoted, ServiceFailed
-from somrs.service_manager.work import carry_out
+from somrs.service_manager.sdk.device import MapReader
+from somrs.service_manager.sdk.orders import Done, Order, Perform, Quote, Quoted, ServiceFailed
+from somrs.service_manager.sdk.work import carry_out
 from virtual_devices import asking
 
 ORDER = Order(participant="p", method="recognize", inputs={"Object": "Jar1"}, effect="Jar1.Unknown = FALSE")
@@ -57,7 +57,7 @@ class Desk:
 
     async def command(self, *arguments: str) -> tuple[int, str]:
         """The `somrs` command: its exit code and all that it says."""
-        line = [sys.executable, "-m", "somrs.app.cli", *arguments, "--data", str(self.folder)]
+        line = [sys.executable, "-m", "somrs.cli.main", *arguments, "--data", str(self.folder)]
         program = await asyncio.create_subprocess_exec(*line, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         said, _ = await program.communicate()
         assert program.returncode is not None
@@ -199,7 +199,7 @@ def test_the_commands_list_and_answer(tmp_path: Path) -> None:
 def test_where_nobody_was_asked_the_commands_say_so(runs: bool, arguments: list[str], code: int, told: str, tmp_path: Path) -> None:
     if runs:
         Addresses(repository="http://here/repository", registry="http://here/registry", task_manager="http://here/manager").write(tmp_path)
-    line = [sys.executable, "-m", "somrs.app.cli", *arguments, "--data", str(tmp_path)]
+    line = [sys.executable, "-m", "somrs.cli.main", *arguments, "--data", str(tmp_path)]
     said = subprocess.run(line, capture_output=True, text=True, timeout=60, check=False)
     assert said.returncode == code
     assert told in said.stdout + said.stderr

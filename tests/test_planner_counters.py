@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.app.engines import plan_in_process
-from somrs.app.numbers import there, tyr
 from somrs.errors import RemoteError
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.planner.counting import Counters, count, reaches
-from somrs.planner.grounding import Grounding
-from somrs.planner.numeric import NumericTask
-from somrs.planner.operators import goal_operators
-from somrs.planner.plan import NoPlan, Plan, validate
+from somrs.planner.grounding.grounding import Grounding
+from somrs.planner.grounding.relevance import demands
+from somrs.planner.grounding.task import Task
+from somrs.planner.model.operators import goal_operators
+from somrs.planner.model.plan import NoPlan, Plan, validate
+from somrs.planner.model.problem import Problem
+from somrs.planner.model.world import World
 from somrs.planner.planning import plan
-from somrs.planner.problem import Problem
-from somrs.planner.relevance import demands
-from somrs.planner.task import Task
-from somrs.planner.world import World
+from somrs.planner.search.counting import Counters, count, reaches
+from somrs.planner.search.numeric import NumericTask
+from somrs.planner_service.engine_counters import there, tyr
+from somrs.planner_service.engines import plan_in_process
 from test_planner_numbers import DRIVE, FAR, FILL, RECHARGE, corridor, problem
 
 needs_engine = pytest.mark.skipif(not there(), reason="the numbers extra is not installed")
@@ -54,7 +54,7 @@ def test_the_engine_and_the_search_that_counts_agree(charge: float, service: Ser
 def test_a_task_too_large_for_the_search_that_counts_goes_to_the_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = problem(corridor(6, 60), "Robot1 isInside Hall5", FAR, RECHARGE)
     monkeypatch.setattr("somrs.planner.planning.VALUES", 0)
-    monkeypatch.setattr("somrs.planner.matching.FACTS", 0)
+    monkeypatch.setattr("somrs.planner.search.matching.FACTS", 0)
     monkeypatch.setattr("somrs.planner.planning.STATES", 3)
     monkeypatch.setattr("somrs.planner.planning.ALL_STATES", 3)
     found = plan_in_process(asked)

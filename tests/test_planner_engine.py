@@ -8,18 +8,18 @@ from itertools import pairwise
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from somrs.app.engines import driver, entrants, plan_in_process, raced, solved
 from somrs.entish.parse import parse
 from somrs.errors import RemoteError
-from somrs.ontology.files import upper
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.planner.merging import merged
-from somrs.planner.plan import NoPlan, Plan, validate
+from somrs.planner.encodings.sas import read, written
+from somrs.planner.grounding.merging import merged
+from somrs.planner.model.plan import NoPlan, Plan, validate
+from somrs.planner.model.problem import Available, Problem
 from somrs.planner.planning import plan
-from somrs.planner.problem import Available, Problem
-from somrs.planner.sas import read, written
-from somrs.planner.search import TooHard, search
+from somrs.planner.search.search import TooHard, search
+from somrs.planner_service.engines import driver, entrants, plan_in_process, raced, solved
 from test_planner_merging import codmap, needs_codmap, task_of
 from test_planner_properties import problems
 

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, composite
 
-from somrs.planner.equation import Equation, companions, definite, equation
-from somrs.planner.finite import Assignment, Effect, FiniteTask, Operation, State
-from somrs.planner.sas import written
+from somrs.planner.encodings.equation import Equation, companions, definite, equation
+from somrs.planner.encodings.sas import written
+from somrs.planner.grounding.finite import Assignment, Effect, FiniteTask, Operation, State
 
 needs_scipy = pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="SciPy is not installed")
 PROVED = 11
@@ -130,7 +130,7 @@ def test_a_lamp_that_a_switch_lights_only_if_there_is_power_is_not_looked_at_wit
 @settings(deadline=None)  # the first one loads SciPy
 @given(tasks())
 def test_no_plan_is_said_of_no_task_that_has_one(task: FiniteTask) -> None:
-    from somrs.app.engine_equation import equations, unsatisfiable
+    from somrs.planner_service.engine_equation import equations, unsatisfiable
 
     if any(map(unsatisfiable, equations(task))):
         assert a_plan(task) is None
@@ -139,7 +139,7 @@ def test_no_plan_is_said_of_no_task_that_has_one(task: FiniteTask) -> None:
 def proved(task: FiniteTask, place: Path) -> bool:
     file = place / "task.sas"
     file.write_text(written(task), encoding="ascii")
-    return subprocess.run([sys.executable, "-m", "somrs.app.engine_equation", str(file)], check=False).returncode == PROVED
+    return subprocess.run([sys.executable, "-m", "somrs.planner_service.engine_equation", str(file)], check=False).returncode == PROVED
 
 
 def lift(passengers: int, counted: int) -> FiniteTask:

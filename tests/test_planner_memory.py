@@ -6,9 +6,9 @@ import pytest
 
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ValueSet
 from somrs.planner.memory import SIZE, Memory
-from somrs.planner.plan import NoPlan, Plan
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.planner.problem import Problem
 from test_planner_worlds import DRIVE, MAP, OPEN, TRANSFER, laboratory, problem
 
 ONTOLOGY = laboratory()

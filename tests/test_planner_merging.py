@@ -9,18 +9,18 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from somrs.planner.finite import State
-from somrs.planner.grounding import Grounding
-from somrs.planner.invariants import groups
-from somrs.planner.merging import merged
-from somrs.planner.operators import goal_operators
-from somrs.planner.plan import Plan, validate
+from somrs.planner.encodings.sas import parsed, written
+from somrs.planner.grounding.finite import State
+from somrs.planner.grounding.grounding import Grounding
+from somrs.planner.grounding.invariants import groups
+from somrs.planner.grounding.merging import merged
+from somrs.planner.grounding.relevance import demands
+from somrs.planner.grounding.task import Move, Task
+from somrs.planner.model.operators import goal_operators
+from somrs.planner.model.plan import Plan, validate
+from somrs.planner.model.problem import Problem
+from somrs.planner.model.world import World
 from somrs.planner.planning import plan
-from somrs.planner.problem import Problem
-from somrs.planner.relevance import demands
-from somrs.planner.sas import parsed, written
-from somrs.planner.task import Move, Task
-from somrs.planner.world import World
 from somrs.sites.pddl import read
 from test_planner_properties import problems
 

@@ -8,13 +8,13 @@ from planned import sound
 from somrs.entish import Formula
 from somrs.entish.parse import parse
 from somrs.ontology.check import check
-from somrs.ontology.files import upper
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, Ontology, RelationType
-from somrs.planner.plan import NoPlan, Plan
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.problem import Available, Problem
 from somrs.planner.planning import plan
-from somrs.planner.problem import Available, Problem
 
 ONTOLOGY: Ontology = upper().extended(
     [
@@ -195,7 +195,7 @@ def test_counting_finds_what_listing_the_values_finds(length: int, charge: float
         asked = problem(corridor(length, charge, charger), f"Robot1 isInside Hall{length - 1}", service, RECHARGE)
         listed = plan(asked)
         monkeypatch.setattr("somrs.planner.planning.VALUES", 0)
-        monkeypatch.setattr("somrs.planner.matching.FACTS", 0)
+        monkeypatch.setattr("somrs.planner.search.matching.FACTS", 0)
         if isinstance(listed, Plan):
             assert len(planned(asked)) <= len(listed.steps) + 2
         else:

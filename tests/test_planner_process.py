@@ -15,16 +15,16 @@ from pathlib import Path
 
 import pytest
 
-from somrs.app.engines import driver
-from somrs.app.planner import Planner
-from somrs.app.planner_process import PlannerProcess
-from somrs.app.shipment import Recipient, Sender
 from somrs.entish.parse import parse
 from somrs.errors import RemoteError
-from somrs.ontology.files import upper
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, FactRemoved, Map, Object, ObjectAdded, ValueSet
-from somrs.planner.plan import NoPlan, Plan
-from somrs.planner.problem import Problem
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.problem import Problem
+from somrs.planner_service.engines import driver
+from somrs.planner_service.problem_delta import Recipient, Sender
+from somrs.planner_service.process import PlannerProcess
+from somrs.planner_service.service import Planner
 from test_planner_engine import tower
 
 SO_ALREADY = Problem(
@@ -76,7 +76,7 @@ def test_what_the_planner_raises_is_raised() -> None:
 def test_nothing_is_left_when_whoever_asks_is_killed() -> None:
     program = """
         import asyncio, os, signal
-        from somrs.app.planner_process import PlannerProcess
+        from somrs.planner_service.process import PlannerProcess
         from somrs.entish.parse import parse
         from somrs.ontology.files import upper
         from somrs.ontology.objects import Map

@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 from msgspec import structs
 
-from somrs.app.engines import entrants, plan_in_process
 from somrs.entish.parse import parse
-from somrs.ontology.files import load_text
+from somrs.ontology.files.loading import load_text
 from somrs.ontology.services import ServiceType
-from somrs.planner.plan import Plan
+from somrs.planner.model.plan import Plan
+from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.quality import best, cost, span
 from somrs.planner.planning import plan
-from somrs.planner.problem import Available, Problem
-from somrs.planner.quality import best, cost, span
-from somrs.protocol.clients import Policy
+from somrs.planner_service.engines import entrants, plan_in_process
+from somrs.protocol.messages.clients import Policy
 from somrs.sites.pddl import read
 from test_codmap import DOMAIN
 from virtual_system import SITE, Robot, VirtualSystem

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from somrs.entish.parse import parse
-from somrs.ontology.files import upper
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
-from somrs.planner.plan import NoPlan
+from somrs.planner.model.plan import NoPlan
+from somrs.planner.model.problem import Available, Problem
 from somrs.planner.planning import plan, quick
-from somrs.planner.problem import Available, Problem
 from test_planner_engine import tower
 from test_planner_worlds import LABEL, TRANSFER, WASH, laboratory, problem
 
@@ -91,7 +91,7 @@ def test_what_is_too_large_is_not_said_to_be_impossible(monkeypatch: pytest.Monk
         goal=parse("NOT ?x: Jar isOn Shelf2 AND NOT ?x: Jar isOn Shelf1"),
         services=asked.services,
     )
-    monkeypatch.setattr("somrs.planner.grounding.ACTIONS", 20)
+    monkeypatch.setattr("somrs.planner.grounding.grounding.ACTIONS", 20)
     found = refused(many)
     assert found.undecided
     assert "too large to be searched: there are more than 20 ways to use services" in found.explanation

@@ -9,13 +9,13 @@ import pytest
 from planned import sound
 from somrs.entish import Name
 from somrs.entish.parse import parse
-from somrs.ontology.files import upper
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
-from somrs.planner.plan import NoPlan, Plan, validate
+from somrs.planner.model.plan import NoPlan, Plan, validate
+from somrs.planner.model.problem import Available, Problem
 from somrs.planner.planning import plan
-from somrs.planner.problem import Available, Problem
 
 TRANSFER = ServiceType(
     name="TransferObject",

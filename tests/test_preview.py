@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from lab import request
 from relay import SECONDS, Relay, longest
-from somrs.protocol import frp
-from somrs.protocol.clients import Policy, Preview, Previewed, TaskRecord
-from somrs.protocol.frp import Outcome, State
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import Policy, Preview, Previewed, TaskRecord
+from somrs.protocol.messages.frp import Outcome, State
 from test_task_manager import WISH
 from virtual_system import Robot, VirtualSystem
 

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
-from somrs.protocol.clients import CancelTask, Phase, Policy, ReadTasks, TaskRecord, Tasks
-from somrs.protocol.directory import AT_ONCE, Offer
-from somrs.protocol.frp import Execute, Outcome, State
-from somrs.service_manager.orders import Capability, Profile
-from somrs.service_manager.participant import ServiceManager
+from somrs.protocol.messages.clients import CancelTask, Phase, Policy, ReadTasks, TaskRecord, Tasks
+from somrs.protocol.messages.directory import AT_ONCE, Offer
+from somrs.protocol.messages.frp import Execute, Outcome, State
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.claims import Claim, Claims
 from somrs.task_manager.turns import Turns
 from test_quarrels import Hands, until_executing

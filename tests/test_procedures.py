@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.app.procedures import handler
-from somrs.app.tasks import handlers
+from somrs.cli.procedures import handler
+from somrs.cli.task_commands import handlers
 from somrs.errors import FormulaError
 from somrs.ontology.services import Handler, Occasion
 from virtual_system import Robot, VirtualSystem

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import pytest
 
-from somrs.app.virtual import Work
 from somrs.ontology.objects import Fact, FactRemoved
-from somrs.protocol.clients import CancelTask, Phase, Policy
-from somrs.protocol.envelope import Header, Message, message_id
-from somrs.protocol.frp import Outcome, State
-from somrs.protocol.knowledge import UpdateMap
-from somrs.service_manager.orders import Advance, Done, Halt, Order, ServiceFailed
+from somrs.protocol.messages.clients import CancelTask, Phase, Policy
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, ServiceFailed
 from virtual_system import Robot, VirtualSystem, done
 
 FIRST, SECOND = "Jar002 isOn Platform001", "Jar002 isOn Cupboard002"

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from somrs.app.virtual import LATENCY, Work
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ValueSet
 from somrs.ontology.services import Handler, Occasion
-from somrs.planner.plan import Step
-from somrs.protocol import frp
-from somrs.protocol.clients import CancelTask, Policy, TaskRecord, TaskView
-from somrs.protocol.envelope import Header, Message, message_id
-from somrs.protocol.frp import Outcome, State
-from somrs.protocol.knowledge import MapChanged, UpdateMap
-from somrs.service_manager.orders import Advance, Done, Halt, Order, ServiceFailed
+from somrs.planner.model.plan import Step
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import CancelTask, Policy, TaskRecord, TaskView
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.knowledge import MapChanged, UpdateMap
+from somrs.runtime.virtual import LATENCY, Work
+from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, ServiceFailed
 from somrs.task_manager.work import undone
 from virtual_system import Robot, Script, VirtualSystem, done
 

@@ -6,13 +6,13 @@ import re
 import shlex
 from pathlib import Path
 
-from somrs.app.export import Table, columns
-from somrs.app.tasks import handlers
-from somrs.ontology.files import load_text, upper
+from somrs.cli.task_commands import handlers
+from somrs.client.export import Table, columns
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.services import Occasion
-from somrs.protocol.clients import ContractView, EventKind, MessageView, StepView, TaskEvent, TaskRecord, WorkView
-from somrs.protocol.frp import State
-from somrs.service_manager import participant
+from somrs.protocol.messages.clients import ContractView, EventKind, MessageView, StepView, TaskEvent, TaskRecord, WorkView
+from somrs.protocol.messages.frp import State
+from somrs.service_manager.participant import participant
 from somrs.task_manager import participants, recovery, tender, transaction
 from virtual_system import Robot, VirtualSystem
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.app.desk.recurrence import Daily, Every, Once, When, checked, due_after, due_between, in_words
 from somrs.errors import UsageError
+from somrs.scheduling.recurrence import Daily, Every, Once, When, checked, due_after, due_between, in_words
 
 WARSAW = ZoneInfo("Europe/Warsaw")
 MINUTE = 60.0

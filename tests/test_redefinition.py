@@ -10,11 +10,11 @@ from msgspec import structs
 
 from keeper import Keeper, definitions
 from somrs.entish.parse import parse
-from somrs.ontology.files import load_text, upper
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.objects import Fact, Object, ObjectAdded, ValueSet
 from somrs.ontology.types import AttributeType, Constraint, Kind, ObjectType
-from somrs.protocol.knowledge import (
+from somrs.protocol.messages.knowledge import (
     Consider,
     Considered,
     Define,

@@ -6,11 +6,10 @@ import msgspec
 import pytest
 
 from lab import REPOSITORY, ask, contents, lab, request, sent, tell
-from somrs.app.virtual import World
+from somrs.kernel.component import Effect, Rang, Received, Record, Send, Undelivered, Wake
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import ObjectType, RelationType, Value
-from somrs.protocol.component import Effect, Rang, Received, Record, Send, Undelivered, Wake
-from somrs.protocol.directory import (
+from somrs.protocol.messages.directory import (
     Discover,
     Discovered,
     Offer,
@@ -24,12 +23,13 @@ from somrs.protocol.directory import (
     ServicesSubscribed,
     SubscribeServices,
 )
-from somrs.protocol.envelope import ANONYMOUS
-from somrs.protocol.frp import Fault
-from somrs.protocol.knowledge import Define, Definitions, QueryMap
+from somrs.protocol.messages.envelope import ANONYMOUS
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import Define, Definitions, QueryMap
 from somrs.registry.component import Registry
 from somrs.registry.entries import Listed
 from somrs.repository.component import Repository
+from somrs.runtime.virtual import World
 
 REGISTRY = "http://here/registry"
 FOLLOWER = "http://here/follower"

@@ -11,9 +11,9 @@ import pytest
 
 import somrs
 from somrs.errors import ModelError
-from somrs.ontology.files import load_text, upper
+from somrs.ontology.dependency_index import RELIED, relied
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Named, named
-from somrs.ontology.relied import RELIED, relied
 
 SOURCE = Path(somrs.__file__).parent
 PROGRAMS = ("ontology", "planner", "protocol", "registry", "repository", "task_manager", "service_manager", "devices", "entish")

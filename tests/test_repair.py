@@ -10,18 +10,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from relay import Relay, carried, goal, problem
-from somrs.app.virtual import Work
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.ontology.effects import applied
-from somrs.planner.plan import NoPlan, Plan, Step, after, validate
+from somrs.planner.model.plan import NoPlan, Plan, Step, after, validate
+from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.planner.problem import Problem
 from somrs.planner.repair import repaired, shorter, sure
-from somrs.protocol import frp
-from somrs.protocol.envelope import Header, Message, message_id
-from somrs.protocol.frp import Outcome
-from somrs.protocol.knowledge import UpdateMap
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.runtime.virtual import Work
 from test_planner_properties import problems
 
 

@@ -10,16 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lab import REPOSITORY, contents, request, tell
-from somrs.app.virtual import World
+from somrs.kernel.component import Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
+from somrs.kernel.replica import GAP_TIME, LEASE, News, Replica
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind
-from somrs.protocol.bodies import Body
-from somrs.protocol.component import Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
-from somrs.protocol.envelope import Message
-from somrs.protocol.knowledge import Define, Definitions, MapPage, ReadMap, UpdateMap
-from somrs.protocol.replica import GAP_TIME, LEASE, News, Replica
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.knowledge import Define, Definitions, MapPage, ReadMap, UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
+from somrs.runtime.virtual import World
 
 OWNER = "http://here/owner"
 

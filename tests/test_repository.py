@@ -6,8 +6,9 @@ import msgspec
 import pytest
 
 from lab import CLIENT, REPOSITORY, SITE, ask, contents, records, request, sent, tell
+from somrs.kernel.component import Answered, Ask, Rang, Received, Record, Send, Started, Undelivered, Wake
 from somrs.ontology.conformance import violations
-from somrs.ontology.files import load_text, upper
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import (
     Change,
     Fact,
@@ -21,12 +22,11 @@ from somrs.ontology.objects import (
 )
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType, Value
-from somrs.protocol.bodies import Body
-from somrs.protocol.component import Answered, Ask, Rang, Received, Record, Send, Started, Undelivered, Wake
-from somrs.protocol.directory import Discover, Discovered
-from somrs.protocol.envelope import ANONYMOUS, Header, Message
-from somrs.protocol.frp import Fault
-from somrs.protocol.knowledge import (
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.directory import Discover, Discovered
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import (
     Define,
     Defined,
     Definitions,

@@ -22,7 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_lab import SITE, run, simulator
-from somrs.devices.simulator.commands import (
+from somrs.devices.simulator.link.commands import (
     Approach,
     Command,
     DriveTo,
@@ -37,8 +37,8 @@ from somrs.devices.simulator.commands import (
     Status,
     Stop,
 )
-from somrs.devices.simulator.connection import RobotGaveUp
-from somrs.devices.simulator.lines import (
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.devices.simulator.link.lines import (
     LONGEST,
     Ask,
     Break,
@@ -55,8 +55,8 @@ from somrs.devices.simulator.lines import (
     read_by_server,
     written,
 )
-from somrs.devices.simulator.link import OperatorLink, RobotLink
-from somrs.devices.simulator.server import MOST_STATES, Server
+from somrs.devices.simulator.link.link import OperatorLink, RobotLink
+from somrs.devices.simulator.server.server import MOST_STATES, Server
 from somrs.errors import RemoteError, SimulationError, UsageError, WireError
 from somrs.ontology.objects import Object
 
@@ -756,7 +756,7 @@ def test_one_who_does_not_listen_keeps_nobody_waiting() -> None:
     run(test())
 
 
-PROGRAM = [sys.executable, "-m", "somrs.app.cli", "run", "simulator"]
+PROGRAM = [sys.executable, "-m", "somrs.cli.main", "run", "simulator"]
 
 
 def test_the_program_serves_a_map_until_it_is_told_to_end(tmp_path: Path) -> None:

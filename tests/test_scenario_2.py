@@ -5,16 +5,16 @@ from __future__ import annotations
 from importlib import resources
 
 from simulator_room import Run
-from somrs.app.system import devices
-from somrs.devices.simulator.commands import Done, Gave, Grip, LookAround, Place, Sense, Stop
-from somrs.ontology.files import Loaded, load
+from somrs.deployment.system import devices
+from somrs.devices.simulator.link.commands import Done, Gave, Grip, LookAround, Place, Sense, Stop
+from somrs.ontology.files.loading import Loaded, load
 from somrs.ontology.objects import Map, ValueSet
 
 THINGS = ("Jar002", "Jar003", "Carton001")
 
 
 def site() -> tuple[Loaded, Map]:
-    with resources.as_file(resources.files("somrs.app") / "data" / "scenario-2.yaml") as file:
+    with resources.as_file(resources.files("somrs.demo") / "data" / "scenario-2.yaml") as file:
         loaded = load([file])
     assert loaded.map is not None
     return loaded, loaded.map

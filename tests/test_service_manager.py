@@ -12,24 +12,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab import CLIENT, REPOSITORY, contents, request
-from somrs.app.virtual import World
 from somrs.entish.formula import Formula
 from somrs.errors import DeviceError
+from somrs.kernel.component import Effect, Input, Rang, Received, Send
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import ObjectType
-from somrs.protocol import frp
-from somrs.protocol.component import Effect, Input, Rang, Received, Send
-from somrs.protocol.directory import Discover, Discovered
-from somrs.protocol.envelope import Message
-from somrs.protocol.frp import State
-from somrs.protocol.session import CoordinatorBody, CoordinatorSession, participant_id
+from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, participant_id
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.directory import Discover, Discovered
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import State
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.service_manager.calendar import Commitment, free_from
-from somrs.service_manager.device import Device, Result, Situation, Task, before, service
-from somrs.service_manager.orders import Kept, Order, Refusal, Report, ServiceFailed
-from somrs.service_manager.participant import CUT_OFF, LEAVE, ServiceManager
-from somrs.service_manager.values import as_term, money, python_value, seconds
+from somrs.runtime.virtual import World
+from somrs.service_manager.participant.calendar import Commitment, free_from
+from somrs.service_manager.participant.participant import CUT_OFF, LEAVE, ServiceManager
+from somrs.service_manager.sdk.device import Device, Result, Situation, Task, before, service
+from somrs.service_manager.sdk.orders import Kept, Order, Refusal, Report, ServiceFailed
+from somrs.service_manager.sdk.values import as_term, money, python_value, seconds
 from virtual_devices import Pause, asking, in_virtual_time
 
 REGISTRY, WASHER = "http://here/registry", "http://here/washer"

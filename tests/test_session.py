@@ -8,8 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.errors import UsageError
-from somrs.protocol.envelope import Header, Message
-from somrs.protocol.frp import (
+from somrs.protocol.frp.session import (
+    CoordinatorBody,
+    CoordinatorSession,
+    FrpBody,
+    ParticipantBody,
+    ParticipantSession,
+    participant_id,
+    service_of,
+)
+from somrs.protocol.frp.states import Kind
+from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.frp import (
     Accept,
     Arrange,
     Cancel,
@@ -29,16 +39,6 @@ from somrs.protocol.frp import (
     Stranded,
     Terms,
 )
-from somrs.protocol.session import (
-    CoordinatorBody,
-    CoordinatorSession,
-    FrpBody,
-    ParticipantBody,
-    ParticipantSession,
-    participant_id,
-    service_of,
-)
-from somrs.protocol.states import Kind
 
 TM, SM = "http://here/tm", "http://there/sm"
 ARRANGE = Arrange(service_type="TransferObject", inputs={"Object": "Jar002"}, effect="Jar002 isOn Platform001")

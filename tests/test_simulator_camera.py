@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from simulator_room import ONTOLOGY, room, thing
-from somrs.devices.simulator.camera import Camera, following, opengl, overview, region
-from somrs.devices.simulator.simulation import Simulation
+from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world.camera import Camera, following, opengl, overview, region
 from somrs.errors import SimulationError
 
 

@@ -9,14 +9,14 @@ from msgspec import structs
 
 from lab import REPOSITORY, request
 from looking_lab import SITE
-from somrs.devices.simulator.commands import Approach, Command, Done, DriveTo, Gave, Grip, Place
-from somrs.devices.simulator.follower import Follower
-from somrs.ontology.files import load_text, upper
+from somrs.devices.simulator.link.commands import Approach, Command, Done, DriveTo, Gave, Grip, Place
+from somrs.devices.simulator.server.follower import Follower
+from somrs.kernel.component import Component, Effect, Rang, Received, Send, Started
+from somrs.kernel.replica import GAP_TIME
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import FactAdded, Object, ObjectAdded, ObjectRemoved
-from somrs.protocol.component import Component, Effect, Rang, Received, Send, Started
-from somrs.protocol.knowledge import Alteration, Define, Definitions, RenameObject, UpdateMap
-from somrs.protocol.replica import GAP_TIME
+from somrs.protocol.messages.knowledge import Alteration, Define, Definitions, RenameObject, UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
 

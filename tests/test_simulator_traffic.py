@@ -7,8 +7,8 @@ import math
 import random
 
 from simulator_room import Run, box, robot, room, shell
-from somrs.devices.simulator.commands import Done, DriveTo, Fault, Gave
-from somrs.devices.simulator.traffic import Capsule, segment_distance
+from somrs.devices.simulator.link.commands import Done, DriveTo, Fault, Gave
+from somrs.devices.simulator.motion.traffic import Capsule, segment_distance
 from somrs.ontology.objects import Map, Object
 
 

@@ -8,7 +8,7 @@ import random
 import pytest
 
 from simulator_room import Run, box, robot, room, shell, thing
-from somrs.devices.simulator.commands import Approach, Done, DriveTo, Fault, Gave, Grip, Place, PutDown, Sense, Stop
+from somrs.devices.simulator.link.commands import Approach, Done, DriveTo, Fault, Gave, Grip, Place, PutDown, Sense, Stop
 from somrs.ontology.objects import Map, Object
 
 TRANSFER = (Approach(object="Jar002"), Grip(object="Jar002"), Approach(object="Platform001"), Place(on="Platform001"))

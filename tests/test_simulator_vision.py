@@ -7,7 +7,7 @@ import math
 import pytest
 
 from simulator_room import Run, box, robot, room, thing
-from somrs.devices.simulator.commands import Done, DriveTo, Fault, Gave, Grip, LookAround, LookAt, Seen, Sense
+from somrs.devices.simulator.link.commands import Done, DriveTo, Fault, Gave, Grip, LookAround, LookAt, Seen, Sense
 from somrs.ontology.objects import Object
 from somrs.ontology.types import Value
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from simulator_room import ONTOLOGY, Run, box, robot, room, shell, thing
-from somrs.devices.simulator.commands import Approach, Done, DriveTo, Gave, Grip, Place
-from somrs.devices.simulator.scene import Scene
-from somrs.devices.simulator.simulation import Simulation
-from somrs.devices.simulator.solids import Role, solid_of
-from somrs.devices.simulator.world import triangles
+from somrs.devices.simulator.link.commands import Approach, Done, DriveTo, Gave, Grip, Place
+from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.solids import Role, solid_of
+from somrs.devices.simulator.world.world import triangles
 from somrs.errors import SimulationError, UsageError
 from somrs.ontology.objects import Map, Object
 

@@ -16,10 +16,11 @@ from msgspec import Struct, structs
 from bodies import KINDS, messages
 from somrs.errors import WireError
 from somrs.ontology.types import Value
-from somrs.protocol import clients, frp, knowledge, soap
-from somrs.protocol.document import MOST_BYTES, SENDER
-from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id
-from somrs.protocol.soap import decode, encode
+from somrs.protocol.messages import clients, frp, knowledge
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
+from somrs.protocol.soap import soap
+from somrs.protocol.soap.document import MOST_BYTES, SENDER
+from somrs.protocol.soap.soap import decode, encode
 
 HEADER = Header(
     sender="http://here/task-manager",

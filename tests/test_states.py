@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from somrs.protocol import diagram, frp, states
-from somrs.protocol.frp import Accept, Arrange, Cancel, Completed, End, Execute, Failed, Progress, Query, State, Status, Stop
-from somrs.protocol.states import Entry, Kind, Said, Table
+from somrs.protocol.frp import diagram, states
+from somrs.protocol.frp.states import Entry, Kind, Said, Table
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.frp import Accept, Arrange, Cancel, Completed, End, Execute, Failed, Progress, Query, State, Status, Stop
 
 # How far a participant is. Every move goes to a higher rank, so that a message that comes twice meets a state it left.
 RANK = {
@@ -180,4 +181,4 @@ def test_work_without_a_contract_is_sent_home() -> None:
 
 def test_the_page_in_the_docs_shows_these_tables() -> None:
     written = (Path(__file__).parent.parent / diagram.PAGE).read_text(encoding="utf-8")
-    assert written == diagram.page(), f"run `python -m somrs.protocol.diagram {diagram.PAGE}`"
+    assert written == diagram.page(), f"run `python -m somrs.protocol.frp.diagram {diagram.PAGE}`"

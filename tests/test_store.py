@@ -14,16 +14,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lab import CLIENT, REPOSITORY, lab, records, request, sent, tell
-from somrs.app.store import KIND, RepositoryStore
-from somrs.app.virtual import World, at_once
 from somrs.errors import UsageError
+from somrs.kernel.component import Received, Started
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind, ObjectType
-from somrs.protocol.bodies import Body
-from somrs.protocol.component import Received, Started
-from somrs.protocol.envelope import Message
-from somrs.protocol.frp import Fault
-from somrs.protocol.knowledge import (
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import (
     Define,
     Defined,
     Definitions,
@@ -38,6 +36,8 @@ from somrs.protocol.knowledge import (
 )
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents, Handled, HistoryOf, Subscription
+from somrs.runtime.virtual import World, at_once
+from somrs.storage.repository_store import KIND, RepositoryStore
 
 
 @pytest.fixture
@@ -229,7 +229,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from lab import REPOSITORY, records, request
-from somrs.app.store import RepositoryStore
+from somrs.storage.repository_store import RepositoryStore
 from somrs.ontology.objects import ValueSet
 from somrs.protocol.component import Received
 from somrs.protocol.knowledge import UpdateMap

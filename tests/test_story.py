@@ -8,13 +8,14 @@ import itertools
 import pytest
 from rich.console import Console
 
-from somrs.app import show, story
-from somrs.app.story import Story
-from somrs.app.trace import lines_of, without_heartbeats
-from somrs.app.virtual import Work
-from somrs.protocol.clients import EventKind, ReadTasks, TaskNews, TaskRecord, Tasks, TaskView, WatchTask
-from somrs.protocol.frp import State
-from somrs.service_manager.orders import Advance, Order
+from somrs.cli import task_report as story
+from somrs.cli.task_report import Story
+from somrs.client import terminal as show
+from somrs.client.trace import lines_of, without_heartbeats
+from somrs.protocol.messages.clients import EventKind, ReadTasks, TaskNews, TaskRecord, Tasks, TaskView, WatchTask
+from somrs.protocol.messages.frp import State
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Advance, Order
 from test_recovery import BOTH, WISH, goes_silent, holding, patrolled, puts_back, until_one_is_done
 from virtual_system import Robot, VirtualSystem
 

@@ -12,23 +12,23 @@ from pathlib import Path
 import pytest
 
 from pddl_harbour import written
-from somrs.app.client import Client
-from somrs.app.importing import brought_in
-from somrs.app.sitefile import dump_site
-from somrs.app.system import System, symbolic
+from somrs.cli.importing import brought_in
+from somrs.client.client import Client
+from somrs.deployment.system import System, symbolic
 from somrs.devices.symbolic.agent import Faults, Mishap, SymbolicAgent
 from somrs.devices.symbolic.lines import Begin, Came, Do, Estimate, Estimated, Hello, Welcome
 from somrs.devices.symbolic.link import ask
 from somrs.devices.symbolic.server import WorldServer
 from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.errors import RemoteError, UsageError
+from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Change, Fact, FactAdded
 from somrs.ontology.truth import holds
-from somrs.protocol.clients import Submit, TaskView
-from somrs.protocol.frp import Outcome
-from somrs.protocol.knowledge import UpdateMap
-from somrs.service_manager.orders import Done, Halt, Order, Perform, Quote, Quoted, ServiceFailed
-from somrs.service_manager.participant import ServiceManager
+from somrs.protocol.messages.clients import Submit, TaskView
+from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.sdk.orders import Done, Halt, Order, Perform, Quote, Quoted, ServiceFailed
 from somrs.sites.pddl import Imported, read
 from virtual_system import VirtualSystem
 
@@ -208,10 +208,15 @@ def test_all_devices_share_the_world_of_one_program(parcels: Imported, world: Sy
 
 
 def test_a_system_has_bodies_or_none() -> None:
-    assert symbolic([("van1", "somrs.devices.symbolic.device:SymbolicDevice"), ("Anna", "somrs.devices.person:Person")])
-    assert not symbolic([("Robot1", "somrs.devices.simulator.manipulator:Manipulator")])
+    assert symbolic([("van1", "somrs.devices.symbolic.device:SymbolicDevice"), ("Anna", "somrs.devices.person.device:Person")])
+    assert not symbolic([("Robot1", "somrs.devices.simulator.drivers.manipulator:Manipulator")])
     with pytest.raises(UsageError, match="van1 is a device of a symbolic world, and Robot1 one of the simulator"):
-        symbolic([("van1", "somrs.devices.symbolic.device:SymbolicDevice"), ("Robot1", "somrs.devices.simulator.manipulator:Manipulator")])
+        symbolic(
+            [
+                ("van1", "somrs.devices.symbolic.device:SymbolicDevice"),
+                ("Robot1", "somrs.devices.simulator.drivers.manipulator:Manipulator"),
+            ]
+        )
 
 
 @asynccontextmanager
@@ -250,7 +255,7 @@ def test_a_whole_system_does_an_imported_task_though_its_map_is_wrong(tmp_path: 
 
 
 def somrs(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "somrs.app.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 

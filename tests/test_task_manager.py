@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from somrs.app.virtual import Work
-from somrs.protocol.clients import CancelTask, Policy, Preview, Previewed, ReadTasks, Tasks
-from somrs.protocol.frp import Arrange, Failed, Outcome, State
-from somrs.service_manager.orders import Advance, Done, Order, ServiceFailed
+from somrs.protocol.messages.clients import CancelTask, Policy, Preview, Previewed, ReadTasks, Tasks
+from somrs.protocol.messages.frp import Arrange, Failed, Outcome, State
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Advance, Done, Order, ServiceFailed
 from virtual_system import Robot, VirtualSystem, done
 
 WISH = "Jar002 isOn Platform001"

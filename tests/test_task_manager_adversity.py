@@ -6,15 +6,15 @@ import math
 
 import pytest
 
-from somrs.app.virtual import Work
+from somrs.kernel.component import Effect, Input
 from somrs.ontology.objects import ObjectRemoved
-from somrs.protocol import frp
-from somrs.protocol.clients import CancelTask, Phase, Policy, Preview, Previewed, Submit, TaskRejected
-from somrs.protocol.component import Effect, Input
-from somrs.protocol.envelope import Header, Message, message_id
-from somrs.protocol.frp import Outcome, State
-from somrs.protocol.knowledge import Updated, UpdateMap
-from somrs.service_manager.orders import Advance, Order, ServiceFailed
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import CancelTask, Phase, Policy, Preview, Previewed, Submit, TaskRejected
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.knowledge import Updated, UpdateMap
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Advance, Order, ServiceFailed
 from somrs.task_manager.manager import REMEMBERED, TaskManager
 from virtual_system import Robot, Script, VirtualSystem
 

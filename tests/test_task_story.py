@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from somrs.app import story as stories
-from somrs.app.gui.pages.task import asked_about
-from somrs.app.gui.pages.task_ending import consequences
-from somrs.app.gui.pages.task_story import Chapter, failures, story, summary
-from somrs.app.gui.pages.task_words import gist
-from somrs.app.virtual import Work
+from somrs.cli import task_report as stories
+from somrs.gui.pages.task import asked_about
+from somrs.gui.pages.task_ending import consequences
+from somrs.gui.pages.task_story import Chapter, failures, story, summary
+from somrs.gui.pages.task_words import gist
 from somrs.ontology.services import Handler, Occasion
-from somrs.protocol.clients import CancelTask, TaskRecord
-from somrs.service_manager.orders import Order, ServiceFailed
+from somrs.protocol.messages.clients import CancelTask, TaskRecord
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Order, ServiceFailed
 from test_recovery import BOTH, WISH, goes_silent, holding, patrolled, puts_back, until_one_is_done
 from virtual_system import Robot, VirtualSystem
 

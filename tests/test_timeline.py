@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from lxml import etree
 
-from somrs.app.timeline import LETTER, Bar, Mark, svg
+from somrs.client.timeline import LETTER, Bar, Mark, svg
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ledger import Ledger, Sink, Teller, doubled, expected, told
-from somrs.app.virtual import CarryOut, Moment, Work, World
 from somrs.errors import UsageError
-from somrs.protocol.component import Effect, Input, Undelivered
-from somrs.protocol.envelope import Message
+from somrs.kernel.component import Effect, Input, Undelivered
+from somrs.protocol.messages.envelope import Message
+from somrs.runtime.virtual import CarryOut, Moment, Work, World
 
 
 def slowly(task: object) -> Work:

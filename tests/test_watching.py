@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from relay import Relay
-from somrs.app.virtual import Work
-from somrs.protocol import soap
-from somrs.protocol.clients import (
+from somrs.kernel.component import Answered, Ask, Received, Send, Started
+from somrs.protocol.messages.clients import (
     ContractView,
     Messages,
     MessageView,
@@ -25,11 +24,12 @@ from somrs.protocol.clients import (
     WatchTask,
     WatchTasks,
 )
-from somrs.protocol.component import Answered, Ask, Received, Send, Started
-from somrs.protocol.document import MOST_BYTES
-from somrs.protocol.envelope import Header, Message
-from somrs.protocol.frp import Fault, Outcome, State
-from somrs.service_manager.orders import Advance, Done, Order
+from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.frp import Fault, Outcome, State
+from somrs.protocol.soap import soap
+from somrs.protocol.soap.document import MOST_BYTES
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Advance, Done, Order
 from somrs.task_manager.manager import REMEMBERED
 from test_task_manager import WISH, breaks
 from virtual_system import Robot, VirtualSystem, done

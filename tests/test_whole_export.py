@@ -8,11 +8,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from somrs.app.export import Format, Table, export
-from somrs.app.system import System
-from somrs.app.tasks import do, tasks
-from somrs.protocol.clients import Submit, TaskRecord
-from somrs.protocol.frp import Outcome
+from somrs.cli.task_commands import do, tasks
+from somrs.client.export import Format, Table, export
+from somrs.deployment.system import System
+from somrs.protocol.messages.clients import Submit, TaskRecord
+from somrs.protocol.messages.frp import Outcome
 
 SCENARIO = Path(__file__).parent.parent / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
 

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from somrs.app.client import Addresses, Client
-from somrs.app.desk.recurrence import Every
-from somrs.app.desk.standing import OrderSaved, Run, Runs, RunState, StandingOrder
-from somrs.app.system import System, free_ports
-from somrs.app.windows import Windows
+from somrs.cli.api_client import Windows
+from somrs.client.client import Addresses, Client
+from somrs.deployment.system import System, free_ports
 from somrs.errors import RemoteError, UsageError
-from somrs.protocol.clients import Submit
-from somrs.protocol.frp import Outcome
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.frp import Outcome
+from somrs.scheduling.recurrence import Every
+from somrs.scheduling.standing_orders import OrderSaved, Run, Runs, RunState, StandingOrder
 
 pytest.importorskip("nicegui", reason="the windows' libraries are not installed")
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from somrs.app.client import Client
-from somrs.app.system import System
-from somrs.app.trace import Follower
+from somrs.client.client import Client
+from somrs.client.trace import Follower
+from somrs.deployment.system import System
 from somrs.errors import UsageError
-from somrs.protocol.clients import Submit, TaskView
-from somrs.protocol.frp import Outcome
+from somrs.protocol.messages.clients import Submit, TaskView
+from somrs.protocol.messages.frp import Outcome
 
 SCENARIO = Path(__file__).parent.parent / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
 WISH = Submit(effect="Jar002 isOn Platform001")

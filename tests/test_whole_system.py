@@ -18,16 +18,16 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from somrs.app.client import Addresses, Client
-from somrs.app.demo import play
-from somrs.app.importing import importer, write_import
-from somrs.app.system import System
-from somrs.app.trace import Line
-from somrs.devices.simulator.commands import Fault
-from somrs.devices.simulator.link import OperatorLink
+from somrs.cli.importing import importer, write_import
+from somrs.client.client import Addresses, Client
+from somrs.client.trace import Line
+from somrs.demo.scenarios import play
+from somrs.deployment.system import System
+from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import UsageError
-from somrs.protocol.clients import Submit, TaskView
-from somrs.protocol.frp import Outcome
+from somrs.protocol.messages.clients import Submit, TaskView
+from somrs.protocol.messages.frp import Outcome
 
 REPOSITORY = Path(__file__).parent.parent
 SCENARIO = REPOSITORY / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
@@ -245,7 +245,7 @@ def test_whatever_is_killed_is_started_again(tmp_path: Path) -> None:
 
 def test_without_opengl_everything_is_there_but_the_pictures(tmp_path: Path) -> None:
     environment = {**os.environ, "MUJOCO_GL": "disable", "SOMRS_GRAPHICS": "disable"}
-    command = [sys.executable, "-m", "somrs.app.cli", "demo", "1", "--out", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "somrs.cli.main", "demo", "1", "--out", str(tmp_path / "out")]
     said = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120)
     assert said.returncode == 0, said.stdout + said.stderr
     assert "no pictures" in said.stdout

@@ -11,23 +11,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from small import ONTOLOGY, formulas
-from somrs.app.desk.orders import StandingOrder
-from somrs.app.desk.recurrence import Daily, Every, Once
-from somrs.app.desk.templates import Blank, Template, check, filled
-from somrs.app.gui.pages.define.blanks import blanked, named, proposed
-from somrs.app.gui.pages.define.draft import Draft, Procedure, Repeat
-from somrs.app.gui.pages.define.lines import Line, lines_of, moved, same, text_of
-from somrs.app.gui.pages.define.orders import repeat_of, when_of
-from somrs.app.gui.pages.define.preview import reasons_of
+from somrs.api.orders import StandingOrder
 from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
 from somrs.errors import UsageError
-from somrs.ontology.files import upper
+from somrs.gui.pages.define.blanks import blanked, named, proposed
+from somrs.gui.pages.define.draft import Draft, Procedure, Repeat
+from somrs.gui.pages.define.lines import Line, lines_of, moved, same, text_of
+from somrs.gui.pages.define.orders import repeat_of, when_of
+from somrs.gui.pages.define.preview import reasons_of
+from somrs.kernel.replica import Replica
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.services import Handler, Occasion
 from somrs.ontology.types import Kind
-from somrs.protocol.clients import Policy, Submit
-from somrs.protocol.replica import Replica
+from somrs.protocol.messages.clients import Policy, Submit
+from somrs.scheduling.recurrence import Daily, Every, Once
+from somrs.scheduling.templates import Blank, Template, check, filled
 
 MAP = Map(
     [

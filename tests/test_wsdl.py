@@ -20,20 +20,21 @@ from msgspec import Struct
 
 from bodies import KINDS, messages
 from lab import contents
-from somrs.app.client import Addresses
-from somrs.app.device import DeviceRunner
-from somrs.app.engines import plan_in_process
-from somrs.app.host import Host
-from somrs.app.http import Server
-from somrs.app.node import Report
-from somrs.protocol import frp, soap, wsdl
-from somrs.protocol.bodies import REQUESTS
-from somrs.protocol.component import Effect, Input, Received
-from somrs.protocol.envelope import Message
-from somrs.protocol.soap import ENV, WSA
+from somrs.client.client import Addresses
+from somrs.deployment.device import DeviceRunner
+from somrs.kernel.component import Effect, Input, Received
+from somrs.planner_service.engines import plan_in_process
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.bodies import REQUESTS
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.soap import soap, wsdl
+from somrs.protocol.soap.soap import ENV, WSA
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.service_manager.device import Device, Situation, Task, service
+from somrs.runtime.host import Host
+from somrs.runtime.http import Server
+from somrs.runtime.node import Report
+from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.task_manager.manager import TaskManager
 
 DOCS = Path(__file__).parent.parent / "docs" / "wire.md"

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Coroutine, Generator
 from typing import Any
 
-from somrs.app.virtual import CarryOut, Work
 from somrs.errors import RemoteError
-from somrs.protocol.bodies import Body
-from somrs.protocol.component import Component, Received, Send
-from somrs.protocol.envelope import Header, Message
-from somrs.service_manager.device import Ask, Device
-from somrs.service_manager.orders import Halt, Perform, Quote, Report, Undo
-from somrs.service_manager.work import carry_out
+from somrs.kernel.component import Component, Received, Send
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Header, Message
+from somrs.runtime.virtual import CarryOut, Work
+from somrs.service_manager.sdk.device import Ask, Device
+from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Report, Undo
+from somrs.service_manager.sdk.work import carry_out
 
 
 class Pause:
@@ -71,7 +71,7 @@ def _played(running: Coroutine[Any, Any, object], advances: list[object]) -> Wor
             pause = running.send(None)
         except StopIteration as stop:
             result.append(stop.value)
-        except Exception as error:  # noqa: BLE001  # whatever went wrong is the answer, as in app/node.py
+        except Exception as error:  # noqa: BLE001  # whatever went wrong is the answer, as in runtime/node.py
             result.append(error)
         for advance in advances:
             yield waited, advance

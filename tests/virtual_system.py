@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from somrs.app.virtual import Medium, Watch, Work, World, promptly
-from somrs.ontology.files import load_text
+from somrs.kernel.component import Answered, Effect, Input, Started
+from somrs.ontology.files.loading import load_text
 from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
+from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.planner.problem import Problem
-from somrs.protocol.clients import Submit, Submitted, TaskRejected, TaskView
-from somrs.protocol.component import Answered, Effect, Input, Started
-from somrs.protocol.envelope import Header, Message, message_id
+from somrs.protocol.messages.clients import Submit, Submitted, TaskRejected, TaskView
+from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
-from somrs.service_manager.orders import Capability, Done, Halt, Kept, Order, Perform, Profile, Quote, Quoted, Refusal, Undo
-from somrs.service_manager.participant import ServiceManager
+from somrs.runtime.virtual import Medium, Watch, Work, World, promptly
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.sdk.orders import Capability, Done, Halt, Kept, Order, Perform, Profile, Quote, Quoted, Refusal, Undo
 from somrs.task_manager.manager import TaskManager, view
 
 SITE = """

@@ -9,11 +9,12 @@ from pathlib import Path
 
 from contestants.durable import Journal
 from contestants.programs import Programs, ready, until_told
-from somrs.app.http import Server
-from somrs.app.programs import run_program
-from somrs.app.wire import Wire
-from somrs.protocol import frp, soap
-from somrs.protocol.envelope import Header, Message, reply
+from somrs.deployment.programs import run_program
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.envelope import Header, Message, reply
+from somrs.protocol.soap import soap
+from somrs.runtime.http import Server
+from somrs.runtime.wire import Wire
 
 HOST = "127.0.0.1"
 PATH = "/here"

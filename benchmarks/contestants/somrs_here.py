@@ -6,19 +6,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, map_of, one_step, site_loaded
-from somrs.app.device import DeviceJournal
-from somrs.app.host import Host
-from somrs.app.journal import Journal
-from somrs.app.node import CarryOut, Report
-from somrs.app.store import RepositoryStore
-from somrs.planner.problem import Problem
-from somrs.protocol.bodies import Body
+from somrs.deployment.device import DeviceJournal
+from somrs.planner.model.problem import Problem
+from somrs.protocol.messages.bodies import Body
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
-from somrs.service_manager.orders import Halt, Perform, Quote, Undo
-from somrs.service_manager.participant import ServiceManager
-from somrs.service_manager.work import carry_out
+from somrs.runtime.host import Host
+from somrs.runtime.node import CarryOut, Report
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
+from somrs.service_manager.sdk.work import carry_out
+from somrs.storage.journal import Journal
+from somrs.storage.repository_store import RepositoryStore
 from somrs.task_manager.manager import TaskManager
 
 

@@ -10,16 +10,16 @@ from pathlib import Path
 from contestants.contest import AT_ONCE, BIDDERS
 from somrs.entish.formula import Name, Relation, Term, substitute
 from somrs.entish.parse import parse
-from somrs.ontology.files import Loaded, load_text
+from somrs.ontology.files.loading import Loaded, load_text
 from somrs.ontology.objects import Map
-from somrs.planner.plan import Plan, Step
-from somrs.planner.problem import Problem
-from somrs.protocol.bodies import Body
-from somrs.protocol.clients import Submit, Submitted, TaskNews, WatchTask
-from somrs.protocol.directory import Discover, Discovered
-from somrs.protocol.envelope import ANONYMOUS, Header, Message
-from somrs.protocol.frp import Outcome
-from somrs.service_manager.device import Device, Situation, Task, service
+from somrs.planner.model.plan import Plan, Step
+from somrs.planner.model.problem import Problem
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.clients import Submit, Submitted, TaskNews, WatchTask
+from somrs.protocol.messages.directory import Discover, Discovered
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
+from somrs.protocol.messages.frp import Outcome
+from somrs.service_manager.sdk.device import Device, Situation, Task, service
 
 CARRIERS = tuple(f"Robot{number + 1}" for number in range(BIDDERS))
 PLACES = ("Cupboard001", "Platform001")

@@ -12,15 +12,15 @@ from pathlib import Path
 from contestants.contest import BIDDERS
 from contestants.programs import Programs, free_port, ready, until_told
 from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, one_step, site
-from somrs.app.client import Addresses
-from somrs.app.device import DeviceJournal, DeviceRunner
-from somrs.app.host import Host
-from somrs.app.journal import Journal
-from somrs.app.node import Report
-from somrs.app.programs import run_program, run_registry, run_repository, until_stopped
-from somrs.app.wire import Wire
-from somrs.planner.problem import Problem
-from somrs.protocol.envelope import Message
+from somrs.client.client import Addresses
+from somrs.deployment.device import DeviceJournal, DeviceRunner
+from somrs.deployment.programs import run_program, run_registry, run_repository, until_stopped
+from somrs.planner.model.problem import Problem
+from somrs.protocol.messages.envelope import Message
+from somrs.runtime.host import Host
+from somrs.runtime.node import Report
+from somrs.runtime.wire import Wire
+from somrs.storage.journal import Journal
 from somrs.task_manager.manager import TaskManager
 
 HOST = "127.0.0.1"
@@ -62,7 +62,7 @@ class OverHttp:
 
 
 async def _task_manager(data: Path, port: int) -> None:
-    """As `somrs.app.programs` has it, but for the plans."""
+    """As `somrs.deployment.programs` has it, but for the plans."""
     addresses = Addresses.read(data)
     journal = Journal(data / "task-manager.sqlite")
     host = Host(HOST, port)

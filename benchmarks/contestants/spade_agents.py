@@ -23,7 +23,7 @@ from contestants.contest import BIDDERS
 from contestants.durable import Journal
 from contestants.programs import Programs, free_port, ready, until_told
 from contestants.talk import Bidder, Negotiation, Note, Speaker
-from somrs.app.programs import run_program
+from somrs.deployment.programs import run_program
 
 DOMAIN = "localhost"
 PATIENCE = 60.0

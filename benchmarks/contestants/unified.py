@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from somrs.planner.problem import Problem
+from somrs.planner.model.problem import Problem
 
 
 def stated(asked: Problem, washed: tuple[str, ...], places: dict[str, str]) -> Any:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from somrs.app.client import Addresses
+from somrs.client.client import Addresses
 from somrs.errors import UsageError
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
@@ -43,7 +43,7 @@ class Running:
     """A system that `somrs up` runs, with its windows."""
 
     def __init__(self, data: Path, site: Path = SCENARIO, speed: str = "4") -> None:
-        line = [sys.executable, "-m", "somrs.app.cli", "up", str(site), "--data", str(data), "--speed", speed]
+        line = [sys.executable, "-m", "somrs.cli.main", "up", str(site), "--data", str(data), "--speed", speed]
         self.data = data
         self._said = (data.parent / f"{data.name}.log").open("wb")
         self._process = subprocess.Popen(line, stdout=self._said, stderr=self._said, start_new_session=True)

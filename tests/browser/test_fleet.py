@@ -17,11 +17,11 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from somrs.app.client import Client
-from somrs.devices.questions import Questions
+from somrs.client.client import Client
+from somrs.devices.person.questions import Questions
 from somrs.ontology.services import ServiceType
-from somrs.protocol.bodies import Body
-from somrs.protocol.directory import Offer, Publish, Published, Retract, Retracted
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.directory import Offer, Publish, Published, Retract, Retracted
 
 from .conftest import Running, shoot
 
@@ -71,7 +71,7 @@ def test_every_device_is_there_with_what_it_offers(system: Running, window: Open
 
 
 def test_the_command_line_shows_the_same(system: Running) -> None:
-    line = [sys.executable, "-m", "somrs.app.cli", "fleet", "--data", str(system.data)]
+    line = [sys.executable, "-m", "somrs.cli.main", "fleet", "--data", str(system.data)]
     said = subprocess.run(line, capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "120"}).stdout
     for words in ("Robot1", "Robot2", "on offer", "battery 100 %", "TransferObject, 25 EUR"):
         assert words in said

@@ -485,7 +485,7 @@ def office(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         pytest.skip(f"there is no {OFFICE}")
     folder = tmp_path_factory.mktemp("office")
     site = folder / "office.yaml"
-    subprocess.run([sys.executable, "-m", "somrs.app.cli", "import", str(OFFICE), "--out", str(site)], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-m", "somrs.cli.main", "import", str(OFFICE), "--out", str(site)], check=True, capture_output=True)
     running = Running(folder / "data", site)
     yield running
     running.stop()

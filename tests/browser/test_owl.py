@@ -21,7 +21,7 @@ VASES = f"""{PREFIXES}
 
 
 def somrs(*arguments: str, system: Running) -> subprocess.CompletedProcess[str]:
-    line = [sys.executable, "-m", "somrs.app.cli", "ontology", *arguments, "--data", str(system.data)]
+    line = [sys.executable, "-m", "somrs.cli.main", "ontology", *arguments, "--data", str(system.data)]
     return subprocess.run(line, capture_output=True, text=True)
 
 

@@ -14,8 +14,8 @@ from typing import Any, Literal
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from somrs.devices.simulator.commands import Fault
-from somrs.devices.simulator.link import OperatorLink
+from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.link.link import OperatorLink
 
 from .conftest import SCENARIO, WIDTHS, Running, shoot
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from somrs.devices.symbolic.agent import Mishap
 from somrs.ontology.objects import Change, objects_of
-from somrs.service_manager.orders import Order
+from somrs.service_manager.sdk.orders import Order
 
 LEAVING = 0.2
 """In this share of the problems one agent leaves for good."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from somrs.app.virtual import Work
 from somrs.devices.symbolic.agent import SymbolicAgent
 from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.ontology.objects import Object
-from somrs.service_manager.orders import Capability, Done, Perform, Profile, Quote, Quoted
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Capability, Done, Perform, Profile, Quote, Quoted
 
 STEP_TIME = 4.0
 """Seconds, of virtual time, that each step takes: many times what the messages about it take."""

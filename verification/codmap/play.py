@@ -7,25 +7,25 @@ import time
 from functools import partial
 from pathlib import Path
 
-from somrs.app.engines import plan_in_process
-from somrs.app.virtual import CarryOut, Work, World
 from somrs.devices.symbolic.agent import SymbolicAgent
 from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.errors import SomrsError
+from somrs.kernel.component import Effect, Input, Received
 from somrs.ontology.objects import Fact, FactAdded, ObjectAdded
 from somrs.ontology.truth import holds
 from somrs.ontology.types import PART_OF
-from somrs.planner.plan import NoPlan, Plan, Step
-from somrs.planner.problem import Available, Problem
-from somrs.protocol.clients import Policy, Submit, Submitted
-from somrs.protocol.component import Effect, Input, Received
-from somrs.protocol.envelope import Header, Message
-from somrs.protocol.frp import Outcome, State
+from somrs.planner.model.plan import NoPlan, Plan, Step
+from somrs.planner.model.problem import Available, Problem
+from somrs.planner_service.engines import plan_in_process
+from somrs.protocol.messages.clients import Policy, Submit, Submitted
+from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.frp import Outcome, State
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
-from somrs.service_manager.orders import Profile
-from somrs.service_manager.participant import ServiceManager
+from somrs.runtime.virtual import CarryOut, Work, World
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.sdk.orders import Profile
 from somrs.sites.pddl import Imported, classical, read
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.transaction import Transaction

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from somrs.protocol.bodies import Body
-from somrs.protocol.clients import Cancelling, CancelTask, Preview, Previewed, Submit, Submitted, TaskRejected
-from somrs.protocol.component import Effect, Input, Rang, Received, Send, Wake
-from somrs.protocol.envelope import Header, Message, message_id
-from somrs.protocol.frp import Fault
+from somrs.kernel.component import Effect, Input, Rang, Received, Send, Wake
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.clients import Cancelling, CancelTask, Preview, Previewed, Submit, Submitted, TaskRejected
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Fault
 from verification.fault_runs.story import Wish
 
 PATIENCE = 15.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator
 
-from somrs.app.virtual import Moment
 from somrs.ontology.services import Handler, Occasion
-from somrs.protocol.clients import Policy
+from somrs.protocol.messages.clients import Policy
+from somrs.runtime.virtual import Moment
 from verification.fault_runs.site import FLOOR, LOOKING, SERVICES
 from verification.fault_runs.story import (
     AT_WORK,

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from somrs.app.virtual import Work
 from somrs.entish.parse import parse
-from somrs.protocol.component import Answered, Ask, Effect, Input, Withdraw
-from somrs.service_manager.orders import Advance, Done, Halt, Kept, Order, Perform, Profile, Quote, Quoted, Refusal, ServiceFailed, Undo
-from somrs.service_manager.participant import ServiceManager
+from somrs.kernel.component import Answered, Ask, Effect, Input, Withdraw
+from somrs.runtime.virtual import Work
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.sdk.orders import Advance, Done, Halt, Kept, Order, Perform, Profile, Quote, Quoted, Refusal, ServiceFailed, Undo
 from verification.fault_runs.site import FLOOR, LOOKING
 from verification.fault_runs.story import Act, Character
 from verification.fault_runs.story import Undo as Undoing

@@ -11,17 +11,17 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from somrs.entish.parse import parse
+from somrs.kernel.component import Input, Received
 from somrs.ontology.truth import holds
-from somrs.planner.problem import Problem
-from somrs.protocol import frp
-from somrs.protocol.clients import TaskRecord, TaskView, WorkView
-from somrs.protocol.component import Input, Received
-from somrs.protocol.envelope import Message, message_id, normalised_id
-from somrs.protocol.frp import Outcome, State
-from somrs.protocol.knowledge import UpdateMap
-from somrs.protocol.session import service_of
+from somrs.planner.model.problem import Problem
+from somrs.protocol.frp.session import service_of
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import TaskRecord, TaskView, WorkView
+from somrs.protocol.messages.envelope import Message, message_id, normalised_id
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.entries import Handled
-from somrs.service_manager.participant import ServiceManager
+from somrs.service_manager.participant.participant import ServiceManager
 from somrs.task_manager.manager import TaskManager, view
 from somrs.task_manager.purpose import Purpose
 from somrs.task_manager.transaction import Transaction

@@ -6,8 +6,8 @@ import gc
 from collections import Counter
 from dataclasses import dataclass, field
 
-from somrs.protocol.clients import EventKind, TaskRecord
-from somrs.protocol.frp import Outcome, State
+from somrs.protocol.messages.clients import EventKind, TaskRecord
+from somrs.protocol.messages.frp import Outcome, State
 from verification.fault_runs.draw import draw
 from verification.fault_runs.properties import Violation
 from verification.fault_runs.stage import Parts, Stage

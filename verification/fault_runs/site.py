@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 
-from somrs.ontology.files import load_text, upper
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import PART_OF, Ontology, Value

@@ -8,19 +8,19 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from somrs.app.virtual import LATENCY, Moment, Work, World
+from somrs.kernel.component import Component, Input
+from somrs.kernel.replica import Replica
 from somrs.ontology.objects import objects_of
+from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.planner.problem import Problem
-from somrs.protocol.component import Component, Input
-from somrs.protocol.envelope import Header, Message, message_id
-from somrs.protocol.knowledge import UpdateMap
-from somrs.protocol.replica import Replica
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents, Handled, Subscription
-from somrs.service_manager.orders import Capability, Kept, Profile
-from somrs.service_manager.participant import LEAVE, ServiceManager
+from somrs.runtime.virtual import LATENCY, Moment, Work, World
+from somrs.service_manager.participant.participant import LEAVE, ServiceManager
+from somrs.service_manager.sdk.orders import Capability, Kept, Profile
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.setting import Setting
 from verification.fault_runs.client import Client

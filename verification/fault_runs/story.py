@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from enum import StrEnum
 
-from somrs.app.virtual import Moment
 from somrs.ontology.services import Handler
-from somrs.protocol.clients import Policy
+from somrs.protocol.messages.clients import Policy
+from somrs.runtime.virtual import Moment
 
 AT_WORK = "the device at work"
 """The target of a fault: whichever device works at that moment, if any does."""

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 from rich.table import Table
 
-from somrs.protocol import frp
-from somrs.protocol.clients import Cancelling, CancelTask, Submit, Submitted, TaskRejected
-from somrs.protocol.component import Input, Received
-from somrs.protocol.envelope import Message
-from somrs.protocol.frp import Outcome
-from somrs.protocol.knowledge import Rejected, UpdateMap
+from somrs.kernel.component import Input, Received
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import Cancelling, CancelTask, Submit, Submitted, TaskRejected
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.knowledge import Rejected, UpdateMap
 from verification.fault_runs.result import RUNGS, Result
 from verification.fault_runs.stage import Stage
 

@@ -7,10 +7,10 @@ import contextlib
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field
 
-from somrs.app.client import Client
+from somrs.client.client import Client
 from somrs.ontology.objects import ValueSet
-from somrs.protocol.clients import Submit
-from somrs.protocol.knowledge import Updated, UpdateMap
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.knowledge import Updated, UpdateMap
 
 PAUSE = 0.3
 """Seconds between two inputs of a client."""

@@ -6,8 +6,8 @@ import random
 from dataclasses import dataclass
 from enum import StrEnum
 
-from somrs.protocol.clients import Policy
-from somrs.protocol.states import TO_COORDINATOR, TO_PARTICIPANT
+from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT
+from somrs.protocol.messages.clients import Policy
 from verification.kill_runs.plays import PLACES, THINGS, Play, plays_of
 
 MESSAGES = tuple(dict.fromkeys(kind.__name__ for kind in (*TO_PARTICIPANT, *TO_COORDINATOR)))

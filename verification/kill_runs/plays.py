@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from somrs.devices.simulator.commands import Fault
-from somrs.protocol.frp import Outcome
+from somrs.devices.simulator.link.commands import Fault
+from somrs.protocol.messages.frp import Outcome
 
 CHEAP, DEAR, PATROL, CAMERA = "Robot1", "Robot2", "Patrol1", "Camera001"
 """The devices of the site of scenario 2. Of the two robots that carry things, the first is the cheaper, the second the quicker."""

@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from somrs.app.client import Client
-from somrs.app.past import Past
-from somrs.app.trace import TASK_MANAGER, Line
-from somrs.devices.simulator.commands import Fault
+from somrs.client.client import Client
+from somrs.client.task_history import Past
+from somrs.client.trace import TASK_MANAGER, Line
+from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import RemoteError, SomrsError
-from somrs.protocol import frp
-from somrs.protocol.clients import Cancelling, CancelTask, ReadRecords, Submit, TaskView
-from somrs.protocol.frp import Outcome, State
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import Cancelling, CancelTask, ReadRecords, Submit, TaskView
+from somrs.protocol.messages.frp import Outcome, State
 from verification.kill_runs import truth
 from verification.kill_runs.bystanders import CHANGED, Acknowledged, Bystanders
 from verification.kill_runs.draw import Case, Victim

@@ -13,20 +13,20 @@ from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
 
-from somrs.app.client import Client
-from somrs.app.system import System
-from somrs.app.wire import Wire
-from somrs.devices.simulator.commands import Fault
-from somrs.devices.simulator.link import OperatorLink
+from somrs.client.client import Client
+from somrs.deployment.system import System
+from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError, SomrsError
-from somrs.ontology.files import load
+from somrs.ontology.files.loading import load
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
-from somrs.protocol import frp
-from somrs.protocol.bodies import Body
-from somrs.protocol.envelope import ANONYMOUS, Header, Message
-from somrs.protocol.frp import State
-from somrs.protocol.knowledge import UpdateMap
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
+from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.runtime.wire import Wire
 from verification.kill_runs.draw import HOMES, Victim
 from verification.kill_runs.plays import DEVICES, PATROL, ROBOTS, THINGS
 
@@ -45,7 +45,7 @@ class Stage:
 
     def __init__(self, data: Path) -> None:
         self.data = data
-        with resources.as_file(resources.files("somrs.app") / "data" / "scenario-2.yaml") as site:
+        with resources.as_file(resources.files("somrs.demo") / "data" / "scenario-2.yaml") as site:
             loaded = load([site])
             self.system = System([site], data, speed="max", fresh=True)
         assert loaded.map is not None, "the site has a map"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from somrs.app.trace import Line
+from somrs.client.trace import Line
 
 
 class Tail:

@@ -3,7 +3,7 @@
 After Ravn, Srba, Vighio and Marques, who did this for WS-BusinessActivity (TACAS 2011; STTT 2012, doi 10.1007/s10009-012-0231-4).
 
 **What runs here is what runs.** A side is a `CoordinatorSession` or a `ParticipantSession`, given messages and made to speak, by the
-tables of `somrs.protocol.states`. Around them the model adds what the sessions leave to others, and no more:
+tables of `somrs.protocol.frp.states`. Around them the model adds what the sessions leave to others, and no more:
 - the medium, and nodes that repeat what is not acknowledged (`media.py`);
 - the Task Manager's rules for a transaction: who may be accepted, when it stops and ends, who has to undo (`coordinator.py`);
 - the Service Manager's: what its device does, its timers, what it reports after a restart (`participant.py`).

@@ -8,9 +8,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from somrs.protocol import frp, states
-from somrs.protocol.frp import State
-from somrs.protocol.session import CoordinatorBody, CoordinatorSession
+from somrs.protocol.frp import states
+from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.frp import State
 from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Fair, Side, Step, key, trial
 
 # Bodies say nothing here: what they carry changes no state.

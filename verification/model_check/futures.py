@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from somrs.protocol import states
-from somrs.protocol.frp import Cancel, End, State, Status
-from somrs.protocol.states import Kind, Said
+from somrs.protocol.frp import states
+from somrs.protocol.frp.states import Kind, Said
+from somrs.protocol.messages.frp import Cancel, End, State, Status
 
 
 class Futures:

@@ -147,7 +147,7 @@ class Medium:
 FIFO = Medium(name="FIFO", ordered=True, lossy=False)
 LOSSY_FIFO = Medium(name="FIFO, lossy", ordered=True, lossy=True)
 OUTBOX = Medium(name="FIFO, lossy", ordered=True, lossy=True, one_by_one=True)
-"""A lossy FIFO with the senders that run, see `somrs.app.node`; with senders that repeat in any order, two participants are too many."""
+"""A lossy FIFO with the senders that run, see `runtime.node`; with senders that repeat in any order, two participants are too many."""
 UNORDERED = Medium(name="unordered", ordered=False, lossy=False)
 UNORDERED_LOSSY = Medium(name="unordered, lossy", ordered=False, lossy=True)
 DUPLICATING = Medium(name="unordered, lossy, duplicating", ordered=False, lossy=True, duplicating=True)

@@ -12,9 +12,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from somrs.protocol import states
-from somrs.protocol.frp import Completed, Failed, State, Stopped, Stranded
-from somrs.protocol.states import Kind
+from somrs.protocol.frp import states
+from somrs.protocol.frp.states import Kind
+from somrs.protocol.messages.frp import Completed, Failed, State, Stopped, Stranded
 from verification.model_check.explanations import EXPLANATIONS, NEVER_MET
 from verification.model_check.explore import Space, explore
 from verification.model_check.media import DUPLICATING, FIFO, UNORDERED, UNORDERED_LOSSY

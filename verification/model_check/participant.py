@@ -9,9 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from somrs.protocol import frp, states
-from somrs.protocol.frp import State
-from somrs.protocol.session import ParticipantBody, ParticipantSession
+from somrs.protocol.frp import states
+from somrs.protocol.frp.session import ParticipantBody, ParticipantSession
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.frp import State
 from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Fair, Side, Step, forget_fleeting, is_late, key, trial
 
 # Bodies say nothing here: what they carry changes no state.

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from enum import StrEnum
 
-from somrs.protocol import states
-from somrs.protocol.frp import Accept, State
+from somrs.protocol.frp import states
+from somrs.protocol.messages.frp import Accept, State
 from verification.model_check.coordinator import UNDONE_AT_LAST, Coordinator, Phase
 from verification.model_check.participant import Deed, Participant
 

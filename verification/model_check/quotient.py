@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from somrs.protocol import states
+from somrs.protocol.frp import states
 from verification.model_check.coordinator import Phase
 from verification.model_check.explore import Kind, Space
 from verification.model_check.properties import Outcome, at_home, outcome

@@ -16,10 +16,10 @@ from typing import Generic, NamedTuple, TypeVar
 from msgspec import structs
 
 from somrs.errors import UsageError
-from somrs.protocol import frp
-from somrs.protocol.envelope import Message
-from somrs.protocol.frp import State
-from somrs.protocol.session import CoordinatorSession, ParticipantSession
+from somrs.protocol.frp.session import CoordinatorSession, ParticipantSession
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import State
 from verification.model_check.futures import Futures
 
 TM, SM, TRANSACTION, PARTICIPANT = "tm", "sm", "t", "service#step"

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
-from somrs.protocol.frp import State
-from somrs.protocol.states import WORKING, Said
+from somrs.protocol.frp.states import WORKING, Said
+from somrs.protocol.messages.frp import State
 from somrs.task_manager.participants import IDLE
 from verification.model_check.coordinator import Coordinator, Coordinators, Phase
 from verification.model_check.futures import Futures

@@ -11,13 +11,13 @@ from somrs.entish.parse import nearest, parse
 from somrs.ontology.matching import bring_about_all, can_bring_about, unifiers
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.truth import bindings, holds
-from somrs.planner.conflict import impossible, smallest, torn
-from somrs.planner.grounding import Grounding, TooLarge
-from somrs.planner.operators import Inexpressible, goal_operators
-from somrs.planner.plan import NoPlan
-from somrs.planner.problem import Available, Lost, Problem
-from somrs.planner.relevance import demands
-from somrs.planner.world import World
+from somrs.planner.grounding.grounding import Grounding, TooLarge
+from somrs.planner.grounding.relevance import demands
+from somrs.planner.model.operators import Inexpressible, goal_operators
+from somrs.planner.model.plan import NoPlan
+from somrs.planner.model.problem import Available, Lost, Problem
+from somrs.planner.model.world import World
+from somrs.planner.search.conflict import impossible, smallest, torn
 
 DEPTH = 4
 """How many services back a reason is looked for."""

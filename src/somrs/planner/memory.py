@@ -11,8 +11,8 @@ from somrs.entish.parse import parse
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, Map, ValueSet, differences
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
-from somrs.planner.plan import NoPlan, Plan
-from somrs.planner.problem import Problem
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.problem import Problem
 
 SIZE = 32
 """So many answers are kept, the last ones."""

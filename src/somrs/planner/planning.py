@@ -8,25 +8,25 @@ from dataclasses import dataclass
 from somrs.entish.formula import names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import holds
-from somrs.planner import counting
-from somrs.planner.choice import opened
-from somrs.planner.counting import Counters, TooMany, count
+from somrs.planner.encodings.sas import read, written
 from somrs.planner.explanation import not_usable, unmet_precondition, why_not
-from somrs.planner.grounding import Grounding, TooLarge
-from somrs.planner.matching import match
-from somrs.planner.merging import merged
-from somrs.planner.numeric import NumericTask
-from somrs.planner.operators import Inexpressible, Operator, goal_operators
-from somrs.planner.plan import NoPlan, Plan
-from somrs.planner.problem import Problem
-from somrs.planner.quality import best
-from somrs.planner.relevance import demands
+from somrs.planner.grounding.grounding import Grounding, TooLarge
+from somrs.planner.grounding.merging import merged
+from somrs.planner.grounding.relevance import demands
+from somrs.planner.grounding.task import Move, Task
+from somrs.planner.model.choice import opened
+from somrs.planner.model.operators import Inexpressible, Operator, goal_operators
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.problem import Problem
+from somrs.planner.model.quality import best
+from somrs.planner.model.world import World
 from somrs.planner.repair import shorter, sure
-from somrs.planner.sas import read, written
-from somrs.planner.search import TooHard, cheapest, without_useless
-from somrs.planner.steps import stated
-from somrs.planner.task import Move, Task
-from somrs.planner.world import World
+from somrs.planner.search import counting
+from somrs.planner.search.counting import Counters, TooMany, count
+from somrs.planner.search.matching import match
+from somrs.planner.search.numeric import NumericTask
+from somrs.planner.search.search import TooHard, cheapest, without_useless
+from somrs.planner.search.steps import stated
 
 Engine = Callable[[str, float], list[str] | None]
 """Given a task in Fast Downward's format and a limit in seconds: the names of the operators that solve it, or None when

@@ -16,13 +16,14 @@ import msgspec
 from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, InputError, UsageError
+from somrs.kernel.component import Effect, Input, Received, Record, Send, Started, Undelivered, Wake
+from somrs.kernel.replica import Replica
 from somrs.ontology.matching import can_bring_about
 from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology, Value
-from somrs.protocol.bodies import Body
-from somrs.protocol.component import Effect, Input, Received, Record, Send, Started, Undelivered, Wake
-from somrs.protocol.directory import (
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.directory import (
     Discover,
     Discovered,
     Offer,
@@ -36,11 +37,10 @@ from somrs.protocol.directory import (
     ServicesSubscribed,
     SubscribeServices,
 )
-from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
-from somrs.protocol.frp import Fault
-from somrs.protocol.leases import granted
-from somrs.protocol.paging import PAGE_BYTES
-from somrs.protocol.replica import Replica
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.leases import granted
+from somrs.protocol.messages.paging import PAGE_BYTES
 from somrs.registry.entries import Listed
 
 LEASES = "leases"

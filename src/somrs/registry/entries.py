@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from somrs.protocol.directory import Offer
+from somrs.protocol.messages.directory import Offer
 
 
 class Listed(Struct, frozen=True, kw_only=True):

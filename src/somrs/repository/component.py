@@ -2,7 +2,7 @@
 
 Paper, "Repository": a realisation of the common knowledge of the environment's representation, and a storage of its maps.
 What an update comes to is `update.py`'s, what a change of the ontology `definition.py`'s, what undoing one `undoing.py`'s; what happened
-and how things were is `looking_back.py`'s, how answers are cut into pages `pages.py`'s, what is on disk `entries.py`'s.
+and how things were is `history_queries.py`'s, how answers are cut into pages `pages.py`'s, what is on disk `entries.py`'s.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from itertools import islice
 from msgspec import structs
 
 from somrs.errors import InputError
+from somrs.kernel.component import Answered, Effect, Input, Rang, Received, Record, Send, Started, Undelivered, Wake
 from somrs.ontology.check import check
 from somrs.ontology.conformance import Violation
 from somrs.ontology.truth import bindings
-from somrs.protocol.component import Answered, Effect, Input, Rang, Received, Record, Send, Started, Undelivered, Wake
-from somrs.protocol.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
-from somrs.protocol.frp import Fault
-from somrs.protocol.knowledge import (
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import (
     Alteration,
     Consider,
     Define,
@@ -42,17 +42,17 @@ from somrs.protocol.knowledge import (
     Updated,
     UpdateMap,
 )
-from somrs.protocol.leases import granted
-from somrs.protocol.paging import PAGE_BYTES, fitting, size
+from somrs.protocol.messages.leases import granted
+from somrs.protocol.messages.paging import PAGE_BYTES, fitting, size
 from somrs.repository.definition import object_renamed, redefined
 from somrs.repository.entries import REMEMBERED, Answer, Contents, Defining, Handled, PastOf, Subscription
-from somrs.repository.looking_back import LookingBack
+from somrs.repository.history_queries import LookingBack
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
-from somrs.repository.overtaken import overtaken
 from somrs.repository.pages import MapPages, ontology_page
 from somrs.repository.past import inverse
 from somrs.repository.undoing import undone
 from somrs.repository.update import updated
+from somrs.repository.version_conflict import overtaken
 
 LEASES = "leases"
 """The timer that rings when the next subscription runs out."""

@@ -11,12 +11,12 @@ from somrs.entish.parse import nearest
 from somrs.ontology.concerned import violations_after
 from somrs.ontology.conformance import Violation
 from somrs.ontology.consistency import ontology_violations
+from somrs.ontology.dependency_index import lost
 from somrs.ontology.naming import SINGULAR, Named, Renaming, Section, find, named, revised, section_of
 from somrs.ontology.objects import Map
-from somrs.ontology.relied import lost
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Ontology
-from somrs.protocol.knowledge import Define, RenameObject
+from somrs.protocol.messages.knowledge import Define, RenameObject
 from somrs.repository.names import is_name, texts, unspeakable
 from somrs.repository.outcome import Outcome, applied, differing, revision
 

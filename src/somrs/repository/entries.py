@@ -1,5 +1,5 @@
 """What the Repository has put on disk, what it asks of its store, and what it is built from when it starts again. The tables are
-`app.store`'s."""
+`storage.repository_store`'s."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from msgspec import Struct
 from somrs.ontology.naming import Named
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
-from somrs.protocol.knowledge import Defined, Event, Rejected, Updated
+from somrs.protocol.messages.knowledge import Defined, Event, Rejected, Updated
 
 REMEMBERED = 20_000
 """So many requests are remembered with their answers; one of them that comes again is answered again, not carried out again."""

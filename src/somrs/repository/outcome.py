@@ -9,8 +9,8 @@ from somrs.ontology.conformance import Violation
 from somrs.ontology.naming import Named, Renaming, find, named, revised
 from somrs.ontology.objects import Change, Map, objects_of
 from somrs.ontology.types import Definition, Ontology
-from somrs.protocol.knowledge import BrokenRule, Considered, Definitions, OntologyChanged, Rejected, Revision, by_kind
-from somrs.protocol.paging import PAGE_BYTES, PAGE_ITEMS, fitting
+from somrs.protocol.messages.knowledge import BrokenRule, Considered, Definitions, OntologyChanged, Rejected, Revision, by_kind
+from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fitting
 
 SITUATION, VERSION = "situation", "version"
 """Sections of a request, in which rules may be broken, too."""

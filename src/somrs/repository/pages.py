@@ -6,8 +6,8 @@ from bisect import bisect_right
 
 from somrs.ontology.objects import Fact, Map
 from somrs.ontology.types import Ontology
-from somrs.protocol.knowledge import MapPage, OntologyPage, by_kind
-from somrs.protocol.paging import fitting
+from somrs.protocol.messages.knowledge import MapPage, OntologyPage, by_kind
+from somrs.protocol.messages.paging import fitting
 
 
 def ontology_page(ontology: Ontology, version: int, after: int, changed_at: int) -> OntologyPage:

@@ -9,8 +9,8 @@ from msgspec import structs
 
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
-from somrs.protocol.knowledge import Event, Revision
-from somrs.protocol.paging import PAGE_BYTES, PAGE_ITEMS, fitting, size
+from somrs.protocol.messages.knowledge import Event, Revision
+from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fitting, size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

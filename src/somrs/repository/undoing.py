@@ -15,8 +15,8 @@ from somrs.ontology.naming import Named, Section, find, named
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Definition
-from somrs.protocol.knowledge import Define, Event, RenameObject, Revision, by_kind
-from somrs.protocol.people import person
+from somrs.protocol.messages.knowledge import Define, Event, RenameObject, Revision, by_kind
+from somrs.protocol.messages.people import person
 from somrs.repository.definition import object_renamed, redefined
 from somrs.repository.entries import Contents
 from somrs.repository.outcome import Outcome

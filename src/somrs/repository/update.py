@@ -22,7 +22,7 @@ from somrs.ontology.objects import (
     objects_of,
 )
 from somrs.ontology.types import ABSTRACT, UNKNOWN, Ontology
-from somrs.protocol.knowledge import UpdateMap
+from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.names import is_name, unspeakable
 from somrs.repository.outcome import SITUATION, Outcome
 

@@ -17,9 +17,9 @@ from typing import Any
 
 from somrs.errors import InputError, ModelError, Problem
 from somrs.ontology.conformance import violations
-from somrs.ontology.files import upper
-from somrs.ontology.nodes import Path as YamlPath
-from somrs.ontology.nodes import Source
+from somrs.ontology.files.loading import upper
+from somrs.ontology.files.nodes import Path as YamlPath
+from somrs.ontology.files.nodes import Source
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import PART_OF, ObjectType, Value
 from somrs.sites.plan import Box, Point, clearance, cleared, roomiest, without_gap

@@ -13,10 +13,10 @@ from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.truth import bindings, holds
 from somrs.ontology.types import Ontology
-from somrs.planner.plan import Step
-from somrs.protocol.clients import Policy, Submit
-from somrs.protocol.directory import Offer
-from somrs.protocol.frp import Terms
+from somrs.planner.model.plan import Step
+from somrs.protocol.messages.clients import Policy, Submit
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.frp import Terms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

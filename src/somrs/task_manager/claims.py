@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relation, Term
 from somrs.entish.formula import alternatives, literals, terms
 from somrs.ontology.types import Ontology
-from somrs.planner.plan import Plan, Step
+from somrs.planner.model.plan import Plan, Step
 
 Then = Callable[[float], None]
 """Called once what is waited for is free."""

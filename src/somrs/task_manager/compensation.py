@@ -13,8 +13,8 @@ from enum import Enum
 from typing import Protocol
 
 from somrs.ontology.services import Handler, Occasion
-from somrs.protocol.clients import EventKind
-from somrs.protocol.frp import State
+from somrs.protocol.messages.clients import EventKind
+from somrs.protocol.messages.frp import State
 from somrs.task_manager.participants import Participants
 from somrs.task_manager.setting import Setting, known_to_hold
 from somrs.task_manager.work import Work

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
-from somrs.planner.plan import NoPlan, Plan
-from somrs.protocol.clients import Submit
-from somrs.protocol.component import Ask, Withdraw
-from somrs.protocol.directory import Offer
+from somrs.kernel.component import Ask, Withdraw
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.claims import Held, claim
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.setting import Setting, problem

@@ -10,9 +10,9 @@ from somrs.entish import Name
 from somrs.entish.formula import substitute
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
+from somrs.kernel.replica import Replica
 from somrs.ontology.services import PROVIDER, Handler, Occasion
 from somrs.ontology.truth import bindings
-from somrs.protocol.replica import Replica
 from somrs.task_manager.work import Work
 
 

@@ -9,11 +9,11 @@ from functools import partial
 from typing import Protocol
 
 from somrs.entish.parse import parse
-from somrs.protocol import frp
-from somrs.protocol.clients import EventKind
-from somrs.protocol.envelope import Message
-from somrs.protocol.frp import Outcome, State
-from somrs.protocol.knowledge import UpdateMap
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import EventKind
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.task_manager.looking import Looks
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.participants import Member, Participants

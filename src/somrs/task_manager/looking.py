@@ -16,11 +16,11 @@ from somrs.entish.parse import parse
 from somrs.ontology.objects import Change, Fact, FactRemoved, Map, ValueSet
 from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import UNKNOWN, Ontology
-from somrs.planner.plan import Plan, Step
-from somrs.protocol.clients import EventKind
-from somrs.protocol.directory import Offer
-from somrs.protocol.frp import State
-from somrs.protocol.knowledge import UpdateMap
+from somrs.planner.model.plan import Plan, Step
+from somrs.protocol.messages.clients import EventKind
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.reports import Reports
 from somrs.task_manager.setting import Setting

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from functools import partial
 from itertools import islice
 
-from somrs.protocol import clients, frp
-from somrs.protocol.bodies import REQUESTS, Body, FrpBody
-from somrs.protocol.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
-from somrs.protocol.envelope import Message, message_id, reply
-from somrs.protocol.paging import fitting
-from somrs.protocol.replica import Replica
+from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
+from somrs.kernel.replica import Replica
+from somrs.protocol.messages import clients, frp
+from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
+from somrs.protocol.messages.envelope import Message, message_id, reply
+from somrs.protocol.messages.paging import fitting
 from somrs.task_manager.claims import Claims
 from somrs.task_manager.participants import sent_home
 from somrs.task_manager.preview import Previewing

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction
+from somrs.kernel.replica import Replica
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import WORKING
-from somrs.planner.plan import Step
-from somrs.planner.problem import Lost
-from somrs.protocol.directory import Offer
-from somrs.protocol.replica import Replica
+from somrs.planner.model.plan import Step
+from somrs.planner.model.problem import Lost
+from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.arrange import able, about, precondition_now, service_types
 from somrs.task_manager.workflow import StepRun
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from somrs.protocol.clients import EventKind, Submit
+from somrs.protocol.messages.clients import EventKind, Submit
 from somrs.task_manager.offered import Offered
 from somrs.task_manager.participants import Participants
 from somrs.task_manager.setting import Setting

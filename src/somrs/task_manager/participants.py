@@ -8,13 +8,13 @@ from functools import partial
 
 from msgspec import structs
 
-from somrs.protocol import frp
-from somrs.protocol.component import Effect, Send, Wake
-from somrs.protocol.directory import Offer
-from somrs.protocol.envelope import ANONYMOUS, Message
-from somrs.protocol.frp import Outcome, State
-from somrs.protocol.session import CoordinatorBody, CoordinatorSession, Heard, participant_id
-from somrs.protocol.states import COORDINATOR_SENDS, HOLDS, WORKING
+from somrs.kernel.component import Effect, Send, Wake
+from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, Heard, participant_id
+from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDS, WORKING
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.envelope import ANONYMOUS, Message
+from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.arrange import Bid
 from somrs.task_manager.setting import Setting
 

@@ -11,13 +11,13 @@ from itertools import chain
 
 from msgspec import structs
 
-from somrs.planner.plan import Plan
-from somrs.protocol import frp
-from somrs.protocol.clients import Preview, Previewed, Quotation, Submit
-from somrs.protocol.component import Wake
-from somrs.protocol.directory import Offer
-from somrs.protocol.envelope import Message
-from somrs.protocol.frp import State
+from somrs.kernel.component import Wake
+from somrs.planner.model.plan import Plan
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import Preview, Previewed, Quotation, Submit
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrange import Bid, bid, choose, fitted
 from somrs.task_manager.claims import Held
 from somrs.task_manager.draft import Draft

@@ -13,10 +13,10 @@ from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceKind
-from somrs.planner.plan import NoPlan, Plan
-from somrs.protocol import frp
-from somrs.protocol.clients import EventKind, Phase
-from somrs.protocol.frp import State
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import EventKind, Phase
+from somrs.protocol.messages.frp import State
 from somrs.task_manager.claims import Held
 from somrs.task_manager.draft import Draft
 from somrs.task_manager.looking import Look

@@ -9,12 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from somrs.protocol.bodies import Body
-from somrs.protocol.component import Effect, Send, Wake
-from somrs.protocol.directory import Discover, Discovered, Offer
-from somrs.protocol.envelope import Header, Message, message_id
-from somrs.protocol.frp import Fault
-from somrs.protocol.knowledge import Rejected, UpdateMap
+from somrs.kernel.component import Effect, Send, Wake
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.directory import Discover, Discovered, Offer
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import Rejected, UpdateMap
 
 PATIENCE = 10.0
 """Seconds after which a question without an answer is asked again."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from somrs.protocol.clients import TaskRecord
+from somrs.protocol.messages.clients import TaskRecord
 from somrs.task_manager.views import contract_view, message_view, view
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from somrs.protocol.directory import Offer
+from somrs.protocol.messages.directory import Offer
 
 MOST_REPLANS = 8
 """How often one task is planned anew, with nothing completed between, before it is given up."""

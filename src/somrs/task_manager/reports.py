@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from somrs.protocol.envelope import Message
-from somrs.protocol.knowledge import Rejected, Updated, UpdateMap
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.task_manager.questions import said
 from somrs.task_manager.setting import Setting
 

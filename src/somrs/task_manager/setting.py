@@ -11,15 +11,15 @@ from somrs.entish import Formula
 from somrs.entish.formula import names
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
+from somrs.kernel.component import Effect
+from somrs.kernel.replica import Replica
 from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, Handler
 from somrs.ontology.truth import holds
 from somrs.ontology.types import UNKNOWN
-from somrs.planner.problem import Available, Problem
-from somrs.protocol.clients import Policy, Submit
-from somrs.protocol.component import Effect
-from somrs.protocol.directory import Offer
-from somrs.protocol.replica import Replica
+from somrs.planner.model.problem import Available, Problem
+from somrs.protocol.messages.clients import Policy, Submit
+from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.claims import Claims
 from somrs.task_manager.questions import Questions
 from somrs.task_manager.turns import Turns

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from somrs.planner.choice import by
-from somrs.planner.plan import Step
-from somrs.protocol import frp
-from somrs.protocol.clients import Submit
-from somrs.protocol.component import Effect, Wake
-from somrs.protocol.directory import Offer
-from somrs.protocol.frp import State
+from somrs.kernel.component import Effect, Wake
+from somrs.planner.model.choice import by
+from somrs.planner.model.plan import Step
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrange import bid, choose, fitted
 from somrs.task_manager.participants import Member, Participants
 from somrs.task_manager.workflow import Progress, StepRun

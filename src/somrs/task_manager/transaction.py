@@ -12,12 +12,12 @@ from collections.abc import Iterable, Iterator
 from functools import partial
 
 from somrs.entish.parse import parse
+from somrs.kernel.component import Record, Wake
 from somrs.ontology.services import Handler, Occasion
-from somrs.planner.plan import Plan
-from somrs.protocol.clients import EventKind, Phase, Submit, TaskEvent
-from somrs.protocol.component import Record, Wake
-from somrs.protocol.envelope import Message
-from somrs.protocol.frp import Outcome, State
+from somrs.planner.model.plan import Plan
+from somrs.protocol.messages.clients import EventKind, Phase, Submit, TaskEvent
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.claims import Claim
 from somrs.task_manager.compensation import Undoing
 from somrs.task_manager.handlers import fitting

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from somrs.protocol.directory import AT_ONCE, Offer
+from somrs.protocol.messages.directory import AT_ONCE, Offer
 
 Rank = tuple[float, float, float, str]
 """The lowest comes first."""

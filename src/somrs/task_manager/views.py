@@ -1,4 +1,4 @@
-"""Tasks, steps, contracts, messages and plans as clients see them (the values of `protocol/clients.py`)."""
+"""Tasks, steps, contracts, messages and plans as clients see them (the values of `protocol/messages/clients.py`)."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import msgspec
 from msgspec import structs
 
 from somrs.errors import FormulaError
-from somrs.planner.plan import NoPlan, Plan, Step
-from somrs.protocol.clients import ContractView, MessageView, Previewed, StepView, TaskRow, TaskView, WorkView
-from somrs.protocol.envelope import Message
-from somrs.protocol.frp import Outcome, State
-from somrs.protocol.paging import fitting
-from somrs.protocol.states import WORKING
+from somrs.planner.model.plan import NoPlan, Plan, Step
+from somrs.protocol.frp.states import WORKING
+from somrs.protocol.messages.clients import ContractView, MessageView, Previewed, StepView, TaskRow, TaskView, WorkView
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.paging import fitting
 from somrs.task_manager.participants import Member
 from somrs.task_manager.workflow import Progress, StepRun
 

@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from somrs.protocol.bodies import Body
-from somrs.protocol.clients import ContractView, TaskNews, TasksNews, WatchTask, WatchTasks
-from somrs.protocol.component import Effect, Wake
-from somrs.protocol.envelope import Message
-from somrs.protocol.paging import PAGE_BYTES, fitting, size
+from somrs.kernel.component import Effect, Wake
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.clients import ContractView, TaskNews, TasksNews, WatchTask, WatchTasks
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.paging import PAGE_BYTES, fitting, size
 from somrs.task_manager.transaction import Transaction
 from somrs.task_manager.views import contract_view, row, view_in_parts
 

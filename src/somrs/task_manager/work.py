@@ -13,9 +13,9 @@ from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, ValueSet, 
 from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.ontology.values import constant
-from somrs.planner.plan import Step
-from somrs.protocol.clients import WorkView
-from somrs.protocol.frp import State
+from somrs.planner.model.plan import Step
+from somrs.protocol.messages.clients import WorkView
+from somrs.protocol.messages.frp import State
 from somrs.task_manager.participants import Member
 
 INTERRUPTED = (State.FAILED, State.STOPPED, State.UNREACHABLE)

@@ -7,8 +7,8 @@ from collections.abc import Hashable, Iterable, Iterator, Sequence
 from enum import StrEnum
 
 from somrs.entish import Formula
-from somrs.planner.choice import by
-from somrs.planner.plan import Plan, Step
+from somrs.planner.model.choice import by
+from somrs.planner.model.plan import Plan, Step
 from somrs.task_manager.participants import Member
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.ontology.objects import Change
 from somrs.ontology.services import ServiceType
-from somrs.service_manager.orders import Advance, Capability, Done, Halt, Order, Perform, Profile, Quote, Quoted, ServiceFailed, Undo
+from somrs.service_manager.sdk.orders import Advance, Capability, Done, Halt, Order, Perform, Profile, Quote, Quoted, ServiceFailed, Undo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

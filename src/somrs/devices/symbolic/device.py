@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from somrs.devices.symbolic.lines import Begin, Came, Do, Estimate, Estimated, Hello, Look, Welcome
 from somrs.devices.symbolic.link import ask
 from somrs.errors import DeviceError
-from somrs.service_manager.device import Device, Service, Situation, Task
-from somrs.service_manager.orders import Profile, ServiceFailed
+from somrs.service_manager.sdk.device import Device, Service, Situation, Task
+from somrs.service_manager.sdk.orders import Profile, ServiceFailed
 
 
 class SymbolicDevice(Device):

@@ -10,13 +10,13 @@ from somrs.entish.formula import conjunction, conjuncts, literals, substitute, t
 from somrs.entish.parse import parse, parse_term
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
-from somrs.ontology.files import upper
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Change, Fact, FactAdded, Map
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.truth import bindings, holds
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.ontology.values import measure
-from somrs.service_manager.values import term
+from somrs.service_manager.sdk.values import term
 
 Inputs = Mapping[str, str]
 """A service's inputs, as an order has them: Entish terms by name."""

@@ -11,7 +11,7 @@ from rdflib.plugins.parsers.notation3 import BadSyntax
 from rdflib.term import IdentifiedNode, Node
 
 from somrs.errors import ModelError, Problem
-from somrs.ontology.files import NAME
+from somrs.ontology.files.loading import NAME
 from somrs.ontology.naming import SINGULAR, Named, Renaming, Section, find
 from somrs.ontology.owl.words import ONTOLOGY, V, local, section_of
 from somrs.ontology.types import Ontology

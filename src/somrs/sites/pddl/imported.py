@@ -10,14 +10,14 @@ from somrs.entish import Formula, Name, Number
 from somrs.entish.formula import substitute_term
 from somrs.entish.parse import parse_term
 from somrs.errors import UsageError
-from somrs.ontology.files import upper
+from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.schema import RESERVED
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType, Value
 from somrs.ontology.values import measure
-from somrs.planner.plan import Step
-from somrs.planner.problem import Available, Problem
+from somrs.planner.model.plan import Step
+from somrs.planner.model.problem import Available, Problem
 from somrs.sites.pddl.actions import Actions, Offer
 from somrs.sites.pddl.formulas import Speech, Words
 from somrs.sites.pddl.kinds import DEVICE, DRIVER, Kinds

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from somrs.ontology.files import NAME
+from somrs.ontology.files.loading import NAME
 
 _KEYWORDS = frozenset({"AND", "OR", "NOT", "TRUE", "FALSE"})
 

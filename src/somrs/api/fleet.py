@@ -1,0 +1,299 @@
+"""Devices and their services: who is there, what each does, how it has done so far; and faults of simulated robots."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from enum import StrEnum
+
+import msgspec
+
+from somrs.api.context import Context
+from somrs.api.operations import operation
+from somrs.api.reliability_stats import WINDOW, Experience, Tally, device_of
+from somrs.api.service_presence import Coming
+from somrs.api.simulator_gateway import Simulated, break_or_mend, robots
+from somrs.client.refusals import Trouble, trouble
+from somrs.client.task_history import Past
+from somrs.devices.simulator.link.commands import Fault
+from somrs.errors import SomrsError
+from somrs.ontology.services import ServiceKind
+from somrs.ontology.types import WORKING, Value
+from somrs.ontology.values import value_of
+from somrs.protocol.messages.clients import StepView, TaskView, WorkView
+from somrs.protocol.messages.directory import Discover, Offer
+from somrs.protocol.messages.frp import State
+
+DEVICE = "Device"
+"""The type of all devices (upper ontology)."""
+
+STOREY = "Storey"
+HELD_BY = "isHeldBy"
+
+STALE = 10.0
+"""Seconds after which all offers are read again: some news of them may have been lost."""
+
+GONE = 600.0
+"""Seconds for which somebody who left is still told of."""
+
+TICK = 1.0
+"""Seconds between two looks at the fleet, while somebody follows it."""
+
+BUSY = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
+
+
+class Services(msgspec.Struct, frozen=True, kw_only=True):
+    offers: tuple[Offer, ...]
+
+
+class Presence(StrEnum):
+    """Whether a device takes part."""
+
+    OFFERS = "offers"
+    """It has services on offer."""
+    SILENT = "silent"
+    """It is on the map, and offers nothing now."""
+    GONE = "gone"
+    """It is on no map, and left a short time ago."""
+
+
+class ServiceSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """A service of a device. `price`: what the device asks as a rule, if it says so; the terms of a task may say otherwise."""
+
+    service: str
+    type: str
+    kind: ServiceKind
+    effect: str
+    precondition: str | None = None
+    price: float | None = None
+    attributes: dict[str, Value] = {}
+    on_offer: bool = True
+    tally: Tally = Tally()
+
+
+class Doing(msgspec.Struct, frozen=True, kw_only=True):
+    """A step of a task that a device does, or (`Committed`) is to do. `fraction`: how much of it is done, as far as that is told."""
+
+    task: str
+    effect: str
+    step: str
+    service: str
+    service_type: str
+    inputs: dict[str, str]
+    state: State
+    fraction: float | None = None
+
+
+class DeviceSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """A device. `lineage`: its type, and those above it. `load`: the share of the last `Devices.window` seconds in which it was busy.
+    `since`: when it joined, if that was heard; `left` and `reason`: when and why it left. `simulated`: what the simulator has of it."""
+
+    name: str
+    type: str
+    lineage: tuple[str, ...]
+    presence: Presence
+    label: str | None = None
+    working: bool = True
+    position: tuple[float, ...] | None = None
+    place: str | None = None
+    """The storey that it is on."""
+    holding: tuple[str, ...] = ()
+    charge: float | None = None
+    services: tuple[ServiceSeen, ...] = ()
+    doing: tuple[Doing, ...] = ()
+    load: float = 0.0
+    since: float | None = None
+    left: float | None = None
+    reason: str = ""
+    simulated: Simulated | None = None
+
+
+class Devices(msgspec.Struct, frozen=True, kw_only=True):
+    """All devices by name, and who came and went lately, the latest first."""
+
+    at: float
+    devices: tuple[DeviceSeen, ...]
+    log: tuple[Coming, ...]
+    window: float = WINDOW
+
+
+class FleetDesk:
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._roster = context.listener.roster
+        self._past = Past(context.client.records, context.client)
+        self._experience = Experience()
+        context.hub.feed("fleet", self._feed)
+
+    @operation("GET", "/services")
+    async def services(self, type: str | None = None, effect: str | None = None) -> Services:
+        """What is on offer now: all, or services of a type, or those that can bring about an effect."""
+        return Services(offers=await self._context.client.services(Discover(service_type=type, effect=effect)))
+
+    @operation("GET", "/fleet")
+    async def devices(self) -> Devices:
+        """Every device on the map, and everybody who offers something or did so a short time ago.
+
+        The topic `fleet` tells the same whenever it changes.
+        """
+        now = time.time()
+        tasks, states, *_ = await asyncio.gather(
+            self._context.client.tasks(running=True),
+            robots(self._context.addresses.simulator),
+            self._read_offers(now),
+            self._experience.learn(self._past),
+        )
+        doing = _by_device(tasks)
+        loads = self._experience.loads(_works(tasks), now)
+        names = {*self._on_map(), *(offer.provider for offer in self._roster.offers.values())}
+        names.update(one.device for one in self._roster.log if not one.joined and one.at > now - GONE)
+        devices = (self._device(name, doing.get(name, ()), loads.get(name, 0.0), states.get(name)) for name in sorted(names))
+        return Devices(at=now, devices=tuple(devices), log=tuple(reversed(self._roster.log)))
+
+    @operation("POST", "/fleet/{robot}/faults/{fault}")
+    async def fault(self, robot: str, fault: Fault, repair: bool = False) -> None:
+        """Break something of a simulated robot, or mend it."""
+        await break_or_mend(self._context.addresses.simulator, robot, fault, repair=repair)
+
+    async def _read_offers(self, now: float) -> None:
+        if self._roster.read_at is None or now - self._roster.read_at > STALE:
+            self._roster.read(await self._context.client.services(), now)
+
+    def _on_map(self) -> Iterator[str]:
+        map, ontology = self._context.map, self._context.ontology
+        for type_name in ontology.subtypes(DEVICE):
+            yield from map.of_type(type_name)
+
+    def _device(self, name: str, doing: tuple[Doing, ...], load: float, state: Simulated | None) -> DeviceSeen:
+        map, ontology = self._context.map, self._context.ontology
+        object = map.objects.get(name)
+        offers = [offer for offer in self._roster.offers.values() if offer.provider == name]
+        going, coming = self._roster.last_going(name), self._roster.last_coming(name)
+        type_name = object.type if object is not None else offers[0].provider_type if offers else ""
+        offered = [self._service(offer) for offer in offers]
+        if not offered and going is not None:
+            offered = [self._former(service) for service in going.services]
+        return DeviceSeen(
+            name=name,
+            type=type_name,
+            lineage=ontology.ancestors(type_name),
+            presence=Presence.OFFERS if offers else Presence.SILENT if object is not None else Presence.GONE,
+            label=_text(value_of(name, "Label", map, ontology)),
+            working=value_of(name, WORKING, map, ontology) is not False,
+            position=self._position(name),
+            place=self._place(name),
+            holding=tuple(arguments[0] for arguments in map.facts_with(HELD_BY, 1, name)),
+            charge=_number(value_of(name, "Charge", map, ontology)),
+            services=tuple(sorted(offered, key=lambda service: service.service)),
+            doing=doing,
+            load=round(load, 3),
+            since=coming.at if coming is not None and offers else None,
+            left=going.at if going is not None and not offers else None,
+            reason=going.reason if going is not None and not offers else "",
+            simulated=state,
+        )
+
+    def _service(self, offer: Offer) -> ServiceSeen:
+        kind = offer.service_type
+        return ServiceSeen(
+            service=offer.service,
+            type=kind.name,
+            kind=kind.kind,
+            effect=kind.effect,
+            precondition=kind.precondition,
+            price=_number(offer.attributes.get("Price")),
+            attributes=offer.attributes,
+            tally=self._experience.tally(offer.service),
+        )
+
+    def _former(self, service: str) -> ServiceSeen:
+        """A service that is not on offer any more."""
+        type_name = service.partition(".")[2]
+        kind = self._context.ontology.services.get(type_name)
+        return ServiceSeen(
+            service=service,
+            type=type_name,
+            kind=kind.kind if kind is not None else ServiceKind.PHYSICAL,
+            effect=kind.effect if kind is not None else "",
+            on_offer=False,
+            tally=self._experience.tally(service),
+        )
+
+    def _position(self, name: str) -> tuple[float, ...] | None:
+        map, ontology = self._context.map, self._context.ontology
+        found = [_number(value_of(name, path, map, ontology)) for path in ("PositionX", "PositionY", "PositionZ")]
+        known = [one for one in found if one is not None]
+        return tuple(known) if found[0] is not None and found[1] is not None else None
+
+    def _place(self, name: str) -> str | None:
+        map, ontology = self._context.map, self._context.ontology
+        above, seen = map.whole(name), set[str]()
+        while above is not None and above in map.objects and above not in seen:
+            if ontology.is_a(map.objects[above].type, STOREY):
+                return above
+            seen.add(above)
+            above = map.whole(above)
+        return None
+
+    async def _feed(self, topic: str) -> None:
+        """Publish the fleet whenever it changes, and what is wrong while it cannot be told."""
+        last: object = None
+        with self._context.hub.listening("services") as news:
+            while True:
+                try:
+                    found: Devices | Trouble = await self.devices()
+                except SomrsError as error:
+                    found = trouble(error)
+                same = msgspec.structs.replace(found, at=0.0) if isinstance(found, Devices) else found
+                if same != last:
+                    last = same
+                    self._context.hub.publish(topic, found)
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(TICK):
+                        await news.next()
+
+
+def _works(tasks: Iterable[TaskView]) -> Iterator[WorkView]:
+    return (work for task in tasks for work in task.work)
+
+
+def _by_device(tasks: Iterable[TaskView]) -> Mapping[str, tuple[Doing, ...]]:
+    """What devices do and are to do, that which is under way first."""
+    found: dict[str, list[Doing]] = {}
+    for task in tasks:
+        for doing in _doing(task):
+            found.setdefault(device_of(doing.service), []).append(doing)
+    return {device: tuple(sorted(doings, key=lambda one: one.state not in BUSY)) for device, doings in found.items()}
+
+
+def _doing(task: TaskView) -> Iterator[Doing]:
+    steps = [step for step in task.steps if step.service is not None and step.state in (*BUSY, State.COMMITTED)]
+    planned = {step.step for step in steps}
+    for step in steps:
+        yield _of(task, step, step.fraction)
+    for work in task.work:
+        if work.state in BUSY and work.step not in planned:  # it looks, or undoes, or follows a procedure
+            yield _of(task, work)
+
+
+def _of(task: TaskView, one: StepView | WorkView, fraction: float | None = None) -> Doing:
+    return Doing(
+        task=task.task,
+        effect=task.effect,
+        step=one.step,
+        service=one.service or "",
+        service_type=one.service_type,
+        inputs=one.inputs,
+        state=one.state,
+        fraction=fraction,
+    )
+
+
+def _number(value: Value | None) -> float | None:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _text(value: Value | None) -> str | None:
+    return value if isinstance(value, str) else None

@@ -1,0 +1,165 @@
+"""The ontology: read, changed with the consequences shown before, looked back at, written to files and read from them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import msgspec
+
+from somrs.api.affected import Affected, affected, gone
+from somrs.api.context import Context
+from somrs.api.operations import Document, operation
+from somrs.api.orders import OrdersDesk
+from somrs.ontology.consistency import ontology_violations
+from somrs.ontology.dependency_index import relied
+from somrs.ontology.files.dump import dump_ontology
+from somrs.ontology.files.loading import load_definitions, upper
+from somrs.ontology.naming import Named, Renaming
+from somrs.ontology.objects import Change
+from somrs.ontology.types import Ontology
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.knowledge import BrokenRule, Define, Defined, Definitions, Events, ReadEvents, Revision, Undo, by_kind
+from somrs.repository.ontology_diff import leading_to
+from somrs.repository.outcome import applied
+
+YAML = "application/yaml"
+
+
+class OntologySeen(msgspec.Struct, frozen=True, kw_only=True):
+    """All definitions, and the version that they are of. `relied`: those that SO-MRS itself relies on, which can be neither removed nor
+    renamed."""
+
+    version: int
+    definitions: Definitions
+    relied: tuple[Named, ...] = ()
+
+
+class OfferBroken(msgspec.Struct, frozen=True, kw_only=True):
+    """A service on offer now that could not be planned with any more, and why."""
+
+    service: str
+    provider: str
+    problem: str
+
+
+class Consequences(msgspec.Struct, frozen=True, kw_only=True):
+    """What would come of a change of the ontology. Rules that would be `broken` stop it; broken `offers` do not, nor do the `affected`:
+    tasks that run, orders and templates with words that would be gone. These stay as they are.
+
+    `revision`: what it would change in the ontology; `changes`: how the map would change with it. Of long lists the first are told, and
+    how many there are.
+    """
+
+    version: int
+    broken: tuple[BrokenRule, ...] = ()
+    revision: Revision | None = None
+    changes: tuple[Change, ...] = ()
+    all_broken: int = 0
+    all_changes: int = 0
+    offers: tuple[OfferBroken, ...] = ()
+    affected: tuple[Affected, ...] = ()
+
+
+class ImportOntology(msgspec.Struct, frozen=True, kw_only=True):
+    """The text of an ontology file in YAML: its definitions are added, or replace those of the same names. `expected_version` as for any
+    change; `file` is what problems call it."""
+
+    text: str
+    author: str = ""
+    expected_version: int | None = None
+    file: str = "the file"
+
+
+class Imported(msgspec.Struct, frozen=True, kw_only=True):
+    """What a file would change, or changed: `version` has it, if it was not dry. `consequences` are of before."""
+
+    consequences: Consequences
+    version: int | None = None
+
+
+class OntologyDesk:
+    def __init__(self, context: Context, orders: OrdersDesk) -> None:
+        self._context = context
+        self._orders = orders
+
+    @operation("GET", "/ontology")
+    async def read(self, version: int | None = None) -> OntologySeen:
+        """The whole ontology as it is now, or as it was at a version."""
+        ontology, now = self._context.ontology, self._context.version
+        if version is not None and version != now:
+            ontology, now = await self._context.client.ontology(version), version
+        return OntologySeen(version=now, definitions=by_kind(ontology), relied=relied(ontology))
+
+    @operation("POST", "/ontology/changes")
+    async def change(self, body: Define) -> Defined:
+        """Remove, rename, and add or replace definitions, in this order: all or nothing.
+
+        With `expected_version`, only if none of the definitions that it speaks of changed since.
+        """
+        return Defined(version=await self._context.client.define(body))
+
+    @operation("POST", "/ontology/consider")
+    async def consider(self, body: Define) -> Consequences:
+        """What would come of changing the ontology so? Nothing is changed."""
+        return await self._consequences(body)
+
+    @operation("POST", "/ontology/undo/{version}")
+    async def undo(self, version: int, author: str = "") -> Defined:
+        """Bring back what a version changed, if nothing changed it since."""
+        return Defined(version=await self._context.client.undo(version, author))
+
+    @operation("POST", "/ontology/undo/{version}/consider")
+    async def consider_undo(self, version: int) -> Consequences:
+        """What would come of undoing a version? Nothing is changed."""
+        return await self._consequences(Undo(version=version))
+
+    @operation("GET", "/ontology/history")
+    async def history(self, before: int | None = None, limit: int = 100) -> Events:
+        """What changed in the ontology, newest first: by whom, when, what it was before and after."""
+        return await self._context.client.happened(ReadEvents(before=before, limit=limit, ontology=True))
+
+    @operation("GET", "/ontology/export.yaml")
+    async def export_yaml(self, whole: bool = False) -> Document:
+        """The ontology as a file: what it has beyond the upper ontology, or the whole of it."""
+        text = dump_ontology(self._context.ontology, upper(), "ontology", whole=whole)
+        return Document(content=text.encode(), media_type=YAML, name="ontology.yaml")
+
+    @operation("POST", "/ontology/import.yaml")
+    async def import_yaml(self, body: ImportOntology, dry: bool = False) -> Imported:
+        """Take over the definitions of a file; `dry`: only say what would come of it."""
+        return await self.taken_over(load_definitions(body.text, body.file, self._context.ontology), body, dry)
+
+    async def taken_over(self, ontology: Ontology, wanted: ImportOntology, dry: bool) -> Imported:
+        """Have the ontology be this one, that a file says; `dry`: only say what would come of it."""
+        define = leading_to(self._context.ontology, ontology, wanted.author, wanted.expected_version)
+        consequences = await self._consequences(define)
+        return Imported(consequences=consequences, version=None if dry else await self._context.client.define(define))
+
+    async def _consequences(self, change: Define | Undo) -> Consequences:
+        found = await self._context.client.consider(change)
+        offers = tuple(broken_offers(self._context.ontology, found.revision, await self._context.client.services()))
+        users = tuple(await self._affected(change, found.revision))
+        return Consequences(**{name: getattr(found, name) for name in found.__struct_fields__}, offers=offers, affected=users)
+
+    async def _affected(self, change: Define | Undo, revision: Revision | None) -> Iterator[Affected]:
+        words = gone(revision, change.renamed if isinstance(change, Define) else await self._called_back(change.version))
+        if not words:
+            return iter(())
+        tasks = await self._context.client.tasks(running=True)
+        return affected(words, self._context.ontology, tasks, *self._orders.kept)
+
+    async def _called_back(self, version: int) -> list[Renaming]:
+        """What would get its name back if the version were undone."""
+        events = (await self._context.client.happened(ReadEvents(before=version + 1, limit=1, ontology=True))).events
+        renamed = (one for event in events if event.version == version for one in event.renamed)
+        return [Renaming(section=one.section, name=one.to, to=one.name) for one in renamed]
+
+
+def broken_offers(ontology: Ontology, change: Revision | None, offers: Iterable[Offer]) -> Iterator[OfferBroken]:
+    """The services on offer that could be planned with in the ontology, and could not after the change, with the reason."""
+    after = applied(ontology, change) if change is not None else ontology
+    for offer in offers if change is not None else ():
+        before = set(map(str, ontology_violations(ontology, (offer.service_type,))))
+        broken = [violation for violation in ontology_violations(after, (offer.service_type,)) if str(violation) not in before]
+        if broken:
+            yield OfferBroken(service=offer.service, provider=offer.provider, problem=broken[0].message)

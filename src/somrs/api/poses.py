@@ -1,0 +1,171 @@
+"""Where everything is that can move, for all who look at it: from the simulator, or, where there is none, from the map.
+
+There is one connection to the simulator, however many look, and none while nobody does. What is sent to a viewer:
+
+- Text, JSON: `movers`, all that can move, each a name and how many numbers say how it is (as on the robot link), with the number of this
+  `table`; `robots`, what they hold, do, and cannot do, as far as that changed; `source` (`simulator` or `map`), and whether it is `alive`.
+- Binary, little-endian: the source's clock on the wall and the simulated time (two float64, seconds), the table's number, how many
+  movers follow (two uint32), these, counted from 0 (uint32), and the numbers of each, one after the other (float32).
+
+First comes everything, then what changes. Who is slow to take it skips ticks, and is then sent everything.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import struct
+import time
+from array import array
+from collections.abc import Iterable, Iterator
+from contextlib import aclosing, contextmanager
+from itertools import chain
+
+import msgspec
+
+from somrs.api.bodies import movers, scene_of
+from somrs.api.context import Context
+from somrs.api.simulator_gateway import link
+from somrs.devices.simulator.link.lines import Mover, Poses, Work
+from somrs.errors import RemoteError
+
+RATE = 20.0
+"""Ticks a second."""
+AGAIN = 0.5
+"""Seconds before the simulator is sought again."""
+HEADER = struct.Struct("<ddII")
+
+Row = tuple[float, ...]
+Message = str | bytes
+
+
+class PosesNews(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What is sent as text."""
+
+    table: int | None = None
+    movers: tuple[Mover, ...] | None = None
+    robots: dict[str, Work] = {}
+    source: str | None = None
+    alive: bool | None = None
+
+
+class PoseFeed:
+    """Runs while somebody is `viewing`. A tick is something new, counted from 1."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._source = "map" if context.addresses.simulator is None else "simulator"
+        self._viewers = 0
+        self._running: asyncio.Task[None] | None = None
+        self._tick = 0
+        self._wake = asyncio.Event()
+        self._table = 0
+        self._movers: tuple[Mover, ...] = ()
+        self._rows: list[Row] = []
+        self._works: dict[str, Work] = {}
+        self._clock, self._time, self._alive = 0.0, 0.0, True
+        self._news: list[Message] = []
+        """For those who saw the tick before."""
+        self._whole: list[Message] | None = None
+        """For all others, once somebody needs it."""
+
+    @contextmanager
+    def viewing(self) -> Iterator[None]:
+        self._viewers += 1
+        if self._running is None:
+            self._tick, self._movers, self._rows, self._works = 0, (), [], {}
+            self._running = asyncio.create_task(self._follow_map() if self._source == "map" else self._follow_simulator())
+        try:
+            yield
+        finally:
+            self._viewers -= 1
+            if not self._viewers:
+                self._running.cancel()
+                self._running = None
+
+    async def after(self, seen: int | None) -> tuple[int, list[Message]]:
+        """The latest tick, and what brings somebody there who has seen that one."""
+        while self._tick == (seen or 0):
+            await self._wake.wait()
+        if seen == self._tick - 1:
+            return self._tick, self._news
+        if self._whole is None:
+            said = PosesNews(table=self._table, movers=self._movers, robots=self._works, source=self._source, alive=self._alive)
+            self._whole = [_text(said), self._frame(range(len(self._rows)), chain.from_iterable(self._rows))]
+        return self._tick, self._whole
+
+    # Where it comes from
+
+    async def _follow_simulator(self) -> None:
+        address = self._context.addresses.simulator
+        assert address is not None, "else the map is followed"
+        while True:
+            try:
+                async with link(address) as operator, aclosing(operator.poses(RATE)) as lines:
+                    async for line in lines:
+                        self._hear(line)
+            except RemoteError:
+                self._next([_text(PosesNews(alive=False))], alive=False)
+            await asyncio.sleep(AGAIN)
+
+    async def _follow_map(self) -> None:
+        with self._context.hub.listening("map") as news:
+            while True:
+                self._hear(self._by_map())
+                await news.next()
+                await asyncio.sleep(1 / RATE)
+
+    def _by_map(self) -> Poses:
+        """What moved on the map."""
+        map, ontology = self._context.map, self._context.ontology
+        scene = scene_of(map, self._context.version, ontology, movers(map, ontology))
+        bodies = sorted(scene.bodies, key=lambda body: body.name)
+        table = tuple(Mover(name=body.name, numbers=4 if body.kind == "robot" else 6) for body in bodies)
+        rows = [(body.x, body.y, body.z, body.yaw, 0.0, 0.0)[: mover.numbers] for body, mover in zip(bodies, table, strict=True)]
+        works = {body.name: Work() for body in bodies if body.kind == "robot"}
+        held = {body.at.object: body.name for body in bodies if body.at is not None and body.at.relation == "isHeldBy"}
+        works.update({robot: Work(holding=thing) for robot, thing in held.items() if robot in works})
+        anew = table != self._movers or not self._tick
+        moved = tuple(i for i, row in enumerate(rows) if anew or row != self._rows[i])
+        return Poses(
+            time=0.0,
+            clock=time.monotonic(),
+            movers=table if anew else None,
+            moved=moved,
+            values=tuple(chain.from_iterable(rows[i] for i in moved)),
+            robots={robot: work for robot, work in works.items() if anew or work != self._works.get(robot)},
+        )
+
+    # What is told
+
+    def _hear(self, line: Poses) -> None:
+        self._clock, self._time = line.clock, line.time
+        news = PosesNews(robots=line.robots, alive=None if self._alive else True)
+        if line.movers is not None:
+            self._table += 1
+            self._movers, self._rows, self._works = line.movers, [()] * len(line.movers), {}
+            news = PosesNews(table=self._table, movers=line.movers, robots=line.robots, source=self._source, alive=True)
+        self._works.update(line.robots)
+        start = 0
+        for i in line.moved:
+            end = start + self._movers[i].numbers
+            self._rows[i] = line.values[start:end]
+            start = end
+        frame = self._frame(line.moved, line.values)
+        self._next([_text(news), frame] if news != NOTHING else [frame], alive=True)
+
+    def _frame(self, moved: Iterable[int], values: Iterable[float]) -> bytes:
+        which = array("I", moved)
+        return HEADER.pack(self._clock, self._time, self._table, len(which)) + which.tobytes() + array("f", values).tobytes()
+
+    def _next(self, news: list[Message], *, alive: bool) -> None:
+        self._alive, self._news, self._whole = alive, news, None
+        self._tick += 1
+        self._wake.set()
+        self._wake = asyncio.Event()
+
+
+def _text(news: PosesNews) -> str:
+    return msgspec.json.encode(news).decode()
+
+
+NOTHING = PosesNews()

@@ -1,0 +1,55 @@
+"""Questions that services put to people, and their answers."""
+
+from __future__ import annotations
+
+import asyncio
+
+import msgspec
+
+from somrs.api.context import Context
+from somrs.api.operations import operation
+from somrs.cli.questions import open_questions, put_answer
+from somrs.devices.person.questions import Question
+
+TICK = 0.5
+"""Seconds between two looks for questions, while somebody follows them."""
+
+
+class OpenQuestions(msgspec.Struct, frozen=True, kw_only=True):
+    """What waits for an answer, the oldest first."""
+
+    questions: tuple[Question, ...]
+
+
+class Answer(msgspec.Struct, frozen=True, kw_only=True):
+    """What is so, as a formula, such as `Jar002 isOn Table001`; None: whoever answers cannot tell."""
+
+    formula: str | None = None
+
+
+class QuestionsDesk:
+    def __init__(self, context: Context) -> None:
+        self._data = context.data
+        self._hub = context.hub
+        context.hub.feed("questions", self._feed)
+
+    @operation("GET", "/questions")
+    async def open(self) -> OpenQuestions:
+        """What the system asks people now, because nobody else can look.
+
+        The topic `questions` tells the same whenever it changes.
+        """
+        return OpenQuestions(questions=tuple(await asyncio.to_thread(open_questions, self._data)))
+
+    @operation("POST", "/questions/{number}/answer")
+    async def answer(self, number: int, body: Answer) -> None:
+        """Answer a question. An answer that will not do is refused, and the question stays open."""
+        await asyncio.to_thread(put_answer, number, body.formula, self._data)
+
+    async def _feed(self, topic: str) -> None:
+        last: OpenQuestions | None = None
+        while True:
+            if (found := await self.open()) != last:
+                last = found
+                self._hub.publish(topic, found)
+            await asyncio.sleep(TICK)

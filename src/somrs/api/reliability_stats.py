@@ -1,0 +1,110 @@
+"""What services have shown so far: how often what they began was done, and how busy their devices were."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import Iterable
+
+import msgspec
+
+from somrs.client.task_history import Past
+from somrs.protocol.messages.clients import ReadRecords, TaskRecord, WorkView
+from somrs.protocol.messages.frp import State
+
+MOST_TASKS = 1000
+"""Of those that were over before anybody asked, the latest so many are looked at: what was before them says little of today."""
+
+WINDOW = 600.0
+"""Seconds for which it is told how busy a device was."""
+
+FEW = 5
+"""Pieces of work below which no percentage is told."""
+
+
+class Tally(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of what a service began, in tasks that are over. `failed`: or nothing more was heard; `stopped`: it was told to."""
+
+    began: int = 0
+    completed: int = 0
+    failed: int = 0
+    stopped: int = 0
+
+    def in_words(self) -> str:
+        """Of few pieces of work no percentage is told: one of one is no certainty."""
+        tried = self.completed + self.failed
+        stopped = f", {self.stopped} stopped" if self.stopped else ""
+        if not tried:
+            return f"nothing done yet{stopped}"
+        percent = f" ({100 * self.completed / tried:.0f} %)" if tried >= FEW else ""
+        return f"{self.completed} of {tried} done{percent}{stopped}"
+
+
+class Experience:
+    """Made of what is kept of tasks that are over; what was learned once is not read again."""
+
+    def __init__(self) -> None:
+        self._counts: dict[str, Counter[State]] = {}
+        self._spans: list[tuple[str, float, float]] = []
+        """Device, began, ended; those of the window."""
+        self._until: float | None = None
+        self._known: set[str] = set()
+        """Tasks that ended at `_until`."""
+        self._learning = asyncio.Lock()
+
+    async def learn(self, past: Past) -> None:
+        """Read what has come to be kept."""
+        async with self._learning:
+            since, found = self._until, 0
+            new: list[TaskRecord] = []
+            async for page in past.pages(ReadRecords(since=since, brief=True, limit=200)):
+                new += [record for record in page.records if record.task not in self._known]
+                found += len(page.records)
+                if since is None and found >= MOST_TASKS:
+                    break
+            for record in new:
+                self._add(record)
+            if new:
+                latest = max(record.ended_at for record in new)
+                kept = self._known if latest == self._until else set()
+                self._known = kept | {record.task for record in new if record.ended_at == latest}
+                self._until = latest
+
+    def _add(self, record: TaskRecord) -> None:
+        for work in record.work:
+            self._counts.setdefault(work.service, Counter())[work.result or work.state] += 1
+            self._spans.append(_span(work, record.ended_at))
+
+    def tally(self, service: str) -> Tally:
+        counts = self._counts.get(service, Counter())
+        failed = counts[State.FAILED] + counts[State.UNREACHABLE] + counts[State.STRANDED]
+        # What was undone before it was kept how it ended is taken to have been done.
+        completed = counts[State.COMPLETED] + counts[State.COMPENSATED]
+        return Tally(began=counts.total(), completed=completed, failed=failed, stopped=counts[State.STOPPED])
+
+    def loads(self, under_way: Iterable[WorkView], now: float) -> dict[str, float]:
+        """By device: the share of the window, up to now, in which it was busy with steps of tasks."""
+        self._spans = [span for span in self._spans if span[2] > now - WINDOW]
+        spans: dict[str, list[tuple[float, float]]] = {}
+        for device, began, ended in [*self._spans, *(_span(work, now) for work in under_way)]:
+            if ended > now - WINDOW:
+                spans.setdefault(device, []).append((max(began, now - WINDOW), min(ended, now)))
+        return {device: _covered(parts) / WINDOW for device, parts in spans.items()}
+
+
+def _span(work: WorkView, end: float) -> tuple[str, float, float]:
+    return device_of(work.service), work.began, work.ended if work.ended is not None else end
+
+
+def device_of(service: str) -> str:
+    """The device whose service it is: `Robot1` of `Robot1.TransferObject`."""
+    return service.partition(".")[0]
+
+
+def _covered(spans: Iterable[tuple[float, float]]) -> float:
+    """How long at least one of the spans lasts."""
+    total, end = 0.0, float("-inf")
+    for began, ended in sorted(spans):
+        total += max(0.0, ended - max(began, end))
+        end = max(end, ended)
+    return total

@@ -1,0 +1,59 @@
+"""The scene in three dimensions: what there is and what it looks like, and, at the WebSocket `poses`, where it is, as it moves."""
+
+from __future__ import annotations
+
+import asyncio
+
+from starlette.websockets import WebSocket
+
+from somrs.api.bodies import Scene, scene_of
+from somrs.api.context import Context
+from somrs.api.operations import operation
+from somrs.api.poses import PoseFeed
+from somrs.client.refusals import NotFound
+
+
+class SceneDesk:
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._feed = PoseFeed(context)
+        self._whole: Scene | None = None
+
+    @operation("GET", "/scene")
+    async def read(self, version: int | None = None, names: str | None = None) -> Scene:
+        """What there is to see, by the map as it is now, or as it was at a version.
+
+        With `names`, separated by commas, only those objects. Where things are while they move, the WebSocket `/api/poses` tells.
+        """
+        map, now, ontology = self._context.map, self._context.version, self._context.ontology
+        if names is not None:
+            wanted = [name for name in names.split(",") if name in map.objects]
+            return scene_of(map, now, ontology, (map.objects[name] for name in wanted))
+        if version is not None and version != now:
+            if not 0 <= version <= now:
+                raise NotFound(f"there is no version {version} of the map; the latest is {now}")
+            map, ontology = await asyncio.gather(self._context.client.map(version), self._context.client.ontology(version))
+            return scene_of(map, version, ontology, map.objects.values())
+        if self._whole is None or self._whole.version != now:
+            self._whole = scene_of(map, now, ontology, map.objects.values())
+        return self._whole
+
+    async def poses(self, socket: WebSocket) -> None:
+        """Send where things are, as they move, until the connection ends. `poses.py` says what is sent."""
+        await socket.accept()
+        with self._feed.viewing():
+            telling = asyncio.create_task(self._tell(socket))
+            try:
+                while (await socket.receive())["type"] != "websocket.disconnect":
+                    pass
+            finally:
+                telling.cancel()
+
+    async def _tell(self, socket: WebSocket) -> None:
+        """What waits here for a slow viewer is only the latest: ticks in between are skipped."""
+        seen: int | None = None
+        while True:
+            tick, messages = await self._feed.after(seen)
+            for message in messages:
+                await (socket.send_bytes(message) if isinstance(message, bytes) else socket.send_text(message))
+            seen = tick

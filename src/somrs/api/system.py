@@ -1,0 +1,108 @@
+"""The running system as a whole: its parts, and whether each of them answers."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+
+import msgspec
+
+from somrs import __version__
+from somrs.api.context import Context
+from somrs.api.operations import operation
+from somrs.api.simulator_gateway import link
+from somrs.errors import SomrsError
+from somrs.ontology.types import ABSTRACT
+from somrs.protocol.messages.clients import ReadTasks, Tasks
+from somrs.protocol.messages.directory import Discover, Discovered
+from somrs.protocol.messages.knowledge import OntologyPage, ReadOntology
+
+PATIENCE = 2.0
+"""Seconds in which a part has to answer."""
+
+PAST_ALL = 1_000_000
+"""More definitions than there are: their page is empty, and quickly read."""
+
+TICK = 5.0
+"""Seconds between two looks at the parts, while somebody follows them."""
+
+
+class PartSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """A part of the system. `milliseconds`: how long it took to answer; None when it did not, and `problem` says why."""
+
+    name: str
+    address: str
+    milliseconds: float | None = None
+    problem: str = ""
+
+
+class SystemSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """The system. `site` is what its map is of, `data` the folder where it keeps what it knows."""
+
+    version: str
+    site: str
+    data: str
+    objects: int
+    types: int
+    map_version: int
+    parts: tuple[PartSeen, ...]
+
+
+class SystemDesk:
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        context.hub.feed("system", self._feed)
+
+    @operation("GET", "/system")
+    async def read(self) -> SystemSeen:
+        """What runs here, and whether each part answers.
+
+        The topic `system` tells the same every few seconds.
+        """
+        context, addresses = self._context, self._context.addresses
+        asked: list[tuple[str, str, Callable[[], Awaitable[object]]]] = [
+            (
+                "Repository",
+                addresses.repository,
+                lambda: context.client.ask(addresses.repository, ReadOntology(after=PAST_ALL), OntologyPage),
+            ),
+            ("Service Registry", addresses.registry, lambda: context.client.ask(addresses.registry, Discover(provider="-"), Discovered)),
+            ("Task Manager", addresses.task_manager, lambda: context.client.ask(addresses.task_manager, ReadTasks(limit=0), Tasks)),
+        ]
+        if (stage := addresses.simulator) is not None:
+            asked.append(("Simulator", stage, lambda: _clock(stage)))
+        parts = await asyncio.gather(*(_seen(*one) for one in asked))
+        map, ontology = context.map, context.ontology
+        site = next((name for name in map.roots() if ontology.is_a(map.objects[name].type, ABSTRACT)), "")
+        return SystemSeen(
+            version=__version__,
+            site=str(map.objects[site].values.get("Label", site)) if site else "",
+            data=str(context.data),
+            objects=len(map.objects),
+            types=len(ontology.types),
+            map_version=context.version,
+            parts=tuple(parts),
+        )
+
+    async def _feed(self, topic: str) -> None:
+        while True:
+            self._context.hub.publish(topic, await self.read())
+            await asyncio.sleep(TICK)
+
+
+async def _seen(name: str, address: str, ask: Callable[[], Awaitable[object]]) -> PartSeen:
+    began = time.perf_counter()
+    try:
+        async with asyncio.timeout(PATIENCE):
+            await ask()
+    except TimeoutError:
+        return PartSeen(name=name, address=address, problem=f"no answer within {PATIENCE:g} s")
+    except SomrsError as error:
+        return PartSeen(name=name, address=address, problem=str(error))
+    return PartSeen(name=name, address=address, milliseconds=round(1000 * (time.perf_counter() - began), 1))
+
+
+async def _clock(stage: str) -> object:
+    async with link(stage) as operator:
+        return await operator.clock()

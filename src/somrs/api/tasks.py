@@ -1,0 +1,146 @@
+"""Tasks: stated, previewed, watched, cancelled."""
+
+from __future__ import annotations
+
+import msgspec
+
+from somrs.api.context import Context
+from somrs.api.operations import Document, operation
+from somrs.api.task_feed import Following, TaskChanged, TasksChanged, final_contracts
+from somrs.cli.task_commands import is_named
+from somrs.cli.task_report import view as view_of
+from somrs.client.client import PATIENCE
+from somrs.client.message_chart import chart
+from somrs.client.refusals import NotFound
+from somrs.client.task_history import Past
+from somrs.client.trace import lines_from, without_heartbeats
+from somrs.errors import RemoteError, UsageError
+from somrs.protocol.messages.clients import (
+    ContractView,
+    Messages,
+    Phase,
+    Preview,
+    Previewed,
+    ReadRecords,
+    Submit,
+    Submitted,
+    TaskEvent,
+    TaskRow,
+    TaskView,
+)
+from somrs.protocol.messages.envelope import message_id
+from somrs.runtime.wire import Unanswered
+
+__all__ = ["TaskChanged", "TaskList", "TaskSeen", "TasksChanged", "TasksDesk"]
+
+WHOLE_ID = len("urn:uuid:00000000-0000-0000-0000-000000000000")
+
+MOST_NAMED = 5
+"""Tasks whose ids begin with the same: so many are looked at to say which are meant."""
+
+
+class TaskList(msgspec.Struct, frozen=True, kw_only=True):
+    """Tasks, newest first."""
+
+    rows: tuple[TaskRow, ...]
+
+
+class TaskSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """A task, all that happened to it, and who was asked for its steps, on which terms. `messages`: how many there are; None for a task
+    of long ago."""
+
+    view: TaskView
+    events: tuple[TaskEvent, ...]
+    contracts: tuple[ContractView, ...] = ()
+    messages: int | None = None
+
+
+class TasksDesk:
+    """The topic `tasks` tells of all tasks (`TasksChanged`), `task ID` of one (`TaskChanged`): listen first, then read."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._client = context.client
+        self._following = Following(context.client, context.hub)
+
+    @operation("POST", "/tasks")
+    async def submit(self, body: Submit, once: str | None = None, by: str | None = None) -> Submitted:
+        """State a task: have a formula made true.
+
+        With `once`, a word of your own, the same task sent again with the same word is one task: for when no answer came. `by`: who
+        states it.
+        """
+        id = message_id("task", "once", once) if once is not None else None
+        return Submitted(task=await self._client.submit(body, patience=PATIENCE, id=id, by=by))
+
+    @operation("POST", "/tasks/preview")
+    async def preview(self, body: Preview) -> Previewed:
+        """Plan, but do nothing: the steps, or why there are none; with `quotes`, what services would ask for them now."""
+        return await self._client.preview(body)
+
+    @operation("GET", "/tasks")
+    async def list(self, running: bool = False, limit: int = 50) -> TaskList:
+        """The tasks that the Task Manager has in mind, newest first: all, or those that are not over."""
+        rows = await self._client.rows()
+        return TaskList(rows=tuple(row for row in rows if not running or row.phase is not Phase.ENDED)[: max(limit, 0)])
+
+    @operation("GET", "/tasks/{id}")
+    async def read(self, id: str) -> TaskSeen:
+        """One task, whether it runs or is over. `id` may be the beginning of one."""
+        task = await self._named(id)
+        return await self._known(task) or await self._kept(task)
+
+    @operation("GET", "/tasks/{id}/messages")
+    async def messages(self, id: str, after: int = 0) -> Messages:
+        """The messages of a task's protocol behind the first so many, a page of them."""
+        return await self._client.messages(await self._named(id), after)
+
+    @operation("GET", "/tasks/{id}/chart")
+    async def chart(self, id: str) -> Document:
+        """The messages of a task as a picture (SVG): of signs of life in a row, the last."""
+        task = await self._named(id)
+        found = await self._client.all_messages(task)
+        seen = await self.read(task)
+        drawn = chart(without_heartbeats(lines_from(found, task)), seen.view.effect)
+        return Document(content=drawn.encode(), media_type="image/svg+xml", name=f"messages-{task.rpartition(':')[2][:8]}.svg")
+
+    @operation("POST", "/tasks/{id}/cancel")
+    async def cancel(self, id: str, reason: str = "cancelled by the client") -> None:
+        """Stop what runs, and undo what was done."""
+        await self._client.cancel(await self._named(id), reason)
+
+    async def _known(self, task: str) -> TaskSeen | None:
+        """As the Task Manager has it in mind, if it does."""
+        try:
+            seen = await self._client.seen(task)
+        except Unanswered:
+            raise
+        except RemoteError:
+            return None
+        over = seen.view.phase is Phase.ENDED
+        contracts = await final_contracts(self._client, task) if over else seen.contracts
+        return TaskSeen(view=seen.view, events=seen.events, contracts=contracts, messages=seen.messages)
+
+    async def _kept(self, task: str) -> TaskSeen:
+        """As its record says."""
+        records = await Past(self._client.records).first(ReadRecords(task=task, without=("messages",)), 1)
+        if not records:
+            raise _no_such(task)
+        return TaskSeen(view=view_of(records[0]), events=records[0].events, contracts=records[0].contracts)
+
+    async def _named(self, name: str) -> str:
+        """The whole id of the task whose id begins so."""
+        if len(name) == WHOLE_ID and name.startswith("urn:uuid:"):
+            return name
+        known = [row.task for row in await self._client.rows()]
+        kept = await Past(self._client.records).first(ReadRecords(task=name, brief=True), MOST_NAMED) if name else []
+        found = [*dict.fromkeys(id for id in (*known, *(record.task for record in kept)) if is_named(id, name))]
+        if not found:
+            raise _no_such(name)
+        if len(found) > 1:
+            raise UsageError(f"{len(found)} tasks or more begin with {name}; say more of the id")
+        return found[0]
+
+
+def _no_such(task: str) -> NotFound:
+    return NotFound(f"there is no task {task}; `/tasks` lists those that are known, and the records have those of long ago")

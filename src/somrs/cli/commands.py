@@ -1,0 +1,185 @@
+"""What the commands of `main.py` do, but for those about tasks (`tasks.py`). Each talks to the running system as any client would."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from somrs.client import terminal as show
+from somrs.client.client import Addresses, Client
+from somrs.errors import ModelError, RemoteError, UsageError
+from somrs.ontology.types import Value
+from somrs.protocol.messages.directory import Discover
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.people import person
+from somrs.service_manager.sdk.values import python_value
+
+
+def check(files: Sequence[Path], *, json: bool) -> int:
+    """Every error in the files; 0 when there is none."""
+    from somrs.ontology.files.loading import load
+
+    try:
+        loaded = load(files)
+    except ModelError as error:
+        if json:
+            show.print_json([{name: getattr(problem, name) for name in problem.__slots__} for problem in error.problems])
+        else:
+            for problem in error.problems:
+                print(problem)
+            print(f"{len(error.problems)} problem{'s' if len(error.problems) != 1 else ''} found")
+        return 1
+    if json:
+        show.print_json([])
+    else:
+        objects = f"a map of {len(loaded.map.objects)} objects" if loaded.map is not None else "no map"
+        print(f"all is well: {len(loaded.ontology.types)} types, {len(loaded.ontology.services)} service types, {objects}")
+    return 0
+
+
+def schema(out: Path | None) -> None:
+    """Write the JSON Schema of site files, and how to tell an editor of it."""
+    from somrs.ontology.schema import json_schema
+
+    text = json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
+    if out is None:
+        print(text, end="")
+    else:
+        out.write_text(text, encoding="utf-8")
+        print(f"{out}: begin a file with `# yaml-language-server: $schema={out}`, and editors that know YAML schemas complete it")
+
+
+async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool) -> None:
+    """Run a system until somebody ends it."""
+    from somrs.cli.importing import brought_in
+    from somrs.deployment.programs import until_stopped
+    from somrs.deployment.system import System
+
+    console = show.console()
+    data.mkdir(parents=True, exist_ok=True)
+    for file in site:
+        if not file.exists():
+            raise UsageError(f"{file}: there is no such file")
+    files = brought_in(site, data)
+    system = System(files, data, speed=speed, host=host, fresh=fresh, windows=True)
+    try:
+        with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
+            await system.start()
+            async with Client(system.addresses) as client:
+                found = await client.services()
+        console.print(show.services(found))
+        console.print(
+            f"Running. In another terminal: somrs do FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it."
+        )
+        if system.addresses.gui is not None:
+            console.print(f"In the browser: {system.addresses.gui}")
+        keeping = asyncio.create_task(system.keep_running(lambda text: console.print(text)))
+        await until_stopped()
+        keeping.cancel()
+        await asyncio.wait([keeping])
+    finally:
+        with console.status("ending ..."):
+            await system.stop()
+
+
+async def services(type: str | None, effect: str | None, attributes: Sequence[str], data: Path, *, json: bool) -> None:
+    wanted: dict[str, Value] = {}
+    for attribute in attributes:
+        name, equals, text = attribute.partition("=")
+        if not equals:
+            raise UsageError(f"--attribute takes NAME=VALUE, such as Payload=2, and not {attribute!r}")
+        wanted[name.strip()] = python_value(text.strip())
+    async with Client(Addresses.read(data)) as client:
+        found = await client.services(Discover(service_type=type, effect=effect, attributes=wanted))
+    if json:
+        show.print_json(found)
+    else:
+        show.console().print(show.services(found) if found else "no such service is on offer")
+
+
+async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:
+    """0 when the formula holds in some way."""
+    async with Client(Addresses.read(data)) as client:
+        found = await client.query(formula, limit)
+    if json:
+        show.print_json([row.bindings for row in found.rows])
+    elif not found.rows:
+        print("no: it does not hold")
+    elif not found.rows[0].bindings:
+        print("yes: it holds")
+    else:
+        columns = list(found.rows[0].bindings)
+        show.console().print(show.table(formula, [f"?{c}" for c in columns], ([row.bindings[c] for c in columns] for row in found.rows)))
+        if found.more:
+            print(f"and more than these {limit}; --limit shows more")
+    return 0 if found.rows else 1
+
+
+async def show_object(name: str, data: Path, *, json: bool) -> None:
+    from somrs.entish.parse import nearest
+
+    async with Client(Addresses.read(data)) as client:
+        map = await client.map()
+    if name not in map.objects:
+        raise UsageError(f"there is no {name} on the map; {nearest(name, map.objects) or '`somrs map query` finds what there is'}")
+    object, facts = map.objects[name], [str(fact) for fact in map.facts_about(name)]
+    if json:
+        show.print_json({"name": name, "type": object.type, "values": object.values, "facts": facts})
+        return
+    console = show.console()
+    console.print(show.table(f"{name}: {object.type}", ("attribute", "value"), sorted(object.values.items())))
+    for fact in facts:
+        console.print(fact)
+
+
+async def history(name: str, data: Path, *, json: bool) -> None:
+    from somrs.cli.editing import told
+
+    async with Client(Addresses.read(data)) as client:
+        found = await client.history(name)
+    if json:
+        show.print_json(found.events)
+        return
+    rows = ((event.version, show.clock(event.at), person(event.author), "\n".join(told(event))) for event in found.events)
+    show.console().print(show.table(name, ("version", "when", "who", "what"), rows) if found.events else f"nothing happened to {name} yet")
+
+
+async def update(situation: str, author: str, data: Path) -> None:
+    async with Client(Addresses.read(data)) as client:
+        print(f"the map is at version {await client.update(UpdateMap(situation=situation, author=author))}")
+
+
+async def export(out: Path, data: Path) -> None:
+    from somrs.ontology.files.site import dump_site
+
+    async with Client(Addresses.read(data)) as client:
+        ontology, map = await client.ontology(), await client.map()
+    out.write_text(dump_site(ontology, map), encoding="utf-8")
+    print(f"{out}: {len(map.objects)} objects")
+
+
+def _simulator(data: Path) -> tuple[str, int]:
+    where = Addresses.read(data).simulator
+    if where is None:
+        raise RemoteError("this system has no simulator")
+    host, _, port = where.rpartition(":")
+    return host, int(port)
+
+
+async def fault(robot: str, what: str, repair: bool, data: Path) -> None:
+    from somrs.devices.simulator.link.commands import Fault
+    from somrs.devices.simulator.link.link import OperatorLink
+
+    async with OperatorLink(*_simulator(data)) as operator:
+        await (operator.repair if repair else operator.fault)(robot, Fault(what))
+    print(f"{robot}: {what} {'mended' if repair else 'broken'}")
+
+
+async def picture(out: Path, data: Path) -> None:
+    from somrs.devices.simulator.link.link import OperatorLink
+
+    async with OperatorLink(*_simulator(data)) as operator:
+        out.write_bytes(await operator.picture())
+    print(out)

@@ -1,0 +1,90 @@
+"""What `somrs fleet` does: show the devices of a running system, once or as they change."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Group
+from rich.live import Live
+from rich.text import Text
+
+from somrs.api.fleet import BUSY, Devices, DeviceSeen, Presence
+from somrs.api.service import desk_of
+from somrs.client import terminal as show
+from somrs.client.client import Addresses
+from somrs.client.refusals import Trouble
+
+SHOWN = 5
+"""Comings and goings that are shown."""
+
+
+async def fleet(data: Path, *, follow: bool, json: bool) -> None:
+    async with desk_of(Addresses.read(data), data) as desk:
+        if not follow:
+            found = await desk.fleet.devices()
+            if json:
+                show.print_json(found)
+            else:
+                show.console().print(seen(found))
+            return
+        with Live(console=show.console(), auto_refresh=False) as screen, desk.context.hub.listening("fleet") as listening:
+            async for news in listening:
+                match news.value:
+                    case Devices() as devices:
+                        screen.update(seen(devices), refresh=True)
+                    case Trouble(problem=problem):
+                        screen.update(Text(problem, style="red"), refresh=True)
+
+
+def seen(found: Devices) -> Group:
+    """All devices, and who came and went lately."""
+    rows = ((show.lines(one.name, f"a {one.type}" if one.type else ""), _state(one), _does(one), _services(one)) for one in found.devices)
+    columns = ("device", "state", "does", "services, and how they have done")
+    least = {"device": show.room(one.name for one in found.devices)}
+    made = show.table("Fleet", columns, rows, least=least)
+    log = [
+        Text(f"{show.clock(one.at)}  {one.device} {'joined' if one.joined else f'left: {one.reason}'}", style="dim")
+        for one in found.log[:SHOWN]
+    ]
+    return Group(made, *log)
+
+
+def _state(device: DeviceSeen) -> Text:
+    if device.presence is Presence.GONE:
+        state = Text("gone", style="dim")
+    elif not device.working:
+        state = Text("✘ not working", style="red")
+    elif device.presence is Presence.SILENT:
+        state = Text("nothing on offer", style="yellow")
+    else:
+        state = Text("✔ on offer", style="green")
+    state.append(f"\nload {100 * device.load:.0f} %", style="dim")
+    if device.charge is not None:
+        state.append(f"\nbattery {device.charge:.0f} %", style="dim")
+    for fault in device.simulated.faults if device.simulated is not None else ():
+        state.append(f"\n! fault: {fault}", style="red")
+    return state
+
+
+def _does(device: DeviceSeen) -> str:
+    said: list[str] = []
+    for one in device.doing:
+        how = f"{100 * one.fraction:.0f} %" if one.fraction is not None and one.state in BUSY else one.state.value.lower()
+        said.append(f"{one.service_type} ({', '.join(one.inputs.values())}), {how}\nfor {one.effect} ({show.short(one.task)})")
+    held = device.simulated.holding if device.simulated is not None else None
+    for name in dict.fromkeys([*((held,) if held else ()), *device.holding]):
+        said.append(f"holds {name}")
+    return "\n".join(said) or "-"
+
+
+def _services(device: DeviceSeen) -> str:
+    return (
+        "\n".join(
+            show.lines(
+                f"{one.type}{f', {one.price:g} EUR' if one.price is not None else ''}{'' if one.on_offer else ', not on offer'}",
+                f"  {one.tally.in_words()}",
+            )
+            for one in device.services
+        )
+        or "-"
+    )

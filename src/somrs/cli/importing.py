@@ -1,0 +1,101 @@
+"""Bringing in what others have described: buildings, and planning problems in PDDL, as map files of ours."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from somrs.errors import UsageError
+from somrs.ontology.files.site import dump_site
+
+if TYPE_CHECKING:
+    from somrs.sites import Site
+    from somrs.sites.pddl import Imported
+
+PDDL = ".pddl"
+
+
+def import_site(sources: Sequence[Path], out: Path | None) -> None:
+    """Bring a building or a planning problem in, check it, and write it as a map file."""
+    if any(source.suffix == PDDL for source in sources):
+        _import_problem(sources, out)
+        return
+    if len(sources) != 1:
+        raise UsageError("buildings are brought in one by one; only a problem in PDDL is of two files")
+    source = sources[0]
+    if (bring_in := importer(source)) is None:
+        from somrs.sites import IMPORTERS
+
+        known = ", ".join(f"*{ending}" for ending in IMPORTERS)
+        raise UsageError(f"{source}: nothing here brings in such a file; it can be {known}, or a domain and a problem, *{PDDL}")
+    target = out or target_of(source)
+    notes = write_import(bring_in, source, target)
+    for note in notes:
+        print(f"note: {note}")
+    print(f"{target}: {_count(target)} objects, and all is well. Next: somrs up {target}")
+
+
+def _import_problem(sources: Sequence[Path], out: Path | None) -> None:
+    imported = problem_of(sources)
+    target = out or target_of(sources[-1])
+    target.write_text(dump_site(imported.ontology, imported.map, imported.name), encoding="utf-8")
+    for note in imported.notes:
+        print(f"note: {note}")
+    what = f"{_count(target)} objects, {len(imported.agents)} devices, {len(imported.services)} service types"
+    print(f"{target}: {what}, and all is well. Next: somrs up {shlex.quote(str(target))}")
+    print(f"and in another terminal: somrs do {shlex.quote(imported.task)}")
+
+
+def problem_of(sources: Sequence[Path]) -> Imported:
+    """The planning problem that two files state. Raises UsageError or ModelError."""
+    from somrs.sites.pddl import read
+
+    if len(sources) != 2 or any(source.suffix != PDDL for source in sources):
+        raise UsageError("a problem in PDDL is of two files: first the domain, then the problem: somrs import domain.pddl problem.pddl")
+    domain, problem = sources
+    return read(domain, problem)
+
+
+def _count(target: Path) -> int:
+    """How many objects there are in the file, which has to be in order."""
+    from somrs.ontology.files.loading import load
+
+    loaded = load([target])
+    return len(loaded.map.objects) if loaded.map is not None else 0
+
+
+def importer(source: Path) -> Callable[[Path], Site] | None:
+    """What brings in a file of this name; None for the project's own files."""
+    from somrs.sites import IMPORTERS
+
+    return next((found for ending, found in IMPORTERS.items() if source.name.endswith(ending)), None)
+
+
+def target_of(source: Path) -> Path:
+    """The map file that is written, here, when nobody names one."""
+    return Path(source.name.split(".")[0] + ".map.yaml")
+
+
+def write_import(bring_in: Callable[[Path], Site], source: Path, target: Path) -> tuple[str, ...]:
+    """Write what is brought in from `source` to `target`; what could not be brought in is returned, in words."""
+    site = bring_in(source)
+    target.write_text(dump_site(site.ontology, site.map), encoding="utf-8")
+    return site.notes
+
+
+def brought_in(site: Sequence[Path], data: Path) -> list[Path]:
+    """The files of a site, with what others have described brought in to the data folder first."""
+    files: list[Path] = []
+    for file in site:
+        if (bring_in := importer(file)) is not None:
+            files.append(data / target_of(file))
+            write_import(bring_in, file, files[-1])
+        elif file.suffix != PDDL:
+            files.append(file)
+    if stated := [file for file in site if file.suffix == PDDL]:
+        imported = problem_of(stated)
+        files.append(data / target_of(stated[-1]))
+        files[-1].write_text(dump_site(imported.ontology, imported.map, imported.name), encoding="utf-8")
+    return files

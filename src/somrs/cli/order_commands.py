@@ -1,0 +1,199 @@
+"""What the commands about templates and standing orders do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+from somrs.cli.api_client import Windows
+from somrs.cli.task_commands import do
+from somrs.client import terminal as show
+from somrs.client.client import Addresses, who
+from somrs.errors import UsageError
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.people import person
+from somrs.scheduling.recurrence import DAYS, Daily, Every, Once, When, in_words
+from somrs.scheduling.standing_orders import OrderSaved, Run, Runs, RunState, StandingOrder, StandingOrders
+from somrs.scheduling.templates import Blank, Filled, Template, Templates, TemplateSaved
+
+_SO_LONG = re.compile(r"(\d+(?:\.\d+)?)\s*(m|min|h|d)")
+_MINUTES = {"m": 1, "min": 1, "h": 60, "d": 1440}
+
+
+def me() -> str:
+    """Who changes something, as the histories of templates and orders name them."""
+    return person(who())
+
+
+def values(said: Sequence[str]) -> dict[str, str]:
+    """`Thing=Jar002` ..."""
+    found: dict[str, str] = {}
+    for one in said:
+        name, equals, value = one.partition("=")
+        if not equals or not name.strip():
+            raise UsageError(f"a blank is filled in as NAME=VALUE, such as Thing=Jar002, and not as {one!r}")
+        found[name.strip()] = value.strip()
+    return found
+
+
+def blank(said: str) -> Blank:
+    """`Thing:Jar`, or `Thing:Jar=Jar002` with what is taken when nothing is said."""
+    declared, _, default = said.partition("=")
+    name, _, type = declared.partition(":")
+    return Blank(name=name.strip(), type=type.strip() or "Object", default=default.strip())
+
+
+def when(every: str | None, daily: str | None, days: str | None, at: str | None) -> When:
+    """One of them. Raises UsageError."""
+    if sum(one is not None for one in (every, daily, at)) != 1:
+        raise UsageError("say when: --every 2h, or --daily 07:30 (and perhaps --days Mon,Thu), or --at 2026-11-24T08:00")
+    if days is not None and daily is None:
+        raise UsageError("--days go with --daily")
+    if every is not None:
+        found = _SO_LONG.fullmatch(every.strip().lower())
+        if found is None:
+            raise UsageError(f"{every!r} is no time; write it as 30m, 2h or 1d")
+        return Every(minutes=float(found[1]) * _MINUTES[found[2]])
+    if at is not None:
+        try:
+            return Once(at=datetime.fromisoformat(at.strip()).timestamp())
+        except ValueError:
+            raise UsageError(f"{at!r} is no moment; write it as 2026-11-24T08:00") from None
+    assert daily is not None, "one of them is said"
+    return Daily(at=daily, days=tuple(_day(day) for day in (days or "").split(",") if day.strip()))
+
+
+def _day(said: str) -> int:
+    short = said.strip().capitalize()[:3]
+    if short not in DAYS:
+        raise UsageError(f"{said.strip()!r} is no day; they are {', '.join(DAYS)}")
+    return DAYS.index(short)
+
+
+# Templates
+
+
+async def list_templates(data: Path, *, json: bool) -> None:
+    async with Windows(Addresses.read(data)) as windows:
+        found = (await windows.get(Templates, "templates")).templates
+    if json:
+        show.print_json(found)
+    elif found:
+        rows = ((one.name, show.lines(one.task.effect, one.note), "\n".join(map(_declared, one.blanks)) or "-") for one in found)
+        show.console().print(show.table("Templates", ("name", "wish", "blanks"), rows))
+    else:
+        print("no templates yet; `somrs templates save NAME FORMULA` keeps one")
+
+
+def _declared(blank: Blank) -> str:
+    return f"{blank.name}: {blank.type}{f' = {blank.default}' if blank.default else ''}"
+
+
+async def save_template(name: str, saved: TemplateSaved, data: Path) -> None:
+    async with Windows(Addresses.read(data)) as windows:
+        made = await windows.put(Template, "templates", name, body=saved)
+    print(f"{made.name}: {'saved' if made.version == 1 else 'changed'}")
+
+
+async def rename_template(name: str, to: str, data: Path) -> None:
+    async with Windows(Addresses.read(data)) as windows:
+        await windows.post(Template, "templates", name, "rename", to=to, by=me())
+    print(f"{name} is called {to} now")
+
+
+async def remove_template(name: str, data: Path) -> None:
+    async with Windows(Addresses.read(data)) as windows:
+        await windows.delete("templates", name)
+    print(f"{name} is removed")
+
+
+async def use_template(name: str, said: Sequence[str], data: Path, *, wait: bool, json: bool) -> int:
+    """State the task that it is, and follow it; 0 when it was accomplished."""
+    async with Windows(Addresses.read(data)) as windows:
+        task = await windows.post(Submit, "templates", name, "filled", body=Filled(values=values(said)))
+    return await do(task, data, wait=wait, json=json)
+
+
+# Standing orders
+
+
+async def list_orders(data: Path, *, json: bool) -> None:
+    async with Windows(Addresses.read(data)) as windows:
+        found = (await windows.get(StandingOrders, "orders")).orders
+    if json:
+        show.print_json(found)
+    elif found:
+        rows = (
+            (one.id, show.lines(one.name, wish(one)), in_words(one.when), _next(one), last(one.last) if one.last is not None else "-")
+            for one in found
+        )
+        show.console().print(show.table("Standing orders", ("id", "order", "when", "next", "last time"), rows, whole=("id", "next")))
+    else:
+        print("no standing orders yet; `somrs orders add NAME FORMULA --every 2h` gives one")
+
+
+def wish(order: StandingOrder) -> str:
+    if order.task is not None:
+        return order.task.effect
+    return ", ".join((f"template {order.template}", *(f"{name}={value}" for name, value in order.values.items())))
+
+
+def _next(order: StandingOrder) -> str:
+    if order.next is not None:
+        return f"{datetime.fromtimestamp(order.next):%Y-%m-%d %H:%M}"
+    return "never again" if order.enabled else "paused"
+
+
+def last(run: Run) -> str:
+    """What came of a time at which an order was due."""
+    became = run.state.value
+    if run.state is RunState.SUBMITTED:
+        became = str(run.outcome) if run.outcome is not None else "over" if run.ended_at is not None else "under way"
+    elif run.state is RunState.MISSED and run.times > 1:
+        became = f"missed, {run.times} times"
+    return show.lines(f"{datetime.fromtimestamp(run.due):%Y-%m-%d %H:%M}: {became}", run.note)
+
+
+async def add_order(order: OrderSaved, data: Path) -> None:
+    async with Windows(Addresses.read(data)) as windows:
+        made = await windows.post(StandingOrder, "orders", body=order)
+    print(f"{made.id}: {made.name}, {in_words(made.when)}; next: {_next(made)}")
+
+
+async def show_runs(name: str, limit: int, data: Path, *, json: bool) -> None:
+    async with Windows(Addresses.read(data)) as windows:
+        order = await _named(name, windows)
+        found = (await windows.get(Runs, "orders", order.id, "runs", limit=limit)).runs
+    if json:
+        show.print_json(found)
+        return
+    rows = ((last(run), show.short(run.task) if run.task is not None else "-") for run in found)
+    print(f"{order.name}: {wish(order)}; {in_words(order.when)}; next: {_next(order)}")
+    show.console().print(show.table("", ("due", "task"), rows) if found else "it was not due yet")
+
+
+async def turn_order(name: str, what: str, data: Path) -> None:
+    """Pause or resume it."""
+    async with Windows(Addresses.read(data)) as windows:
+        order = await _named(name, windows)
+        made = await windows.post(StandingOrder, "orders", order.id, what, by=me())
+    print(f"{made.name}: next: {_next(made)}")
+
+
+async def remove_order(name: str, data: Path) -> None:
+    async with Windows(Addresses.read(data)) as windows:
+        order = await _named(name, windows)
+        await windows.delete("orders", order.id)
+    print(f"{order.name} is taken back")
+
+
+async def _named(name: str, windows: Windows) -> StandingOrder:
+    """The order of that id, or of that name."""
+    orders = (await windows.get(StandingOrders, "orders")).orders
+    found = [one for one in orders if one.id == name] or [one for one in orders if one.name == name]
+    if len(found) != 1:
+        how = f"{len(found)} orders are called {name}: say the id" if found else f"there is no order {name}"
+        raise UsageError(f"{how}; `somrs orders` lists them")
+    return found[0]

@@ -1,0 +1,193 @@
+"""The commands about templates of tasks, and about standing orders."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from somrs.cli.options import HERE, Data, Json, awaited, guarded
+from somrs.cli.tasks import PolicyOption
+
+if TYPE_CHECKING:
+    from somrs.protocol.messages.clients import Submit
+
+templates_app = typer.Typer(
+    help="Templates: tasks to be stated again and again, perhaps with blanks. Without a command: list them.",
+    invoke_without_command=True,
+    rich_markup_mode=None,
+)
+orders_app = typer.Typer(
+    help="Standing orders: tasks that are stated by themselves when they are due. Without a command: list them.",
+    invoke_without_command=True,
+    rich_markup_mode=None,
+)
+
+TemplateName = Annotated[str, typer.Argument(help="The template's name.")]
+OrderName = Annotated[str, typer.Argument(help="The order's id, or its name.")]
+Filling = Annotated[list[str], typer.Argument(help="What to fill in: NAME=VALUE ...")]
+Precondition = Annotated[str | None, typer.Option(help="The initial situation, if it matters.")]
+PolicyWanted = Annotated[PolicyOption, typer.Option(help="What services are chosen by.")]
+TimeValue = Annotated[float, typer.Option(help="With the policy `weighted`: what a second is worth.")]
+Deadline = Annotated[float | None, typer.Option(help="Give up after so many seconds.")]
+Priority = Annotated[
+    int, typer.Option(help="Of tasks that wait for the same things or devices, the one with the higher number goes first.")
+]
+
+
+@templates_app.callback()
+def templates(context: typer.Context, data: Data = HERE, json: Json = False) -> None:
+    """The templates. Kept by the windows of the running system."""
+    from somrs.cli.order_commands import list_templates as run
+
+    if context.invoked_subcommand is None:
+        awaited(run(data, json=json))
+
+
+@templates_app.command(name="save")
+def save_template(
+    name: TemplateName,
+    formula: Annotated[str, typer.Argument(help="The wish, perhaps with blanks: '{Thing} isOn Platform001'.")],
+    blank: Annotated[
+        list[str], typer.Option(help="A blank, and the type of what may be filled in: Thing:Jar, or Thing:Jar=Jar002 with a default.")
+    ] = [],  # noqa: B006  # typer's way to say a list
+    note: Annotated[str, typer.Option(help="What it is for.")] = "",
+    precondition: Precondition = None,
+    policy: PolicyWanted = PolicyOption.price,
+    time_value: TimeValue = 0.01,
+    deadline: Deadline = None,
+    priority: Priority = 0,
+    data: Data = HERE,
+) -> None:
+    """Keep a task under a name; one of that name is changed."""
+    from somrs.cli.order_commands import blank as declared
+    from somrs.cli.order_commands import me
+    from somrs.cli.order_commands import save_template as run
+    from somrs.scheduling.templates import TemplateSaved
+
+    task = _task(formula, precondition, policy, time_value, deadline, priority)
+    awaited(run(name, TemplateSaved(task=task, blanks=tuple(map(declared, blank)), note=note, by=me()), data))
+
+
+@templates_app.command(name="use")
+def use_template(
+    name: TemplateName,
+    fill: Filling = [],  # noqa: B006  # as above
+    wait: Annotated[bool, typer.Option(help="Stay until the task ended.")] = True,
+    data: Data = HERE,
+    json: Json = False,
+) -> None:
+    """State the task that a template is, with its blanks filled in."""
+    from somrs.cli.order_commands import use_template as run
+
+    sys.exit(awaited(run(name, fill, data, wait=wait, json=json)))
+
+
+@templates_app.command(name="rename")
+def rename_template(name: TemplateName, to: Annotated[str, typer.Argument(help="Its new name.")], data: Data = HERE) -> None:
+    """Give a template another name, in the orders that use it, too."""
+    from somrs.cli.order_commands import rename_template as run
+
+    awaited(run(name, to, data))
+
+
+@templates_app.command(name="remove")
+def remove_template(name: TemplateName, data: Data = HERE) -> None:
+    """Remove a template that no order uses."""
+    from somrs.cli.order_commands import remove_template as run
+
+    awaited(run(name, data))
+
+
+@orders_app.callback()
+def orders(context: typer.Context, data: Data = HERE, json: Json = False) -> None:
+    """The standing orders. When each is due next, and what came of it last."""
+    from somrs.cli.order_commands import list_orders as run
+
+    if context.invoked_subcommand is None:
+        awaited(run(data, json=json))
+
+
+@orders_app.command(name="add")
+def add_order(
+    name: Annotated[str, typer.Argument(help="What it is called.")],
+    formula: Annotated[str | None, typer.Argument(help="The wish; or else --template.")] = None,
+    every: Annotated[str | None, typer.Option(help="Due every so often: 30m, 2h, 1d; counted from now.")] = None,
+    daily: Annotated[str | None, typer.Option(help="Due at this time of day: 07:30.")] = None,
+    days: Annotated[str | None, typer.Option(help="With --daily: only on these days: Mon,Thu.")] = None,
+    at: Annotated[str | None, typer.Option(help="Due once, at this moment: 2026-11-24T08:00.")] = None,
+    template: Annotated[str | None, typer.Option(help="State the task of this template.")] = None,
+    fill: Annotated[list[str], typer.Option(help="With --template: what to fill in: NAME=VALUE.")] = [],  # noqa: B006  # as above
+    skip: Annotated[bool, typer.Option(help="Leave a time out while the task before still runs.")] = True,
+    precondition: Precondition = None,
+    policy: PolicyWanted = PolicyOption.price,
+    time_value: TimeValue = 0.01,
+    deadline: Deadline = None,
+    priority: Priority = 0,
+    data: Data = HERE,
+) -> None:
+    """Give a standing order."""
+    from somrs.cli.order_commands import add_order as run
+    from somrs.cli.order_commands import me, values, when
+    from somrs.scheduling.standing_orders import OrderSaved
+
+    order = guarded(
+        lambda: OrderSaved(
+            name=name,
+            when=when(every, daily, days, at),
+            task=_task(formula, precondition, policy, time_value, deadline, priority) if formula is not None else None,
+            template=template,
+            values=values(fill),
+            skip=skip,
+            by=me(),
+        )
+    )
+    awaited(run(order, data))
+
+
+@orders_app.command(name="runs")
+def show_runs(
+    name: OrderName, limit: Annotated[int, typer.Option(min=1, help="At most so many.")] = 20, data: Data = HERE, json: Json = False
+) -> None:
+    """When an order was due, and what came of it."""
+    from somrs.cli.order_commands import show_runs as run
+
+    awaited(run(name, limit, data, json=json))
+
+
+@orders_app.command(name="pause")
+def pause_order(name: OrderName, data: Data = HERE) -> None:
+    """Let an order rest. Its task, if one runs, goes on."""
+    from somrs.cli.order_commands import turn_order as run
+
+    awaited(run(name, "pause", data))
+
+
+@orders_app.command(name="resume")
+def resume_order(name: OrderName, data: Data = HERE) -> None:
+    """Let an order go on; what was due meanwhile is not made up for."""
+    from somrs.cli.order_commands import turn_order as run
+
+    awaited(run(name, "resume", data))
+
+
+@orders_app.command(name="remove")
+def remove_order(name: OrderName, data: Data = HERE) -> None:
+    """Take an order back."""
+    from somrs.cli.order_commands import remove_order as run
+
+    awaited(run(name, data))
+
+
+def _task(formula: str, precondition: str | None, policy: PolicyOption, time_value: float, deadline: float | None, priority: int) -> Submit:
+    from somrs.protocol.messages.clients import Policy, Submit
+
+    return Submit(
+        effect=formula,
+        precondition=precondition,
+        policy=Policy(policy.value),
+        time_value=time_value,
+        deadline=deadline,
+        priority=priority,
+    )

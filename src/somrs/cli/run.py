@@ -1,0 +1,97 @@
+"""`somrs run`: one part of a system by itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from somrs.cli.options import HERE, LOOPBACK, Data, HostOption, PortOption, guarded
+
+run_app = typer.Typer(help="Run one part of a system by itself.", no_args_is_help=True, rich_markup_mode=None)
+
+
+@run_app.command()
+def repository(
+    site: Annotated[list[Path], typer.Option(help="Map and ontology files to begin with.")] = [],  # noqa: B006  # typer's way to say a list
+    data: Data = HERE,
+    host: HostOption = LOOPBACK,
+    port: PortOption = 0,
+) -> None:
+    """The Repository."""
+    from somrs.deployment.programs import run_program, run_repository
+
+    guarded(lambda: run_program(run_repository(data, site, host, port)))
+
+
+@run_app.command()
+def registry(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+    """The Service Registry."""
+    from somrs.client.client import Addresses
+    from somrs.deployment.programs import run_program, run_registry
+
+    guarded(lambda: run_program(run_registry(data, Addresses.read(data), host, port)))
+
+
+@run_app.command(name="task-manager")
+def task_manager(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+    """A Task Manager."""
+    from somrs.client.client import Addresses
+    from somrs.deployment.programs import run_program, run_task_manager
+
+    guarded(lambda: run_program(run_task_manager(data, Addresses.read(data), host, port)))
+
+
+@run_app.command()
+def simulator(
+    site: Annotated[list[Path], typer.Option(help="Make the world from these files' map, with no Repository.")] = [],  # noqa: B006  # as above
+    data: Data = HERE,
+    host: HostOption = LOOPBACK,
+    port: PortOption = 0,
+    speed: Annotated[str, typer.Option(help="Of simulated time: 1 is real time, `max` as fast as it goes.")] = "1",
+) -> None:
+    """The simulator; its world is made of the Repository's map."""
+    from somrs.client.client import Addresses
+    from somrs.deployment.programs import run_program, run_simulator, run_simulator_of_files, speed_of
+
+    if site:
+        guarded(lambda: run_program(run_simulator_of_files(site, host, port, speed_of(speed))))
+    else:
+        guarded(lambda: run_program(run_simulator(Addresses.read(data), host, port, speed_of(speed))))
+
+
+@run_app.command()
+def world(
+    data: Data = HERE,
+    host: HostOption = LOOPBACK,
+    port: PortOption = 0,
+    speed: Annotated[str, typer.Option(help="A service that costs 1 takes 1 s at speed 1, and none at `max`.")] = "1",
+) -> None:
+    """The symbolic world, in which the services of devices without a body come true."""
+    from somrs.client.client import Addresses
+    from somrs.deployment.programs import run_program, run_world, speed_of
+
+    guarded(lambda: run_program(run_world(Addresses.read(data), host, port, speed_of(speed))))
+
+
+@run_app.command()
+def gui(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+    """The windows, in the browser, and the API."""
+    from somrs.client.client import Addresses
+    from somrs.deployment.programs import run_program, windows
+
+    guarded(lambda: run_program(windows()(data, Addresses.read(data), host, port)))
+
+
+@run_app.command()
+def device(
+    driver: Annotated[str, typer.Argument(help="The device's class: `module:Class` or `file.py:Class`.")],
+    name: Annotated[str, typer.Option(help="The device's object on the map.")],
+    data: Data = HERE,
+    host: HostOption = LOOPBACK,
+) -> None:
+    """The Service Manager of a device."""
+    from somrs.deployment.device import run_driver
+
+    guarded(lambda: run_driver(driver, name, data, host))

@@ -1,0 +1,309 @@
+"""How programs outside the system (the command line, windows, scripts) talk to it: one question, one answer."""
+
+from __future__ import annotations
+
+import getpass
+import os
+import socket
+import uuid
+from collections.abc import AsyncIterator
+from itertools import chain
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from somrs.errors import RemoteError, UsageError
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.types import Definition, Ontology
+from somrs.protocol.messages import clients, directory, frp, knowledge
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.people import client
+from somrs.runtime.wire import Wire, asked_again
+
+SYSTEM_FILE = "system.json"
+PAGE = 50
+"""Tasks that are asked for at once."""
+
+
+"""What the names of those who ask begin with."""
+
+PATIENCE = 30.0
+"""Seconds for which a Task Manager that is started again is waited for by those who have a task with it."""
+
+Answer = TypeVar("Answer")
+
+
+class Refused(RemoteError):
+    """The Repository did not make a change, and says why: `broken` has each problem with what it concerns."""
+
+    def __init__(self, rejected: knowledge.Rejected) -> None:
+        self.broken, self.version = rejected.broken, rejected.version
+        super().__init__("\n".join(rejected.problems))
+
+
+class Addresses(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the parts of a running system listen; `simulator` and `world` are `host:port`, and a system has one of them."""
+
+    repository: str
+    registry: str
+    task_manager: str
+    simulator: str | None = None
+    world: str | None = None
+    """The symbolic world."""
+    gui: str | None = None
+    """The windows; a system may do without."""
+
+    @classmethod
+    def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:
+        """The addresses that a running system left in its data folder."""
+        file = data / name
+        try:
+            return msgspec.json.decode(file.read_bytes(), type=cls)
+        except FileNotFoundError:
+            raise UsageError(f"no system runs here: there is no {file}. Start one with `somrs up SITE`, or say where with --data") from None
+        except (msgspec.DecodeError, OSError) as error:
+            raise UsageError(f"{file} cannot be read: {error}") from None
+
+    def write(self, data: Path, name: str = SYSTEM_FILE) -> None:
+        (data / name).write_bytes(msgspec.json.format(msgspec.json.encode(self)))
+
+
+def who() -> str:
+    """Who asks, as far as this machine knows: it is kept with a task. Answers come on the connection, so that it is no address."""
+    try:
+        user = getpass.getuser()
+    except (OSError, KeyError):  # a container may run as a user that has no name
+        user = str(os.getuid())
+    return client(f"{user}@{socket.gethostname()}")
+
+
+class Client:
+    """Asks the parts of a running system."""
+
+    def __init__(self, addresses: Addresses) -> None:
+        self.addresses = addresses
+        self._wire = Wire()
+        self._who = who()
+
+    async def __aenter__(self) -> Client:
+        return self
+
+    async def __aexit__(self, *exception: object) -> None:
+        await self._wire.close()
+
+    async def ask(
+        self,
+        address: str,
+        body: Body,
+        expected: type[Answer],
+        timeout: float = 30.0,
+        patience: float = 0.0,
+        id: str | None = None,
+        by: str | None = None,
+    ) -> Answer:
+        """The answer, which is of the expected type. Raises RemoteError when it is not, or none came.
+
+        `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same, and so is what
+        is sent again with the same `id`. `by`: who asks, if it is not who runs this program.
+        """
+        header = Header(sender=client(by) if by else self._who, recipient=address, message_id=id or uuid.uuid4().urn)
+        message = Message(header=header, body=body)
+        answer = await asked_again(lambda: self._wire.post(message, timeout=timeout), patience)
+        if answer is None:
+            raise RemoteError(f"{address} took the {type(body).__name__} without an answer")
+        if isinstance(answer.body, expected):
+            return answer.body
+        if isinstance(answer.body, frp.Fault):
+            raise RemoteError(answer.body.text)
+        if isinstance(answer.body, knowledge.Rejected):
+            raise Refused(answer.body)
+        raise RemoteError(f"{address} answered {type(body).__name__} with {type(answer.body).__name__}")
+
+    # The Repository
+
+    async def ontology(self, version: int | None = None) -> Ontology:
+        """All definitions, as they are now or as they were at the version. Read again when they change between two pages."""
+        while True:
+            found: list[Definition] = []
+            changed: set[int] = set()
+            after, more = 0, True
+            while more:
+                question = knowledge.ReadOntology(after=after, at_version=version)
+                page = await self.ask(self.addresses.repository, question, knowledge.OntologyPage)
+                found += page.definitions.each()
+                changed.add(page.changed_at)
+                after, more = page.next, page.more
+            if len(changed) <= 1:
+                return Ontology(found)
+
+    async def map(self, version: int | None = None) -> Map:
+        """The whole map as it is now, or as it was at the version. Read again from the start when it changes between two pages."""
+        while True:
+            objects: list[Object] = []
+            facts: list[Fact] = []
+            versions: set[int] = set()
+            after, more = "", True
+            while more:
+                question = knowledge.ReadMap(after=after, at_version=version)
+                page = await self.ask(self.addresses.repository, question, knowledge.MapPage)
+                objects += page.objects
+                facts += page.facts
+                versions.add(page.version)
+                after, more = (page.objects[-1].name if page.objects else after), page.more
+            if len(versions) <= 1:
+                return Map(objects, facts)
+
+    async def query(self, formula: str, limit: int = 100) -> knowledge.Rows:
+        return await self.ask(self.addresses.repository, knowledge.QueryMap(formula=formula, limit=limit), knowledge.Rows)
+
+    async def update(self, update: knowledge.UpdateMap) -> int:
+        """The version of the map with the update in it."""
+        return (await self.ask(self.addresses.repository, update, knowledge.Updated)).version
+
+    async def define(self, define: knowledge.Define) -> int:
+        """The version of the ontology with the definitions in it."""
+        return (await self.ask(self.addresses.repository, define, knowledge.Defined)).version
+
+    async def rename(self, rename: knowledge.RenameObject) -> int:
+        """The version of the map in which the object has its new name."""
+        return (await self.ask(self.addresses.repository, rename, knowledge.Updated)).version
+
+    async def undo(self, version: int, author: str = "") -> int:
+        """The version in which what that one changed is brought back."""
+        return (await self.ask(self.addresses.repository, knowledge.Undo(version=version, author=author), knowledge.Updated)).version
+
+    async def consider(self, change: knowledge.Alteration) -> knowledge.Considered:
+        """What would come of the change."""
+        return await self.ask(self.addresses.repository, knowledge.Consider(change=change), knowledge.Considered)
+
+    async def happened(self, wanted: knowledge.ReadEvents) -> knowledge.Events:
+        """What happened to the map and the ontology; as many events as are asked for, from as many pages as it takes."""
+        found: list[knowledge.Event] = []
+        while True:
+            page = await self.ask(self.addresses.repository, wanted, knowledge.Events)
+            found += page.events
+            left = wanted.limit - len(page.events)
+            if left <= 0 or not page.more or not page.events:
+                return knowledge.Events(events=tuple(found), more=page.more, since=page.since)
+            further = {"before" if wanted.after is None else "after": page.events[-1].version}
+            wanted = msgspec.structs.replace(wanted, limit=left, **further)
+
+    async def history(self, name: str, limit: int = 100) -> knowledge.History:
+        return await self.ask(self.addresses.repository, knowledge.ReadHistory(object=name, limit=limit), knowledge.History)
+
+    # The Service Registry
+
+    async def services(self, wanted: directory.Discover | None = None) -> tuple[directory.Offer, ...]:
+        question = wanted or directory.Discover()
+        offers: list[directory.Offer] = []
+        while True:
+            found = await self.ask(self.addresses.registry, question, directory.Discovered)
+            offers += found.offers
+            if not found.more:
+                return tuple(offers)
+            question = msgspec.structs.replace(question, after=offers[-1].service)
+
+    # The Task Manager
+
+    async def submit(self, task: clients.Submit, patience: float = 0.0, id: str | None = None, by: str | None = None) -> str:
+        """The task's id. Raises UsageError, with the caret under the mistake, when it is no task. The same message `id` is one task."""
+        answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience, id=id, by=by)
+        match answer:
+            case clients.Submitted(task=id):
+                return id
+            case clients.TaskRejected(problem=wrong):
+                raise UsageError(wrong)
+            case frp.Fault(text=text):
+                raise RemoteError(text)
+            case _:
+                raise RemoteError(f"the Task Manager answered {type(answer).__name__}")
+
+    async def news(self, task: str) -> AsyncIterator[clients.TaskNews]:
+        """What happens to the task, until it ended; a Task Manager that is started again meanwhile goes on telling it."""
+        after = 0
+        while True:
+            watch = clients.WatchTask(task=task, after=after)
+            news = await self.watch(watch, patience=PATIENCE)
+            yield news
+            if news.view.phase is clients.Phase.ENDED and not news.more:
+                return
+            after += len(news.events)
+
+    async def watch(self, wanted: clients.WatchTask, patience: float = 0.0) -> clients.TaskNews:
+        """News of a task, with a view that is whole, however long."""
+        parts: list[clients.TaskView] = []
+        news = await self.ask(self.addresses.task_manager, wanted, clients.TaskNews, timeout=wanted.wait + 40, patience=patience)
+        while news.rest is not None:
+            parts.append(news.view)
+            more = msgspec.structs.replace(wanted, parts=news.rest, wait=0)
+            news = await self.ask(self.addresses.task_manager, more, clients.TaskNews, patience=patience)
+        if not parts:
+            return news
+        views = [*parts, news.view]
+        steps, work = (tuple(chain.from_iterable(getattr(view, part) for view in views)) for part in ("steps", "work"))
+        return msgspec.structs.replace(news, view=msgspec.structs.replace(news.view, steps=steps, work=work))
+
+    async def watch_list(self, wanted: clients.WatchTasks) -> clients.TasksNews:
+        """What changed in the list of tasks, a page of it."""
+        return await self.ask(self.addresses.task_manager, wanted, clients.TasksNews, timeout=wanted.wait + 40)
+
+    async def rows(self) -> tuple[clients.TaskRow, ...]:
+        """The tasks that the Task Manager has in mind, as a list shows them, newest first."""
+        found: dict[str, clients.TaskRow] = {}
+        after, more = 0, True
+        while more:
+            news = await self.watch_list(clients.WatchTasks(after=after, wait=0))
+            found |= {row.task: row for row in news.rows}
+            after, more = news.version, news.more
+        return tuple(sorted(found.values(), key=lambda row: (row.submitted_at, row.task), reverse=True))
+
+    async def seen(self, task: str) -> clients.TaskNews:
+        """The task as it is now, with all that happened to it, and, as long as it runs, all who were asked for its steps."""
+        events: tuple[clients.TaskEvent, ...] = ()
+        contracts: dict[str, clients.ContractView] = {}
+        changed, more = 0, True
+        while more:
+            news = await self.watch(clients.WatchTask(task=task, after=len(events), contracts=changed, wait=0))
+            events += news.events
+            contracts |= {contract.participant: contract for contract in news.contracts}
+            changed, more = news.contracts_at, news.more
+        asked = sorted(contracts.values(), key=lambda contract: contract.number)
+        return msgspec.structs.replace(news, events=events, contracts=tuple(asked))
+
+    async def all_messages(self, task: str) -> tuple[clients.MessageView, ...]:
+        """Those of a task, whether it runs or is over."""
+        found: tuple[clients.MessageView, ...] = ()
+        more = True
+        while more:
+            page = await self.messages(task, len(found))
+            found, more = found + page.messages, page.more
+        return found
+
+    async def tasks(self, *, running: bool = False, limit: int | None = None) -> tuple[clients.TaskView, ...]:
+        """The tasks that the Task Manager has in mind, newest first: all, or those that are not over."""
+        found: list[clients.TaskView] = []
+        question = clients.ReadTasks(running=running, limit=PAGE if limit is None else min(limit, PAGE))
+        while limit is None or len(found) < limit:
+            page = await self.ask(self.addresses.task_manager, question, clients.Tasks)
+            found += page.tasks
+            if not page.more:
+                break
+            question = msgspec.structs.replace(question, behind=page.tasks[-1].task)
+        return tuple(found[:limit])
+
+    async def records(self, wanted: clients.ReadRecords) -> clients.Records:
+        """A page of what is kept of tasks that are over."""
+        return await self.ask(self.addresses.task_manager, wanted, clients.Records)
+
+    async def cancel(self, task: str, reason: str) -> None:
+        wanted = clients.CancelTask(task=task, reason=reason)
+        await self.ask(self.addresses.task_manager, wanted, clients.Cancelling, patience=PATIENCE)
+
+    async def messages(self, task: str, after: int = 0) -> clients.Messages:
+        """The messages of a task, whether it runs or is over, behind the first so many: a page of them."""
+        return await self.ask(self.addresses.task_manager, clients.ReadMessages(task=task, after=after), clients.Messages)
+
+    async def preview(self, wanted: clients.Preview) -> clients.Previewed:
+        return await self.ask(self.addresses.task_manager, wanted, clients.Previewed, timeout=60)

@@ -1,0 +1,187 @@
+"""What is kept of tasks that are over, for other programs: JSON lines, one record a line, or CSV tables."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import json
+import re
+import sys
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
+from datetime import UTC, datetime
+from enum import Enum, StrEnum
+from pathlib import Path
+from typing import IO
+
+import msgspec
+from msgspec import structs
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from somrs.client.task_history import Past, past
+from somrs.errors import UsageError
+from somrs.protocol.messages.clients import ContractView, EventKind, MessageView, ReadRecords, Records, TaskEvent, TaskRecord, WorkView
+from somrs.protocol.messages.frp import State
+
+PAGE = 100
+"""Records that are asked for at once; fewer come when they are long."""
+
+Cell = str | float | int | None
+Row = Mapping[str, Cell]
+
+
+class Table(StrEnum):
+    """What a row of a CSV file is."""
+
+    TASKS = "tasks"
+    WORK = "work"
+    CONTRACTS = "contracts"
+    EVENTS = "events"
+    MESSAGES = "messages"
+
+
+class Format(StrEnum):
+    """How records are written."""
+
+    JSONL = "jsonl"
+    CSV = "csv"
+
+
+TASK_COLUMNS = (
+    "task", "effect", "outcome", "explanation", "submitted_at", "ended_at", "seconds", "client", "precondition", "policy", "deadline",
+    "priority", "steps", "work", "completed", "compensated", "stranded", "setbacks", "price", "currency",
+)  # fmt: skip
+TIMES = frozenset(("at", "began", "ended", "valid_until", "submitted_at", "ended_at"))
+"""Columns that are moments, written as ISO 8601 in UTC."""
+
+_PARTS: Mapping[Table, tuple[type[msgspec.Struct], Callable[[TaskRecord], Iterable[msgspec.Struct]]]] = {
+    Table.WORK: (WorkView, lambda record: record.work),
+    Table.CONTRACTS: (ContractView, lambda record: record.contracts),
+    Table.EVENTS: (TaskEvent, lambda record: record.events),
+    Table.MESSAGES: (MessageView, lambda record: record.messages),
+}
+
+_AGO = re.compile(r"(?P<count>\d+(?:\.\d+)?)\s*(?P<unit>[smhdw])")
+_SECONDS = {"s": 1, "m": 60, "h": 3600, "d": 86_400, "w": 604_800}
+
+
+def moment(text: str, now: float) -> float:
+    """Seconds since 1970 of a date, a date with a time, or so long ago (`2h`). Raises UsageError."""
+    if (ago := _AGO.fullmatch(text.strip())) is not None:
+        return now - float(ago["count"]) * _SECONDS[ago["unit"]]
+    try:
+        return datetime.fromisoformat(text.strip()).timestamp()
+    except (ValueError, OverflowError):
+        raise UsageError(
+            f"{text!r} is no moment; it can be a date (2026-03-01), with a time (2026-03-01T14:30), or so long ago: 30m, 2h, 7d"
+        ) from None
+
+
+async def export(out: Path | None, data: Path, format: Format, table: Table, which: ReadRecords | None = None) -> None:
+    """Write the tasks that are over, or which of them are asked for, the latest first, to a file or to standard output."""
+    wanted = structs.replace(which or ReadRecords(), limit=PAGE)
+    if out is not None and not out.parent.is_dir():
+        raise UsageError(f"{out}: there is no folder {out.parent}; make it first")
+    async with past(data) as archive:
+        if out is None:
+            await write(archive, wanted, sys.stdout, format, table)
+            return
+        # Under another name until it is whole: what is interrupted does not look like an export.
+        unfinished = out.with_name(f"{out.name}.part")
+        try:
+            with unfinished.open("w", encoding="utf-8", newline="") as file, _bar(out) as bar:
+                count = await write(archive, wanted, file, format, table, bar)
+            unfinished.replace(out)
+        finally:
+            unfinished.unlink(missing_ok=True)
+    print(f"{out}: {count} task{'s' if count != 1 else ''}")
+
+
+Tell = Callable[[int, int | None], None]
+"""Told how many records are written, of how many."""
+
+
+async def write(past: Past, wanted: ReadRecords, file: IO[str], format: Format, table: Table, tell: Tell | None = None) -> int:
+    """Write all that is asked for; `limit` is a page's. Returns how many tasks that is."""
+    count, total = 0, None
+    async for page in _lines(past, wanted, file, format, table):
+        count, total = count + len(page.records), page.total if page.total is not None else total
+        if tell is not None:
+            tell(count, total)
+    return count
+
+
+async def _lines(past: Past, wanted: ReadRecords, file: IO[str], format: Format, table: Table) -> AsyncIterator[Records]:
+    writer = csv.DictWriter(file, columns(table), lineterminator="\n") if format is Format.CSV else None
+    if writer is not None:
+        writer.writeheader()
+    async for page in past.pages(wanted):
+        for record in page.records:
+            if writer is not None:
+                writer.writerows(rows(record, table))
+            else:
+                file.write(msgspec.json.encode(record).decode() + "\n")
+        yield page
+
+
+@contextlib.contextmanager
+def _bar(out: Path) -> Iterator[Tell]:
+    """A bar on standard error, if that is a terminal."""
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        bar = shown.add_task(out.name, total=None)
+        yield lambda count, total: shown.update(bar, completed=count, total=total)
+
+
+# CSV
+
+
+def columns(table: Table) -> tuple[str, ...]:
+    """The header of a table."""
+    if table is Table.TASKS:
+        return TASK_COLUMNS
+    kind, _ = _PARTS[table]
+    return ("task", *kind.__struct_fields__)
+
+
+def rows(record: TaskRecord, table: Table) -> Iterator[Row]:
+    """The rows that a record has in a table."""
+    if table is Table.TASKS:
+        yield _task(record)
+        return
+    _, parts = _PARTS[table]
+    for part in parts(record):
+        yield {"task": record.task, **{name: _cell(name, getattr(part, name)) for name in part.__struct_fields__}}
+
+
+def _task(record: TaskRecord) -> Row:
+    accepted = [contract for contract in record.contracts if contract.accepted and contract.price is not None]
+    currencies = {contract.currency for contract in accepted}
+    became = [work.state for work in record.work]
+    found: dict[str, object] = {
+        **{name: getattr(record, name) for name in TASK_COLUMNS if name in TaskRecord.__struct_fields__},
+        "seconds": round(record.ended_at - record.submitted_at, 3),
+        "steps": len(record.steps),
+        "work": len(record.work),
+        "completed": became.count(State.COMPLETED),
+        "compensated": became.count(State.COMPENSATED),
+        "stranded": became.count(State.STRANDED),
+        "setbacks": sum(event.kind is EventKind.SETBACK for event in record.events),
+        # What is paid in several currencies has no sum.
+        "price": sum(contract.price or 0 for contract in accepted) if len(currencies) == 1 else 0 if not accepted else None,
+        "currency": " ".join(sorted(currencies)),
+    }
+    return {name: _cell(name, value) for name, value in found.items()}
+
+
+def _cell(name: str, value: object) -> Cell:
+    if name in TIMES and isinstance(value, float | int):
+        with contextlib.suppress(OverflowError, ValueError, OSError):  # terms may hold longer than there are dates
+            return datetime.fromtimestamp(value, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Enum):
+        return str(value.value)
+    if isinstance(value, dict):
+        return json.dumps(value, ensure_ascii=False)
+    return value if isinstance(value, str | float | int) else None

@@ -1,0 +1,247 @@
+"""How things look in the terminal: tables, plans, and a task while it runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from datetime import datetime
+
+import msgspec
+from msgspec import structs
+from rich.box import SIMPLE_HEAD
+from rich.console import Console, Group
+from rich.padding import Padding
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from somrs.client.message_chart import SETBACKS, said
+from somrs.client.trace import Line
+from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.protocol.messages.clients import EventKind, StepView, TaskEvent, TaskView, WorkView
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.frp import Outcome, State
+
+MARKS = {Outcome.ACCOMPLISHED: ("✔", "green"), Outcome.FAILED: ("✘", "red"), Outcome.CANCELLED: ("■", "yellow")}
+"""A sign and a colour for each outcome; colour is never the only sign."""
+
+SIGNS = {
+    State.COMPLETED: ("✔", "green"),
+    State.FAILED: ("✘", "red"),
+    State.STOPPED: ("■", "yellow"),
+    State.COMPENSATED: ("↶", "green"),
+    State.STRANDED: ("!", "red"),
+    State.UNREACHABLE: ("?", "red"),
+}
+"""Of what became of work."""
+
+COLOURS = {EventKind.SETBACK: "red", EventKind.END: "bold"}
+"""Of kinds of events; the others are what is done about setbacks."""
+
+PARTY = 28
+"""Characters of a column of those who say something to each other: `Camera001.RecognizeSituation` fits."""
+
+MOST_NAME = 28
+"""Characters for which a column of names makes others narrow."""
+
+
+def print_json(value: object) -> None:
+    """For programs: plain JSON on standard output."""
+    print(json.dumps(msgspec.to_builtins(value), ensure_ascii=False, indent=2))
+
+
+def table(
+    title: str, columns: Sequence[str], rows: Iterable[Sequence[object]], whole: Collection[str] = (), least: Mapping[str, int] = {}
+) -> Table:
+    """A table that fits the terminal. The columns in `whole` are not broken within a line; `least` are widths that columns have, even
+    if others have to be narrow."""
+    made = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=SIMPLE_HEAD, show_edge=False)
+    for column in columns:
+        made.add_column(column, overflow="fold", no_wrap=column in whole, min_width=least.get(column))
+    for row in rows:
+        made.add_row(*(cell if isinstance(cell, Text | ProgressBar | Group) else str(cell) for cell in row))
+    return made
+
+
+def room(names: Iterable[str]) -> int:
+    """The width in which names are not torn apart, unless they are long."""
+    return min(MOST_NAME, max(map(len, names), default=0))
+
+
+def lines(*parts: str) -> str:
+    """Those that say something, one under the other."""
+    return "\n".join(part for part in parts if part)
+
+
+def inputs(of: StepView | WorkView) -> str:
+    return "\n".join(f"{name}: {value}" for name, value in of.inputs.items())
+
+
+def steps(title: str, found: Sequence[StepView], beside: Sequence[WorkView] = ()) -> Table:
+    """A plan, and how far each step is; `beside` it, what is done for other reasons."""
+    after = any(step.after for step in found)
+    columns = ("step", "what", *(("after",) if after else ()), "by", "state")
+    rows = [
+        (
+            step.step,
+            lines(step.service_type, inputs(step)),
+            *((", ".join(step.after) or "-",) if after else ()),
+            lines(step.service or "-", terms(step.price, "EUR", step.duration)),
+            how_far(step),
+        )
+        for step in found
+    ]
+    made = table(title, columns, rows, whole=("state",), least={"by": room(step.service or "-" for step in found)})
+    for work in beside:
+        what = lines(work.service_type, inputs(work))
+        made.add_row(work.step, what, *(("-",) if after else ()), work.service, became(work.state))
+    return made
+
+
+def terms(price: float | None, currency: str, duration: float | None) -> str:
+    """What a service wants for its work."""
+    cost = f"{price:g} {currency}" if price is not None else ""
+    return ", ".join(part for part in (cost, f"{duration:.0f} s" if duration is not None else "") if part)
+
+
+def how_far(step: StepView) -> Group | Text:
+    """The state of a step, with a bar while it is executed."""
+    if step.state is State.NEW:
+        return Text("open", style="dim")
+    if step.state is not State.EXECUTING:
+        return became(step.state)
+    return Group(Text(f"{step.state.value} {100 * step.fraction:.0f} %"), ProgressBar(total=1.0, completed=step.fraction, width=14))
+
+
+def became(state: State) -> Text:
+    """What became of work, or of whoever did it."""
+    sign, colour = SIGNS.get(state, ("", ""))
+    return Text(f"{sign} {state.value}".strip(), style=colour)
+
+
+def plan(found: Sequence[StepView]) -> Table:
+    """A plan that nobody carries out."""
+    return table(
+        "Plan",
+        ("step", "what", "after", "because"),
+        (
+            (
+                step.step,
+                lines(step.service_type, inputs(step)),
+                ", ".join(step.after) or "-",
+                "\n".join(dict.fromkeys(step.because)) or "-",
+            )
+            for step in found
+        ),
+    )
+
+
+def outcome(view: TaskView) -> Text:
+    """How far a task is, or how it ended, and the first reason for that."""
+    if view.outcome is None:
+        return Text(view.phase.value, style="bold").append(f": {view.explanation}" if view.explanation else "", style="not bold")
+    sign, colour = MARKS[view.outcome]
+    seconds = f" in {view.ended_at - view.submitted_at:.1f} s" if view.ended_at is not None else ""
+    said = Text(f"{sign} {view.outcome.value}{seconds}", style=colour)
+    return said.append(f": {view.explanation.partition('; ')[0]}") if view.explanation else said
+
+
+def ending(view: TaskView) -> Group:
+    """How far a task is, or how it ended and why, a reason a line."""
+    reasons = [Padding(Text(reason), (0, 0, 0, 2)) for reason in view.explanation.split("; ") if reason]
+    return Group(outcome(structs.replace(view, explanation="")), *reasons)
+
+
+def tasks(found: Sequence[TaskView]) -> Table:
+    rows = ((short(view.task), view.effect, moment(view.submitted_at), outcome(view)) for view in found)
+    return table("Tasks", ("task", "wish", "submitted", "how far"), rows, whole=("task", "submitted"))
+
+
+def short(task: str) -> str:
+    """As much of a task's id as people need."""
+    return task.rpartition(":")[2][:8]
+
+
+def services(found: Sequence[Offer]) -> Table:
+    return table(
+        "Services on offer",
+        ("service", "brings about", "if", "attributes"),
+        (
+            (
+                lines(offer.service, f"a {offer.provider_type}"),
+                offer.service_type.effect,
+                offer.service_type.precondition or "-",
+                "\n".join(f"{name} {value}" for name, value in offer.attributes.items()) or "-",
+            )
+            for offer in found
+        ),
+        least={"service": room(offer.service for offer in found)},
+    )
+
+
+def clock(at: float) -> str:
+    return datetime.fromtimestamp(at).strftime("%H:%M:%S")
+
+
+def moment(at: float) -> str:
+    """With the date, unless it is today."""
+    then = datetime.fromtimestamp(at)
+    return f"{then:%H:%M:%S}" if then.date() == datetime.now().date() else f"{then:%Y-%m-%d %H:%M}"
+
+
+def event(happened: TaskEvent) -> Text:
+    """Something that happened to a task, in a line."""
+    step = f"{happened.step}: " if happened.step else ""
+    return Text.assemble((f"{clock(happened.at)}  ", "dim"), (step, "bold"), happened.text)
+
+
+def events(happened: Iterable[TaskEvent]) -> Table:
+    """What happened to a task: when, what kind of news it is if it is not the plain kind, and the news. Why it ended, `ending` says."""
+    made = Table.grid(padding=(0, 1), pad_edge=False)
+    made.add_column(style="dim", no_wrap=True)
+    made.add_column(min_width=max(len(kind.value) for kind in EventKind), no_wrap=True)
+    made.add_column(overflow="fold")
+    for one in happened:
+        colour = COLOURS.get(one.kind, "bold cyan")
+        kind = Text("" if one.kind is EventKind.NEWS else one.kind.value, style=colour)
+        step = f"{one.step}: " if one.step else ""
+        text = one.text.partition(":")[0] if one.kind is EventKind.END else one.text
+        made.add_row(clock(one.at), kind, Text.assemble((step, "bold"), text))
+    return made
+
+
+def passing(line: Line, start: float) -> Text:
+    """A message as it passes, so long after the first."""
+    style = "bold red" if line.type in SETBACKS else "bold"
+    parties = f"{line.sender:>{PARTY}} → {line.recipient:<{PARTY}} "
+    return Text.assemble(f"{line.at - start:7.2f} s ", (parties, "dim"), (f"{line.type:<12}", style), said(line))
+
+
+def live(view: TaskView) -> Group:
+    """A task under way, or how it ended."""
+    if not view.steps:
+        return ending(view)
+    known = {step.step for step in view.steps}
+    beside = [work for work in view.work if work.state is State.EXECUTING and work.step not in known] if view.outcome is None else []
+    return Group("", steps(view.effect, view.steps, beside), "", ending(view))
+
+
+def change(made: Change) -> str:
+    """A change of the map, in a line."""
+    match made:
+        case ObjectAdded(object):
+            return f"{object.name}: {object.type} appeared"
+        case ObjectRemoved(name):
+            return f"{name} disappeared"
+        case ValueSet(name, path, None):
+            return f"{name}.{path} is unknown"
+        case ValueSet(name, path, value):
+            return f"{name}.{path} = {value}"
+        case FactAdded(fact):
+            return f"{fact}"
+        case FactRemoved(fact):
+            return f"no longer {fact}"
+
+
+def console() -> Console:
+    return Console(highlight=False)

@@ -1,0 +1,174 @@
+"""Who did what when, in one transaction: bars by device, for the terminal and as SVG."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+from rich.table import Table
+from rich.text import Text
+
+from somrs.client.trace import Line
+
+BEGINS = {"Execute": "does", "Compensate": "undoes"}
+ENDS = frozenset(("Completed", "Failed", "Stopped", "Compensated", "Stranded"))
+SIGNS = {"Completed": "✔", "Failed": "✘", "Stopped": "■", "Compensated": "↶", "Stranded": "!", "lost": "?"}
+"""How a bar ends; colour is never the only sign."""
+
+COLOURS = {"does": "#2c5d8f", "undoes": "#8a5a00", "lost": "#b3261e"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bar:
+    """A device at work, from one moment (seconds since 1970) to another; `how` it ended, `lost` when nothing was heard any more."""
+
+    device: str
+    label: str
+    kind: str
+    start: float
+    end: float
+    how: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mark:
+    """Something that happened, to a part of the system or to the task."""
+
+    at: float
+    who: str
+    text: str
+
+
+def bars(lines: Sequence[Line]) -> list[Bar]:
+    """The work that the messages tell of; what did not come to an end is lost when the last was said to or by whoever did it."""
+    last = {line.participant: line.at for line in lines if line.type != "End"}
+    found: dict[tuple[str, str], Bar] = {}
+    for line in lines:
+        if line.type in BEGINS:
+            device, _, _ = line.recipient.partition(".")
+            label = str(line.body.get("inputs", {}).get("Object") or str(line.body.get("situation", "")).partition(" ")[0])
+            kind = BEGINS[line.type]
+            if (line.participant, kind) not in found:
+                found[line.participant, kind] = Bar(
+                    device=device, label=label, kind=kind, start=line.at, end=last[line.participant], how="lost"
+                )
+        elif line.type in ENDS:
+            kind = "undoes" if line.type in ("Compensated", "Stranded") else "does"
+            begun = found.get((line.participant, kind))
+            if begun is not None and begun.how == "lost":
+                found[line.participant, kind] = Bar(
+                    device=begun.device, label=begun.label, kind=kind, start=begun.start, end=line.at, how=line.type
+                )
+    return [*found.values()]
+
+
+def drawn(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) -> Table:
+    """For the terminal: a row for each piece of work, in the order in which they began, and for what happened."""
+    start, end = _limits(bars, marks)
+    scale = width / max(end - start, 1e-9)
+    table = Table(title="Timeline", title_justify="left", title_style="bold", box=None, padding=(0, 1))
+    table.add_column("who", style="bold", no_wrap=True)
+    table.add_column("what", overflow="ellipsis", no_wrap=True, max_width=34)
+    table.add_column(f"0 s{'':>{max(width - 12, 1)}}{end - start:6.1f} s", no_wrap=True)
+    rows: list[tuple[float, str, str, Text]] = []
+    for bar in bars:
+        begin = int((bar.start - start) * scale)
+        length = max(1, round((bar.end - bar.start) * scale))
+        fill = {"does": "█", "undoes": "▒"}[bar.kind] if bar.how != "lost" else "░"
+        colour = COLOURS["lost" if bar.how in ("lost", "Failed", "Stranded") else bar.kind]
+        line = Text(" " * begin) + Text(fill * min(length, width - begin), style=colour) + Text(f" {SIGNS[bar.how]}")
+        rows.append((bar.start, bar.device, f"{bar.kind}: {bar.label}", line))
+    for mark in marks:
+        rows.append((mark.at, mark.who, mark.text, Text(" " * int((mark.at - start) * scale)) + Text("◆", style="bold red")))
+    for _, who, what, line in sorted(rows, key=lambda row: row[0]):
+        table.add_row(who, what, line)
+    table.caption = "  ".join(f"{sign} {how}" for how, sign in SIGNS.items())
+    return table
+
+
+LEFT, TOP, LANE, WIDE, RIGHT = 130, 70, 44, 1100, 110
+LETTER = 7.2
+"""Pixels that a letter takes at most."""
+STYLE = """
+  .timeline { font-family: system-ui, sans-serif; font-size: 12px; fill: #1c2733 }
+  .lane { stroke: #e1e7ee }
+  .who { font-weight: 600; text-anchor: end }
+  .mark { stroke: #b3261e; stroke-dasharray: 3 3 }
+  .told { fill: #b3261e }
+  .told, .beside { stroke: #ffffff; stroke-width: 4px; paint-order: stroke }
+  .inside { fill: #ffffff; font-size: 11px }
+"""
+
+
+def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
+    """An SVG document: a lane for each device, bars on it, and lines where something happened."""
+    start, end = _limits(bars, marks)
+    scale = WIDE / max(end - start, 1e-9)
+    lanes = _lanes(bars)
+    names = list(dict.fromkeys(device for device, _ in lanes.values()))
+    rows = {(device, row) for device, row in lanes.values()}
+    place = {key: TOP + LANE * index for index, key in enumerate(sorted(rows, key=lambda key: (names.index(key[0]), key[1])))}
+    bottom = TOP + LANE * len(place)
+    height = bottom + 24 * len(marks) + 30
+    made = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="timeline" viewBox="0 0 {LEFT + WIDE + RIGHT} {height}" '
+        f'width="{LEFT + WIDE + RIGHT}" height="{height}">',
+        f"<title>{escape(title)}</title><style>{STYLE}</style>",
+        f'<rect width="{LEFT + WIDE + RIGHT}" height="{height}" fill="#ffffff"/>',
+        f'<text x="20" y="28" font-size="16" font-weight="600">{escape(title)}</text>',
+    ]
+    for number, (kind, colour) in enumerate(COLOURS.items()):
+        left = LEFT + WIDE - 90 * (len(COLOURS) - number)
+        made.append(f'<rect x="{left}" y="17" width="12" height="12" rx="3" fill="{colour}"/><text x="{left + 18}" y="28">{kind}</text>')
+    for seconds in _ticks(end - start):
+        x = LEFT + seconds * scale
+        made.append(f'<line class="lane" x1="{x:.1f}" y1="{TOP - 14}" x2="{x:.1f}" y2="{bottom}"/>')
+        made.append(f'<text x="{x:.1f}" y="{TOP - 20}" text-anchor="middle">{seconds:g} s</text>')
+    for (device, row), y in place.items():
+        if row == 0:
+            made.append(f'<text class="who" x="{LEFT - 12}" y="{y + 20}">{escape(device)}</text>')
+    texts: list[str] = []
+    """Drawn last, so that no line runs through them."""
+    for bar in bars:
+        y = place[lanes[bar]]
+        x, wide = LEFT + (bar.start - start) * scale, max(3.0, (bar.end - bar.start) * scale)
+        colour = COLOURS["lost" if bar.how in ("lost", "Failed", "Stranded") else bar.kind]
+        opacity = ' fill-opacity="0.35"' if bar.how == "lost" else ""
+        made.append(f'<rect x="{x:.1f}" y="{y + 4}" width="{wide:.1f}" height="24" rx="4" fill="{colour}"{opacity}/>')
+        said = f"{SIGNS[bar.how]} {bar.label}"
+        after = min((other.start for other in bars if lanes[other] == lanes[bar] and other.start >= bar.end), default=end + RIGHT / scale)
+        if (after - bar.end) * scale > LETTER * len(said) and (bar.how == "lost" or wide <= LETTER * len(said)):
+            texts.append(f'<text class="beside" x="{x + wide + 5:.1f}" y="{y + 20}">{escape(said)}</text>')
+        else:
+            fits = said if wide > LETTER * len(said) else SIGNS[bar.how]
+            texts.append(f'<text class="inside" x="{x + 6:.1f}" y="{y + 20}">{escape(fits)}</text>')
+    for number, mark in enumerate(sorted(marks, key=lambda mark: mark.at)):
+        x, y = LEFT + (mark.at - start) * scale, bottom + 16 + 24 * number
+        made.append(f'<line class="mark" x1="{x:.1f}" y1="{TOP - 14}" x2="{x:.1f}" y2="{y}"/>')
+        late = x > LEFT + WIDE * 0.7
+        anchor = ' text-anchor="end"' if late else ""
+        texts.append(f'<text class="told"{anchor} x="{x + (-6 if late else 6):.1f}" y="{y}">{escape(f"{mark.who}: {mark.text}")}</text>')
+    return "\n".join([*made, *texts, "</svg>"]) + "\n"
+
+
+def _limits(bars: Sequence[Bar], marks: Sequence[Mark]) -> tuple[float, float]:
+    times = [bar.start for bar in bars] + [bar.end for bar in bars] + [mark.at for mark in marks]
+    return (min(times), max(times)) if times else (0.0, 1.0)
+
+
+def _lanes(bars: Sequence[Bar]) -> dict[Bar, tuple[str, int]]:
+    """For each bar its device and which of the device's rows: bars on one row do not overlap."""
+    taken: dict[str, list[float]] = {}
+    found: dict[Bar, tuple[str, int]] = {}
+    for bar in sorted(bars, key=lambda bar: bar.start):
+        rows = taken.setdefault(bar.device, [])
+        row = next((index for index, until in enumerate(rows) if until <= bar.start), len(rows))
+        rows[row:] = [bar.end, *rows[row + 1 :]]
+        found[bar] = (bar.device, row)
+    return found
+
+
+def _ticks(seconds: float) -> Iterable[float]:
+    step = next((step for step in (1, 2, 5, 10, 20, 60, 120, 300) if seconds / step <= 12), 600)
+    return (float(step * number) for number in range(int(seconds / step) + 1))

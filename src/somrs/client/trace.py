@@ -1,0 +1,121 @@
+"""The messages of the Failure Recovery Protocol as they pass, one JSON object a line, in a file that others can follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from somrs.protocol.messages.clients import MessageView, TaskRecord
+from somrs.protocol.messages.envelope import Message
+
+TASK_MANAGER = "TaskManager"
+
+
+class Line(msgspec.Struct, frozen=True, kw_only=True):
+    """One message: who says what to whom, in which transaction; `at` in seconds since 1970."""
+
+    at: float
+    sender: str
+    recipient: str
+    type: str
+    transaction: str
+    participant: str
+    message_id: str
+    relates_to: str | None
+    body: dict[str, Any]
+
+
+def line_of(message: Message, now: float, coordinator: str) -> Line:
+    """A message with names that people know: the Task Manager, and services."""
+    header = message.header
+    service = (header.participant or "").partition("#")[0] or header.recipient
+    sent = header.sender == coordinator
+    body: dict[str, Any] = msgspec.to_builtins(message.body)
+    body.pop("type", None)
+    return Line(
+        at=now,
+        sender=TASK_MANAGER if sent else service,
+        recipient=service if sent else TASK_MANAGER,
+        type=type(message.body).__name__,
+        transaction=header.transaction or "",
+        participant=header.participant or "",
+        message_id=header.message_id,
+        relates_to=header.relates_to,
+        body={key: value for key, value in body.items() if value is not None},
+    )
+
+
+def lines_of(record: TaskRecord) -> list[Line]:
+    """The messages of a task that is over, as they were when they passed."""
+    return lines_from(record.messages, record.task)
+
+
+def lines_from(messages: Sequence[MessageView], task: str) -> list[Line]:
+    """The messages of a task, with names that people know."""
+    coordinator = next((message.sender for message in messages if message.type == "Arrange"), "")
+    found = []
+    for message in messages:
+        service, sent = message.participant.partition("#")[0], message.sender == coordinator
+        body: dict[str, Any] = msgspec.json.decode(message.body)
+        found.append(
+            Line(
+                at=message.at,
+                sender=TASK_MANAGER if sent else service,
+                recipient=service if sent else TASK_MANAGER,
+                type=message.type,
+                transaction=task,
+                participant=message.participant,
+                message_id=message.id,
+                relates_to=message.relates_to,
+                body={key: value for key, value in body.items() if key != "type" and value is not None},
+            )
+        )
+    return found
+
+
+def without_heartbeats(lines: Sequence[Line]) -> list[Line]:
+    """Of signs of life that a participant gives in a row, the last only."""
+    following: dict[str, str] = {}
+    kept: list[Line] = []
+    for line in reversed(lines):
+        if line.type != "Progress" or following.get(line.participant) != line.type:
+            kept.append(line)
+        following[line.participant] = line.type
+    return kept[::-1]
+
+
+class Trace:
+    """Writes lines to a file; what is written can be read by others at once."""
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = path.open("ab", buffering=0)
+        self.coordinator = ""
+
+    def __call__(self, message: Message, now: float) -> None:
+        self._file.write(msgspec.json.encode(line_of(message, now, self.coordinator)) + b"\n")
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class Follower:
+    """Reads a trace file that is still being written."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._offset = path, 0
+
+    def new(self) -> Iterator[Line]:
+        """The lines that were added since the last call."""
+        if not self._path.exists():
+            return
+        with self._path.open("rb") as file:
+            file.seek(self._offset)
+            for raw in file:
+                if not raw.endswith(b"\n"):
+                    return
+                self._offset += len(raw)
+                yield msgspec.json.decode(raw, type=Line)

@@ -1,0 +1,1 @@
+"""The paper's scenarios, played by a whole system."""

@@ -1,0 +1,282 @@
+"""Runs a device: its Service Manager at an address, the author's coroutines on the event loop, its journal on disk.
+
+An author's program ends with `run(Forklift)` and is called as `python forklift.py --name Forklift1 --data .somrs`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import importlib
+import importlib.util
+import logging
+import sqlite3
+import sys
+import uuid
+from collections import deque
+from copy import copy
+from pathlib import Path
+from types import ModuleType
+from urllib.parse import urlsplit
+
+import msgspec
+
+from somrs.client.client import Addresses
+from somrs.deployment.programs import run_program, say_ready, until_stopped
+from somrs.errors import DeviceError, InputError, RemoteError
+from somrs.kernel.component import Rang
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
+from somrs.runtime.host import Host
+from somrs.runtime.node import Node, Report
+from somrs.runtime.wire import asked_again
+from somrs.service_manager.participant.participant import LEAVE, REMEMBERED, ServiceManager
+from somrs.service_manager.sdk import orders
+from somrs.service_manager.sdk.device import Device, MapReader
+from somrs.service_manager.sdk.orders import Halt, Kept, Perform, Quote, Undo
+from somrs.service_manager.sdk.work import carry_out
+from somrs.storage.disk import Disk, Kind
+
+log = logging.getLogger(__name__)
+
+JOIN_TIME = 60.0
+"""Seconds after which a device that could not join says so; it goes on trying."""
+
+MAP_TIME = 60.0
+"""Seconds for which a device waits for a Repository that does not answer."""
+
+LEAVE_TIME = 5.0
+"""Seconds that a device has to come to rest when its program is to end."""
+
+
+_KIND = Kind(
+    owner="a device's",
+    holds="record of a participant",
+    rival="another program of the same device",
+    application=0x534F4D44,  # `SOMD` in ASCII
+    version=2,
+    tables="""
+    CREATE TABLE kept (number INTEGER PRIMARY KEY, device TEXT NOT NULL, "transaction" TEXT NOT NULL, participant TEXT NOT NULL,
+      entry BLOB NOT NULL, UNIQUE ("transaction", participant, device));
+    """,
+)
+
+
+class DeviceJournal:
+    """What a device promised and reported: the latest record of each participant, in a file of the device's own.
+
+    Devices that share a process can share the file: what they have to keep at the same time is on disk by one commit then.
+    """
+
+    def __init__(self, path: Path, device: str = "") -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self.disk = Disk(path, _KIND)
+        self._device = device
+        self._queued: deque[tuple[str, Kept]] = deque()
+
+    def shared_with(self, device: str) -> DeviceJournal:
+        """The journal of another device of this process, in the same file. Whoever closes one of them closes all."""
+        other = copy(self)
+        other._device = device
+        return other
+
+    def load(self) -> list[Kept]:
+        """The latest record of each participant, as far as they are remembered."""
+
+        def read(db: sqlite3.Connection) -> list[Kept]:
+            db.execute(
+                "DELETE FROM kept WHERE device = ?1 AND number <= "
+                "(SELECT number FROM kept WHERE device = ?1 ORDER BY number DESC LIMIT 1 OFFSET ?2)",
+                (self._device, REMEMBERED),
+            )
+            rows = db.execute("SELECT entry FROM kept WHERE device = ? ORDER BY number", (self._device,)).fetchall()
+            return [msgspec.msgpack.decode(entry, type=Kept) for (entry,) in rows]
+
+        return self.disk.do(read)
+
+    def keep(self, entry: object) -> None:
+        """Have a record on disk, soon."""
+        assert isinstance(entry, Kept), f"a Service Manager keeps participants, not {type(entry).__name__}"
+        self._queued.append((self._device, entry))
+        self.disk.write(self._flush)
+
+    def close(self) -> None:
+        """Write what is to be written, and close the file."""
+        self.disk.close()
+
+    def _flush(self, db: sqlite3.Connection) -> None:
+        """Write all that is queued, of each participant the latest; it may be more than was when this was asked for, and the next
+        then finds nothing. Encoded here, by the disk's thread: a record is a value, which stays as it is."""
+        latest: dict[tuple[str, str, str], Kept] = {}
+        while self._queued:
+            device, entry = self._queued.popleft()
+            key = (*entry.key, device)
+            latest.pop(key, None)  # behind those that were kept before it
+            latest[key] = entry
+        if latest:
+            rows = [(*key, msgspec.msgpack.encode(entry)) for key, entry in latest.items()]
+            db.executemany('INSERT OR REPLACE INTO kept ("transaction", participant, device, entry) VALUES (?, ?, ?, ?)', rows)
+
+
+class DeviceRunner:
+    """A device at work: join with `start`, take leave with `stop`. `data` is where its journal is.
+
+    Devices of one process can share a journal and a host: one port then, and what goes the same way goes together. Whoever made
+    them for it starts and stops the host, and closes the journal.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        addresses: Addresses,
+        data: Path,
+        host: str | Host = "127.0.0.1",
+        *,
+        journal: DeviceJournal | None = None,
+    ) -> None:
+        self.device = device
+        device.data = data
+        self._addresses = addresses
+        self._own_journal = journal is None
+        self._journal = journal if journal is not None else DeviceJournal(data / "devices" / f"{device.name}.sqlite")
+        self._kept = self._journal.load()
+        self._host = host
+        self._rim: Host | None = None
+        self._node: Node | None = None
+        self._joined: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    async def start(self) -> str:
+        """Connect to the hardware, and join. Returns the address. Raises DeviceError when the device cannot join."""
+        self.device.profile()  # a class that cannot be run is told of before anything is connected
+        self._rim = rim = await self._listen()
+        self.device.map = MapReader(self._ask)
+        await self.device.open()
+        profile = self.device.profile()
+        self.manager = ServiceManager(profile, repository=self._addresses.repository, registry=self._addresses.registry, kept=self._kept)
+        path = f"/devices/{self.device.name}"
+        self._node = rim.add(
+            path, lambda address: self.manager, carry_out=self._carry_out, keep=self._journal.keep, disk=self._journal.disk
+        )
+        try:
+            await asyncio.wait_for(asyncio.shield(self._joined), JOIN_TIME)
+        except TimeoutError:
+            raise RemoteError(
+                f"{self.device.name} could not join within {JOIN_TIME:.0f} s: "
+                f"no answer from {self._addresses.repository} or {self._addresses.registry}"
+            ) from None
+        return self._node.address
+
+    async def stop(self) -> None:
+        """Take leave: withdraw the offers, bring what runs to a stop, and say so to whom it concerns."""
+        if self._node is not None:
+            self._node.feed(Rang(LEAVE))
+            end = asyncio.get_running_loop().time() + LEAVE_TIME
+            while not self.manager.idle and asyncio.get_running_loop().time() < end:
+                await asyncio.sleep(0.02)
+            await self._node.flush(2.0)
+            if isinstance(self._host, Host):
+                await self._host.remove(self._node)
+        if self._rim is not None and self._rim is not self._host:
+            await self._rim.stop()
+        await self.device.close()
+        if self._own_journal:
+            self._journal.close()
+
+    async def _listen(self) -> Host:
+        """Where the device was reached before, if that can be: those who have a contract with it know that address."""
+        if isinstance(self._host, Host):
+            return self._host
+        known = [one.session.me for one in self._kept if one.session.me]
+        port = (urlsplit(known[-1]).port or 0) if known else 0
+        for candidate in dict.fromkeys((port, 0)):
+            rim = Host(self._host, candidate)
+            try:
+                await rim.start()
+            except (OSError, SystemExit, RemoteError, InputError):
+                if candidate == 0:
+                    raise
+                log.warning("%s: port %d is taken, so those who waited for it have to find it anew", self.device.name, candidate)
+            else:
+                return rim
+        raise AssertionError("port 0 is always tried")
+
+    async def _carry_out(self, task: object, report: Report) -> object:
+        match task:
+            case Quote() | Perform() | Halt() | Undo():
+                return await carry_out(self.device, task, self._ask, report)
+            case orders.Report(text, joined):
+                log.log(logging.INFO if joined else logging.ERROR, "%s", text)
+                if not self._joined.done():
+                    if joined:
+                        self._joined.set_result(None)
+                    else:
+                        self._joined.set_exception(DeviceError(text))
+                return None
+            case _:
+                raise RemoteError(f"a device cannot do {type(task).__name__}")
+
+    async def _ask(self, body: Body) -> Body:
+        """Ask the Repository. One that is started again meanwhile is waited for: that is no reason to refuse, or to fail."""
+        header = Header(sender=ANONYMOUS, recipient=self._addresses.repository, message_id=uuid.uuid4().urn)
+        rim, question = self._rim, Message(header=header, body=body)
+        assert rim is not None, "devices ask once they listen"
+        return (await asked_again(lambda: rim.request(question), MAP_TIME)).body
+
+
+async def serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:
+    """Run a device until its process is told to end."""
+    addresses = Addresses.read(data)
+    runner = DeviceRunner(kind(name, addresses.simulator or addresses.world), addresses, data, host)
+    try:
+        say_ready(name, await runner.start())
+        await until_stopped()
+    finally:
+        await runner.stop()
+
+
+def run_driver(driver: str, name: str, data: Path, host: str = "127.0.0.1") -> None:
+    """Run a device of the class that `driver` names, until the process is told to end."""
+    run_program(serve(load(driver), name, data, host))
+
+
+def run(kind: type[Device]) -> None:
+    """What a device author's program ends with."""
+    parser = argparse.ArgumentParser(description=(kind.__doc__ or f"A {kind.__name__}").strip().splitlines()[0])
+    parser.add_argument("--name", required=True, help="the device's object on the map")
+    parser.add_argument("--data", "--system", type=Path, default=Path(".somrs"), help="the data folder of the running system")
+    parser.add_argument("--host", default="127.0.0.1", help="the address to listen at")
+    arguments = parser.parse_args()
+    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s")
+    try:
+        run_program(serve(kind, arguments.name, arguments.data, arguments.host))
+    except (InputError, RemoteError) as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def load(driver: str) -> type[Device]:
+    """The class that `module:Class` or `file.py:Class` names. Raises DeviceError."""
+    where, separator, name = driver.rpartition(":")
+    if not separator or not where or not name:
+        raise DeviceError(f"{driver!r} does not name a device's class: write module:Class or file.py:Class")
+    try:
+        module = _module_in(Path(where)) if where.endswith(".py") else importlib.import_module(where)
+    except (ImportError, OSError, SyntaxError) as error:
+        raise DeviceError(f"{driver}: {where} cannot be imported: {error}") from error
+    kind = getattr(module, name, None)
+    if not (isinstance(kind, type) and issubclass(kind, Device)):
+        devices = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, Device) and v is not Device]
+        raise DeviceError(f"{driver}: {where} has no class {name} that is a Device; it has {', '.join(devices) or 'none at all'}")
+    return kind
+
+
+def _module_in(file: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{file} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[file.stem] = module  # dataclasses and msgspec look their module up
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,260 @@
+"""A whole system on one machine: several processes, started together, stopped together (`somrs up`)."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import shutil
+import signal
+import socket
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import msgspec
+from msgspec.structs import replace
+
+from somrs.client.client import SYSTEM_FILE, Addresses, Client
+from somrs.deployment.programs import Ready, has_windows
+from somrs.errors import RemoteError, SomrsError, UsageError
+from somrs.ontology.objects import Map
+from somrs.ontology.types import Ontology
+
+START_TIME = 90.0
+"""Seconds that a program has to be ready; a cold first start on a slow machine takes long."""
+
+SITE_FILE = "site.json"
+"""In the data folder: the files that its map began with."""
+
+LAST_FILE = "last.json"
+"""In the data folder: where its parts listened in the last run. Those who owe each other something know each other there, so they
+listen there again, if they can."""
+
+MOST_PAUSE = 10.0
+"""Seconds before a program that ends again and again is started once more."""
+
+STOP_TIME = 5.0
+"""Seconds that a program has to end by itself."""
+
+
+@dataclass(slots=True)
+class Program:
+    """One process of the system."""
+
+    name: str
+    line: list[str]
+    process: asyncio.subprocess.Process
+    log: Path
+    at: str = ""
+    restarts: int = 0
+
+
+class System:
+    """The processes of one system, its data folder, and its addresses. An asynchronous context manager."""
+
+    def __init__(
+        self, site: Sequence[Path], data: Path, *, speed: str = "1", host: str = "127.0.0.1", fresh: bool = False, windows: bool = False
+    ) -> None:
+        self.site, self.data, self.speed, self.host, self.fresh = [path.resolve() for path in site], data, speed, host, fresh
+        self.programs: dict[str, Program] = {}
+        self.windows = windows
+        self.addresses = Addresses(repository="", registry="", task_manager="")
+        self._listed = False
+
+    def _check_site(self) -> None:
+        """A map that is kept from an earlier run is gone on with, but only if it began with the same files."""
+        kept = self.data / SITE_FILE
+        if not kept.exists() or not (self.data / "repository.sqlite").exists():
+            return
+        before = msgspec.json.decode(kept.read_bytes(), type=list[str])
+        if before != [str(path) for path in self.site]:
+            kept_map = f"{self.data} holds the map of {', '.join(before)}"
+            raise UsageError(f"{kept_map}; `--fresh` forgets it and begins with the new site, `--data` takes another folder")
+
+    async def __aenter__(self) -> System:
+        try:
+            await self.start()
+        except BaseException:  # cancelled by Ctrl-C, too: no process is to be left
+            await self.stop()
+            raise
+        return self
+
+    async def __aexit__(self, *exception: object) -> None:
+        await self.stop()
+
+    async def start(self) -> None:
+        """Start every program, and return when all devices offer their services."""
+        if self.fresh and self.data.exists():
+            shutil.rmtree(self.data)
+        self.data.mkdir(parents=True, exist_ok=True)
+        ports = free_ports(self.host, 5, self._ports_before())
+        self.addresses = Addresses(
+            repository=f"http://{self.host}:{ports[0]}/repository",
+            registry=f"http://{self.host}:{ports[1]}/registry",
+            task_manager=f"http://{self.host}:{ports[2]}/task-manager",
+            gui=f"http://{self.host}:{ports[4]}" if self.windows and has_windows() else None,
+        )
+        self._check_site()
+        site = [argument for path in self.site for argument in ("--site", str(path))]
+        await self._start("repository", "--port", str(ports[0]), *site)
+        async with Client(self.addresses) as client:
+            ontology, map = await client.ontology(), await client.map()
+        driven = devices(map, ontology)
+        bodiless = symbolic(driven)
+        stage = f"{self.host}:{ports[3]}"
+        self.addresses = replace(self.addresses, world=stage) if bodiless else replace(self.addresses, simulator=stage)
+        # Only now: while another system has the store, its addresses are to stay.
+        self.addresses.write(self.data)
+        self.addresses.write(self.data, LAST_FILE)
+        self._listed = True
+        (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
+        await asyncio.gather(
+            self._start("registry", "--port", str(ports[1])),
+            self._start("task-manager", "--port", str(ports[2])),
+            self._start("world" if bodiless else "simulator", "--port", str(ports[3]), "--speed", self.speed),
+        )
+        last = [self._start("device", driver, "--name", name, label=name) for name, driver in driven]
+        if self.addresses.gui is not None:
+            last.append(self._start("gui", "--port", str(ports[4])))
+        await asyncio.gather(*last)
+
+    def _ports_before(self) -> list[int]:
+        """Where the parts listened in the last run; nothing when there was none."""
+        try:
+            before = Addresses.read(self.data, LAST_FILE)
+        except UsageError:
+            return []
+        places = (before.repository, before.registry, before.task_manager, f"//{before.simulator or before.world}", before.gui or "")
+        return [urlsplit(place).port or 0 for place in places]
+
+    async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
+        """Start a program, and wait until it says that it is ready."""
+        name = label or command
+        log = self.data / "logs" / f"{name}.log"
+        log.parent.mkdir(exist_ok=True)
+        line = [sys.executable, "-m", "somrs.cli.main", "run", command, *arguments, "--data", str(self.data), "--host", self.host]
+        log.unlink(missing_ok=True)
+        program = self.programs[name] = Program(name, line, await _process(line, log), log)
+        await _ready(program)
+        return program
+
+    async def keep_running(self, tell: Callable[[str], None]) -> None:
+        """Start again whatever ends without having been told to, until cancelled. What it had kept on disk, it still has."""
+        while True:
+            ends = {asyncio.create_task(program.process.wait()): program for program in self.programs.values()}
+            try:
+                done, _ = await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                for waiting in ends:
+                    waiting.cancel()
+            for program in (ends[one] for one in done):
+                tell(f"{program.name} ended ({_how(program.process.returncode)}; see {program.log}); starting it again")
+                await asyncio.sleep(min(0.2 * 2**program.restarts, MOST_PAUSE))
+                try:
+                    await self.restart(program.name)
+                except SomrsError as error:
+                    tell(str(error))
+                else:
+                    tell(f"{program.name} is back")
+
+    async def restart(self, name: str) -> None:
+        """Start a program again that has ended, and wait until it is ready. Raises UsageError or RemoteError when it does not get so
+        far."""
+        program = self.programs[name]
+        await program.process.wait()
+        program.restarts += 1
+        program.process = await _process(program.line, program.log)
+        await _ready(program)
+
+    async def stop(self) -> None:
+        """End all programs, devices first, so that they can take their leave."""
+        running = [program for program in reversed(self.programs.values()) if program.process.returncode is None]
+        core = {"repository", "registry", "task-manager", "simulator", "world", "gui"}
+        for group in ([p for p in running if p.name not in core], [p for p in running if p.name in core]):
+            for program in group:
+                with contextlib.suppress(ProcessLookupError):  # it has ended, and nobody noticed yet
+                    program.process.send_signal(signal.SIGTERM)
+            await asyncio.gather(*(_end(program) for program in group))
+        if self._listed:
+            (self.data / SYSTEM_FILE).unlink(missing_ok=True)
+
+
+async def _process(line: list[str], log: Path) -> asyncio.subprocess.Process:
+    with log.open("ab") as errors:
+        return await asyncio.create_subprocess_exec(
+            *line, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=errors, start_new_session=True
+        )
+
+
+async def _ready(program: Program) -> None:
+    """Wait until a program says that it is ready."""
+    assert program.process.stdout is not None
+    before = program.log.stat().st_size
+    try:
+        said = await asyncio.wait_for(program.process.stdout.readline(), START_TIME)
+    except TimeoutError:
+        raise RemoteError(f"{program.name} was not ready after {START_TIME:.0f} s; see {program.log}") from None
+    if not said:
+        await program.process.wait()
+        with program.log.open("rb") as log:
+            log.seek(before)
+            told = log.read().decode(errors="replace").strip()
+        raise UsageError(told or f"{program.name} ended at once; see {program.log}")
+    program.at = msgspec.json.decode(said, type=Ready).at
+
+
+def _how(code: int | None) -> str:
+    """How a process ended."""
+    return f"signal {signal.Signals(-code).name}" if code is not None and code < 0 else f"exit code {code}"
+
+
+async def _end(program: Program) -> None:
+    try:
+        await asyncio.wait_for(program.process.wait(), STOP_TIME)
+    except TimeoutError:
+        program.process.kill()
+        await program.process.wait()
+
+
+def devices(map: Map, ontology: Ontology) -> list[tuple[str, str]]:
+    """The devices on the map that a program serves, with that program: the types say which."""
+    found = ((name, ontology.driver(object.type)) for name, object in sorted(map.objects.items()))
+    return [(name, driver) for name, driver in found if driver is not None]
+
+
+def symbolic(driven: Sequence[tuple[str, str]]) -> bool:
+    """Whether the devices live in a symbolic world instead of the simulator. Raises UsageError if some do, and some do not."""
+    without = [name for name, driver in driven if driver.startswith("somrs.devices.symbolic.")]
+    simulated = [name for name, driver in driven if driver.startswith("somrs.devices.simulator.")]
+    if without and simulated:
+        what = f"{without[0]} is a device of a symbolic world, and {simulated[0]} one of the simulator"
+        raise UsageError(f"{what}; a system has one of the two, so take one of them from the map")
+    return bool(without)
+
+
+def free_ports(host: str, count: int, wanted: Sequence[int] = ()) -> list[int]:
+    """Ports that nobody listens at now: those that are wanted, as far as nobody does, and others."""
+    sockets = [_bound(host, port) for port in [*wanted, *[0] * count][:count]]
+    try:
+        return [one.getsockname()[1] for one in sockets]
+    finally:
+        for one in sockets:
+            one.close()
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    """A socket at the port, or at any that is free."""
+    if port:
+        one = socket.socket()
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # connections of the last run may linger there
+        try:
+            one.bind((host, port))
+        except OSError:
+            one.close()
+        else:
+            return one
+    one = socket.socket()
+    one.bind((host, 0))
+    return one

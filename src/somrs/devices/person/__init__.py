@@ -1,0 +1,1 @@
+"""Somebody at a screen who can be asked, as a device."""

@@ -1,0 +1,1 @@
+"""The Service Managers of the simulated robots and cameras."""

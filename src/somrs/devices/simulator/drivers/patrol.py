@@ -1,0 +1,203 @@
+"""The Service Manager's side of a simulated robot that patrols: it finds objects of which nobody knows where they are.
+
+It looks where the object was last known to be, then at the robots that may have taken it, then on the furniture round about, and at last
+all over the floors, nearest first; and takes the object for found wherever it happens to see it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Coroutine
+from dataclasses import dataclass, replace
+
+from somrs.devices.simulator.drivers.recognition import recognised
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice, is_a
+from somrs.devices.simulator.link.commands import Done, Seen
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.entish.formula import Formula, Number
+from somrs.errors import RemoteError, UsageError
+from somrs.ontology.types import Value
+from somrs.service_manager.sdk.device import Situation, Task, service
+from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+from somrs.service_manager.sdk.values import term
+
+LOOKING = 15.0
+"""To look about at one place, s."""
+MOST_PLACES, MOST_FLOOR = 12, 16
+"""So many places, and then spots on floors, are looked at before an object counts as lost."""
+SPACING = 2.5
+"""Between the spots at which floors are looked at, m."""
+ABOVE = 0.1
+"""What stands on something is looked for that much above its top, m."""
+GOING_ON = ("blocked", "unreachable")
+"""Reasons to give up one place, and look at the next."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A place to look at, and what is there, for people."""
+
+    what: str
+    x: float
+    y: float
+    z: float
+
+
+async def _able(device: PatrolRobot, task: Task) -> None:
+    await device.in_order()
+    if task.inputs["Object"] == device.name:
+        raise Refusal(f"{device.name} cannot look at itself")
+
+
+async def _price(device: PatrolRobot, task: Task) -> float | str:
+    return await device.price(task, await device.way(task) if device.price_per_metre else 0.0)
+
+
+async def _duration(device: PatrolRobot, task: Task) -> float:
+    return round(LOOKING + await device.driving_time(task, await device.way(task)), 1)
+
+
+class PatrolRobot(SimulatedDevice):
+    """A mobile robot with a camera in the simulator."""
+
+    type = "PatrolRobot"
+    features = ("OperationRange", "FieldOfView", "Speed", "Price")
+
+    async def way(self, task: Task) -> float:
+        """How far it is to the first place to look at, m."""
+        first = next(iter(await self._spots(task, str(task.inputs["Object"]))), None)
+        if first is None:
+            return 0.0
+        try:
+            (length,) = await self.persistent(lambda: self._link.ways((first.x, first.y)))
+            state = (await self.persistent(self._link.status)).state
+        except (RemoteError, UsageError) as error:
+            raise Refusal(f"{self.name} does not answer: {error}") from None
+        return length if length is not None else 2 * math.dist((state.x, state.y), (first.x, first.y))
+
+    @service("RecognizeSituation", price=_price, duration=_duration, able=_able)
+    async def recognize(self, task: Task) -> Situation:
+        object = str(task.inputs["Object"])
+        seen: dict[str, Seen] = {}
+        try:
+            looked, missed = await self.persistent(lambda: self._search(task, object, seen))
+            state = (await self.persistent(self._link.status)).state
+        except RobotGaveUp as gave:
+            raise ServiceFailed(f"{self.name}: {gave.description}", self._broken(gave)) from gave
+        own = self._own_pose(state)
+        if object not in seen:
+            raise ServiceFailed(_in_vain(self.name, object, looked, missed), " AND ".join(own))
+        return " AND ".join([await recognised(task, object, seen), *own])
+
+    async def _search(self, task: Task, object: str, seen: dict[str, Seen]) -> tuple[list[str], list[str]]:
+        """Look wherever it may be, until it is among what was seen; where that was, and where there was no way to."""
+        looked: list[str] = []
+        missed: list[str] = []
+        await self._noting(self._link.look_around(object), seen)
+        spots = await self._spots(task, object)
+        for i, spot in enumerate(spots):
+            if object in seen:
+                break
+            begin, end = 0.9 * i / len(spots), 0.9 * (i + 1) / len(spots)
+            try:
+                look = self._noting(self._link.look_at(spot.x, spot.y, spot.z, object), seen)
+                await self._driving(task, look, begin, end, f"looks for {object} at {spot.what}")
+                await self._noting(self._link.look_around(object), seen)
+            except RobotGaveUp as gave:
+                if gave.reason not in GOING_ON:
+                    raise
+                missed.append(spot.what)
+            else:
+                looked.append(spot.what)
+        return looked, missed
+
+    @recognize.stopping
+    async def stand_still(self, task: Task) -> Situation:
+        try:
+            return " AND ".join(self._own_pose((await self.persistent(self._link.stop)).state))
+        except RobotGaveUp as gave:
+            raise ServiceFailed(gave.description, self._broken(gave)) from gave
+
+    @recognize.compensation
+    async def leave_as_it_is(self, task: Task, situation: Formula) -> Situation:
+        """Whoever only looked has nothing to undo; it says where it stands."""
+        return await self.stand_still(task)
+
+    def _broken(self, gave: RobotGaveUp) -> str:
+        """What holds once the robot itself cannot go on."""
+        pose = self._own_pose(gave.state) if gave.state is not None and not self._link.silent else []
+        out_of_order = self._link.silent or not self._link.connected or (gave.state is not None and gave.state.faults)
+        return " AND ".join([*pose, *([f"{self.name}.Working = FALSE"] if out_of_order or not pose else [])])
+
+    async def _noting(self, command: Coroutine[object, object, Done], seen: dict[str, Seen]) -> Done:
+        done = await command
+        seen.update({one.object: one for one in done.seen})
+        return done
+
+    # Where to look
+
+    async def _spots(self, task: Task, object: str) -> list[Spot]:
+        """Places where the object may be, the likeliest first."""
+        last = await self._last_known(task, object)
+        robots = [spot for spot in await self._places(task, "MobileManipulator", height=False) if spot.what not in (self.name, object)]
+        supports = [] if await is_a(task, object, "MobileRobot") else await self._places(task, "Support", height=True)
+        holders = {str(row["Robot"]) for row in await task.map.query(f"{object} isHeldBy ?Robot")}
+        if last is not None:
+            x, y = last.x, last.y
+        else:
+            state = (await self._link.status()).state
+            x, y = state.x, state.y
+
+        def far(spot: Spot) -> float:
+            return math.dist((x, y), (spot.x, spot.y))
+
+        likely = [spot for spot in robots if spot.what in holders]
+        rest = [spot for spot in sorted(robots, key=far) if spot.what not in holders]
+        places = [*likely, *([last] if last is not None else []), *rest, *sorted(supports, key=far)][:MOST_PLACES]
+        return places + sorted(await self._floor_spots(task), key=far)[:MOST_FLOOR]
+
+    async def _last_known(self, task: Task, object: str) -> Spot | None:
+        rows = await task.map.query(f"{object}.PositionX = ?X AND {object}.PositionY = ?Y AND {object}.PositionZ = ?Z", limit=1)
+        return _spot(f"where {object} was last seen", rows[0]) if rows else None
+
+    async def _floor_spots(self, task: Task) -> list[Spot]:
+        """Spots all over the floors that are boxes along the axes, as most are."""
+        size = "?It.Shape.Width = ?Width AND ?It.Shape.Depth = ?Depth AND ?It.Shape.Height = ?Height"
+        place = "?It.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"
+        found: list[Spot] = []
+        for row in await task.map.query(f"?It: Floor = ?It AND {place} AND {size}"):
+            middle, width, depth = _spot(f"the floor {row['It']}", row), _metres(row["Width"]), _metres(row["Depth"])
+            xs, ys = (_spread(length) for length in (width, depth))
+            found += [replace(middle, x=middle.x + dx, y=middle.y + dy) for dx in xs for dy in ys]
+        return found
+
+    async def _places(self, task: Task, kind: str, *, height: bool) -> list[Spot]:
+        """Where the objects of a type are; with `height`, what may stand on top of them is looked for."""
+        place = "?It.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"
+        rows = await task.map.query(f"?It: {kind} = ?It AND {place}" + (" AND ?It.Shape.Height = ?Height" if height else ""))
+        return [_spot(str(row["It"]), row) for row in rows]
+
+
+def _spot(what: str, row: dict[str, Value]) -> Spot:
+    x, y, z = (_metres(row[axis]) for axis in "XYZ")
+    return Spot(what, x, y, z + _metres(row.get("Height", 0.0)) + ABOVE)
+
+
+def _spread(length: float) -> list[float]:
+    """Offsets from the middle at which something of that length is looked at."""
+    count = max(1, math.ceil(length / SPACING))
+    return [(i + 0.5) * length / count - length / 2 for i in range(count)]
+
+
+def _metres(value: Value) -> float:
+    """What the map says of a length; the Repository gives it in the attribute's unit, and may name that."""
+    said = term(str(value))
+    assert isinstance(said, Number), "a length is a number"
+    return said.value
+
+
+def _in_vain(robot: str, object: str, looked: list[str], missed: list[str]) -> str:
+    """For people: where an object was not found."""
+    at = f"; it looked at {', '.join(dict.fromkeys(looked))}" if looked else ""
+    past = f"; it found no way to {', '.join(dict.fromkeys(missed))}" if missed else ""
+    return f"{robot} did not find {object}{at}{past}"

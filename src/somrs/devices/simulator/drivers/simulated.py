@@ -1,0 +1,201 @@
+"""What the drivers of simulated devices have in common: the robot link, how the device is, what it is offered with, what it costs.
+
+All that a driver knows of its device comes over the robot link, all it knows of the world from the Repository.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import TypeVar
+
+from somrs.devices.simulator.link.commands import Done, Fault, RobotState
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.devices.simulator.link.link import RobotLink
+from somrs.entish.formula import Number
+from somrs.errors import DeviceError, RemoteError
+from somrs.ontology.types import Value
+from somrs.service_manager.sdk.device import Device, Task
+from somrs.service_manager.sdk.orders import Refusal
+from somrs.service_manager.sdk.values import term
+
+DEFAULT_PRICE = "5 EUR"
+DEFAULT_SPEED = 0.5
+"""Of a robot whose map says nothing of it, m/s."""
+DRIVING = 1.25
+"""How much longer a way takes than at full speed, for turning, starting and stopping."""
+DISABLING = {Fault.DRIVE: "its drive is dead", Fault.GRIPPER: "its gripper is stuck"}
+ANSWERING = 2.0
+"""Seconds that the device has to say how it is, when it is to give a quote."""
+REPORTING = 2.0
+"""Seconds between two reports while it drives."""
+NOTICING = 1.0
+"""Seconds between two looks at where an idle device is; it has to be at the same place twice."""
+STANDING = 0.005
+"""What is nearer than this, in m, or twice that in rad, is no other place."""
+MOST_LOSSES = 5
+"""How often the link may be lost in a piece of work."""
+
+T = TypeVar("T")
+Pose = tuple[float, float, float]
+
+log = logging.getLogger(__name__)
+
+
+class SimulatedDevice(Device):
+    """A device at the other end of a robot link."""
+
+    features: tuple[str, ...] = ("OperationRange", "Payload", "Speed", "Price")
+    """What the map says of the device that its services are offered with."""
+    price_per_metre: float = 0.0
+    """What it asks for each metre that it drives, besides its Price on the map."""
+    silence: float = 6.0
+    """Seconds without any word after which it is taken for silent."""
+    away: float = 6.0
+    """Seconds for which a link that was lost is waited for; it is tried again every other second."""
+
+    mobile: bool = True
+    """Whether it may be elsewhere than it was."""
+
+    async def open(self) -> None:
+        host, _, port = (self.simulator or "").rpartition(":")
+        if not host or not port.isdigit():
+            raise DeviceError(f"{self.name} needs a simulator, given as host:port, and not {self.simulator!r}")
+        self._link = RobotLink(host, int(port), self.name, silence=self.silence)
+        await self._link.connect()
+        await self._link.status()
+        self.attributes = {name: value for name in self.features for value in await self._feature(name)}
+        self._working = 0
+        self._told: Pose | None = None
+        self._noticing = asyncio.create_task(self._notice()) if self.mobile else None
+
+    async def close(self) -> None:
+        if self._noticing is not None:
+            self._noticing.cancel()
+            await asyncio.wait({self._noticing})
+        await self._link.close()
+
+    async def _notice(self) -> None:
+        """Tell the Repository where the device is when that changed though it did not work: it made way for another, say."""
+        before: Pose | None = None
+        while True:
+            await asyncio.sleep(NOTICING)
+            state = self._link.state
+            idle = self._link.connected and not self._link.silent and not self._working and state is not None and state.doing is None
+            now = _pose(state) if idle and state is not None else None
+            if state is not None and now is not None and before is not None and _same(now, before):
+                try:
+                    if not _same(now, self._told or await self._on_map()):
+                        await self.map.tell(" AND ".join(self._own_pose(state)), self.name)
+                except RemoteError as error:
+                    self._told = None
+                    log.warning("%s could not tell where it is: %s", self.name, error)
+            before = now
+
+    async def _on_map(self) -> Pose:
+        rows = await self.map.query(f"{self.name}.PositionX = ?X AND {self.name}.PositionY = ?Y AND {self.name}.RotationZ = ?Yaw", limit=1)
+        found = [term(str(row[name])) for row in rows for name in ("X", "Y", "Yaw")]
+        x, y, yaw = (one.value if isinstance(one, Number) else math.inf for one in found or (None, None, None))
+        return x, y, yaw
+
+    async def _feature(self, name: str) -> list[Value]:
+        rows = await self.map.query(f"{self.name}.{name} = ?Feature", limit=1)
+        said = [term(str(row["Feature"])) for row in rows]
+        return [found.value for found in said if isinstance(found, Number)]  # in the attribute's own unit
+
+    async def in_order(self) -> RobotState:
+        """Its state now. Raises Refusal when it cannot work."""
+        if self._link.silent or not await self._link.back(self.away):
+            raise Refusal(f"{self.name} does not answer")
+        try:
+            state = (await self.persistent(self._answer)).state
+        except TimeoutError:
+            raise Refusal(f"{self.name} does not answer within {ANSWERING:g} s") from None
+        except RemoteError as error:
+            raise Refusal(f"{self.name} does not answer: {error}") from None
+        if state.faults:
+            broken = " and ".join(DISABLING.get(fault, fault) for fault in state.faults)
+            raise Refusal(f"{self.name} is out of order: {broken}")
+        return state
+
+    async def _answer(self) -> Done:
+        async with asyncio.timeout(ANSWERING):
+            return await self._link.status()
+
+    async def persistent(self, work: Callable[[], Awaitable[T]]) -> T:
+        """Do it; when the link is lost meanwhile, and made again soon, do it again. Robots stop, and keep hold of what they hold, when
+        their links are lost; so the work has to begin with how things are. Raises RobotGaveUp."""
+        self._working += 1
+        try:
+            for _ in range(MOST_LOSSES):
+                try:
+                    return await work()
+                except RobotGaveUp as gave:
+                    if gave.reason != "link-lost" or not await self._link.back(self.away):
+                        raise
+            return await work()
+        finally:
+            self._working -= 1
+
+    async def price(self, task: Task, way: float) -> float | str:
+        """Its Price on the map, and what it asks for a way of so many metres."""
+        rows = await task.map.query(f"{self.name}.Price = ?Price")
+        price = rows[0]["Price"] if rows else DEFAULT_PRICE
+        if not self.price_per_metre:
+            return price
+        amount = term(str(price))
+        assert isinstance(amount, Number), "a price is a number"
+        return f"{amount.value + self.price_per_metre * way:.2f} {amount.unit or 'EUR'}"
+
+    async def driving_time(self, task: Task, way: float) -> float:
+        """Seconds for a way of so many metres."""
+        rows = await task.map.query(f"{self.name}.Speed = ?Speed")
+        speed = term(str(rows[0]["Speed"])) if rows else None
+        metres_per_second = speed.value if isinstance(speed, Number) and speed.value > 0 else DEFAULT_SPEED
+        return DRIVING * way / metres_per_second
+
+    async def _driving(self, task: Task, drive: Coroutine[object, object, Done], begin: float, end: float, note: str) -> Done:
+        """Drive, and report from time to time how far it is: by the time that such ways take."""
+        driving = asyncio.ensure_future(drive)
+        fraction = begin
+        try:
+            while True:
+                await task.progress(fraction, note=note)
+                done, _ = await asyncio.wait({driving}, timeout=REPORTING)
+                if done:
+                    return driving.result()
+                fraction += (end - fraction) / 5
+        finally:
+            driving.cancel()
+
+    def _own_pose(self, state: RobotState) -> list[str]:
+        """Where the device is, in parts of a formula that will be told."""
+        self._told = _pose(state)
+        pose = {"PositionX": state.x, "PositionY": state.y, "RotationZ": state.yaw}
+        return [f"{self.name}.{path} = {plain(value)}" for path, value in pose.items()]
+
+
+def _pose(state: RobotState) -> Pose:
+    return state.x, state.y, state.yaw
+
+
+def _same(one: Pose, other: Pose) -> bool:
+    """Whether nobody would call them different places."""
+    if not all(map(math.isfinite, other)):
+        return False
+    return math.dist(one[:2], other[:2]) < STANDING and abs(math.remainder(one[2] - other[2], math.tau)) < 2 * STANDING
+
+
+async def is_a(task: Task, object: str, kind: str) -> bool:
+    try:
+        return await task.map.holds(f"?It: {kind} = {object}")
+    except RemoteError:  # a Repository does not take a formula that its types rule out
+        return False
+
+
+def plain(value: float) -> str:
+    """To the millimetre, or a thousandth of a radian, as Entish writes numbers."""
+    assert math.isfinite(value), "physics that made no sense would have ended"
+    return str(Number(round(value, 3) + 0.0))

@@ -1,0 +1,1 @@
+"""The robot link: commands and states as lines over TCP."""

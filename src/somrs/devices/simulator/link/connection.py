@@ -1,0 +1,206 @@
+"""A client's connection to the simulator: made again when it is lost, with what was said on it and has no answer yet."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+import math
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from somrs.devices.simulator.link.commands import RobotState, Seen
+from somrs.devices.simulator.link.lines import (
+    Answer,
+    Ask,
+    ClientLine,
+    Hello,
+    OrderDone,
+    OrderGivenUp,
+    Question,
+    Refused,
+    ServerLine,
+    Through,
+    Ways,
+    Welcome,
+    read_by_client,
+    written,
+)
+from somrs.errors import RemoteError, SimulationError, UsageError, WireError
+
+log = logging.getLogger(__name__)
+
+LONGEST = 64 * 1024 * 1024
+"""Bytes of the longest line that a client reads: a picture is one line."""
+PATIENCE = 10.0
+"""Seconds for which a connection may take to be made, and for which commands wait for a lost one to come back."""
+PAUSES = (0.1, 0.2, 0.5, 1.0, 2.0)
+"""Seconds before each attempt to connect again; the last one goes on."""
+FINAL = {"version", "unknown-robot", "hello-first"}
+"""Reasons of a refusal that will not pass by themselves."""
+
+
+class RobotGaveUp(RemoteError):
+    """A command was not carried out. `reason` is one of those of `Gave`, or `link-lost`, `silent` or `refused`.
+
+    `state` and `seen` are what the robot said last, or None and nothing.
+    """
+
+    def __init__(self, reason: str, description: str, state: RobotState | None = None, seen: tuple[Seen, ...] = ()) -> None:
+        self.reason, self.description, self.state, self.seen = reason, description, state, seen
+        super().__init__(reason, description)
+
+    def __str__(self) -> str:
+        return self.description
+
+
+class Link:
+    """A connection that is made again when it is lost, and what was said on it that has no answer yet."""
+
+    def __init__(self, host: str, port: int, hello: Hello, silence: float | None) -> None:
+        self._where = f"{host}:{port}"
+        self._host, self._port, self._hello, self._silence = host, port, hello, silence
+        self._ids = itertools.count(1)
+        self._unanswered: dict[int, asyncio.Future[ServerLine]] = {}
+        self._writer: asyncio.StreamWriter | None = None
+        self._ready = asyncio.Event()
+        self._keeping: asyncio.Task[None] | None = None
+        self._refusal: Refused | None = None
+        self._lost_at = -math.inf
+
+    async def connect(self) -> None:
+        """Connect. Raises RemoteError when that is refused, or not possible for some time."""
+        self._keeping = asyncio.create_task(self._keep())
+        try:
+            await self._connected()
+        except BaseException:  # cancelled, too: nobody would close the connection otherwise
+            await self.close()
+            raise
+
+    async def close(self) -> None:
+        if self._keeping is not None:
+            self._keeping.cancel()
+            await asyncio.wait({self._keeping})
+            self._keeping = None
+
+    async def __aenter__(self) -> Self:
+        await self.connect()
+        return self
+
+    async def __aexit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        await self.close()
+
+    async def _connected(self) -> None:
+        """Wait until there is a connection."""
+        if self._keeping is None:
+            raise UsageError("the link is not connected; call connect() first, or use `async with`")
+        ready = asyncio.ensure_future(self._ready.wait())
+        try:
+            await asyncio.wait({ready, self._keeping}, timeout=PATIENCE, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            ready.cancel()
+        if self._ready.is_set():
+            return
+        if self._refusal is not None:
+            raise RobotGaveUp("refused", f"{self._where}: {self._refusal.description}")
+        raise RobotGaveUp("link-lost", f"there is no connection to {self._where}; is the simulator running?")
+
+    async def _say(self, make: Callable[[int], ClientLine]) -> ServerLine:
+        """Say something with an id, and wait for the answer."""
+        await self._connected()
+        assert self._writer is not None, "there is a connection"
+        id = next(self._ids)
+        answer: asyncio.Future[ServerLine] = asyncio.get_running_loop().create_future()
+        self._unanswered[id] = answer
+        try:
+            self._writer.write(written(make(id)))
+            return await answer
+        finally:
+            self._unanswered.pop(id, None)
+
+    async def _ask(self, question: Question) -> Answer:
+        """Raises UsageError for what the simulator cannot do as asked, SimulationError for a picture where there is no OpenGL."""
+        match await self._say(lambda id: Ask(id=id, question=question)):
+            case Answer() as answer:
+                return answer
+            case Refused(reason="no-graphics", description=description):
+                raise SimulationError(description)
+            case Refused(description=description):
+                raise UsageError(description)
+            case other:
+                raise RemoteError(f"a question was answered with {type(other).__name__}")
+
+    async def _ways(self, robot: str, through: Through) -> tuple[float | None, ...]:
+        return (await self._ask(Ways(robot=robot, through=through))).lengths or ()
+
+    async def _keep(self) -> None:
+        """Connect, listen, and begin again when the connection is lost."""
+        pauses = iter(PAUSES)
+        while True:
+            try:
+                if await self._converse():
+                    pauses = iter(PAUSES)
+            except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError) as error:
+                log.debug("%s: %s", self._where, error)
+            except WireError as error:
+                log.warning("%s: %s", self._where, error)
+            finally:
+                was_ready = self._ready.is_set()
+                self._ready.clear()
+                if was_ready:
+                    self._lost_at = asyncio.get_running_loop().time()
+                self._fail_all("link-lost", f"the connection to {self._where} was lost")
+                if self._writer is not None:
+                    self._writer.close()
+                    self._writer = None
+            if was_ready:
+                log.warning("the connection to %s was lost; it is being made again", self._where)
+            if self._refusal is not None and self._refusal.reason in FINAL:
+                return
+            await asyncio.sleep(next(pauses, PAUSES[-1]))
+
+    async def _converse(self) -> bool:
+        """Listen until the connection ends. Whether it was accepted."""
+        async with asyncio.timeout(PATIENCE):
+            reader, self._writer = await asyncio.open_connection(self._host, self._port, limit=LONGEST)
+            self._writer.write(written(self._hello))
+            first = read_by_client(await reader.readuntil(b"\n"))
+        if isinstance(first, Refused):
+            self._refusal = first
+            return False
+        if not isinstance(first, Welcome):
+            raise WireError("malformed", f"the first line has to be a welcome or an error, not {type(first).__name__}")
+        self._refusal = None
+        self._ready.set()
+        while True:
+            try:
+                async with asyncio.timeout(self._silence):
+                    line = await reader.readuntil(b"\n")
+            except TimeoutError:
+                self._fail_all("silent", f"{self._hello.robot or self._where} has said nothing for {self._silence:g} s")
+                self._fell_silent()
+                line = await reader.readuntil(b"\n")
+            except asyncio.IncompleteReadError:
+                return True
+            self._hear(read_by_client(line))
+
+    def _hear(self, line: ServerLine) -> None:
+        if isinstance(line, OrderDone | OrderGivenUp | Answer | Refused) and line.id is not None:
+            waiting = self._unanswered.get(line.id)
+            if waiting is not None and not waiting.done():
+                waiting.set_result(line)
+        elif isinstance(line, Refused):
+            self._refusal = line
+            log.warning("%s: %s", self._where, line.description)
+
+    def _fell_silent(self) -> None:
+        """Called when nothing was heard for too long."""
+
+    def _fail_all(self, reason: str, description: str) -> None:
+        for waiting in self._unanswered.values():
+            if not waiting.done():
+                waiting.set_exception(RobotGaveUp(reason, description, self._last_state()))
+
+    def _last_state(self) -> RobotState | None:
+        return None

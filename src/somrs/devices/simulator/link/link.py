@@ -1,0 +1,243 @@
+"""The client's side of the robot link: `RobotLink` for the program that controls a robot, `OperatorLink` for whoever runs the
+simulator. Both find the server again when the connection is lost.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import AsyncGenerator, Callable
+from dataclasses import dataclass
+
+from somrs.devices.simulator.link.commands import (
+    Approach,
+    Command,
+    Done,
+    DriveTo,
+    Fault,
+    Grip,
+    LookAround,
+    LookAt,
+    Place,
+    PutDown,
+    RobotState,
+    Seen,
+    Sense,
+    Status,
+    Stop,
+)
+from somrs.devices.simulator.link.connection import Link, RobotGaveUp
+from somrs.devices.simulator.link.following import Following
+from somrs.devices.simulator.link.lines import (
+    VERSION,
+    Ask,
+    Break,
+    Clock,
+    Follow,
+    Hello,
+    Idle,
+    Look,
+    Move,
+    Order,
+    OrderDone,
+    OrderGivenUp,
+    Picture,
+    Poses,
+    Refused,
+    Repair,
+    Robots,
+    ServerLine,
+    State,
+    written,
+)
+from somrs.errors import UsageError
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """What the simulated clock says, and how fast it goes: simulated seconds per second, None for as fast as it can."""
+
+    time: float
+    speed: float | None
+
+
+class RobotLink(Link):
+    """Controls one robot, or speaks with a camera. Commands return `Done`, or raise RobotGaveUp; one that follows another ends that one.
+
+    `on_state` is called with every state. After `silence` seconds without any word what waits for an answer fails.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        robot: str,
+        *,
+        rate: float = 10.0,
+        silence: float = 6.0,
+        on_state: Callable[[RobotState], None] | None = None,
+    ) -> None:
+        super().__init__(host, port, Hello(version=VERSION, robot=robot, rate=rate), silence)
+        self.robot = robot
+        self.state: RobotState | None = None
+        """The latest that the robot said of itself."""
+        self.silent = False
+        """It has said nothing for too long."""
+        self._on_state = on_state
+
+    @property
+    def connected(self) -> bool:
+        return self._ready.is_set()
+
+    async def back(self, within: float) -> bool:
+        """Whether it is connected. Until so many seconds after the connection was lost, it is waited for."""
+        left = self._lost_at + within - asyncio.get_running_loop().time()
+        if not self.connected and left > 0:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._ready.wait(), left)
+        return self.connected
+
+    async def drive_to(self, x: float, y: float, yaw: float | None = None) -> Done:
+        return await self.command(DriveTo(x=x, y=y, yaw=yaw))
+
+    async def approach(self, object: str) -> Done:
+        return await self.command(Approach(object=object))
+
+    async def grip(self, object: str) -> Done:
+        return await self.command(Grip(object=object))
+
+    async def place(self, on: str, x: float | None = None, y: float | None = None) -> Done:
+        return await self.command(Place(on=on, x=x, y=y))
+
+    async def put_down(self) -> Done:
+        return await self.command(PutDown())
+
+    async def sense(self, radius: float | None = None) -> Done:
+        return await self.command(Sense(radius=radius))
+
+    async def look_at(self, x: float, y: float, z: float, object: str | None = None) -> Done:
+        return await self.command(LookAt(x=x, y=y, z=z, object=object))
+
+    async def look_around(self, object: str | None = None) -> Done:
+        return await self.command(LookAround(object=object))
+
+    async def stop(self) -> Done:
+        return await self.command(Stop())
+
+    async def status(self) -> Done:
+        return await self.command(Status())
+
+    async def command(self, command: Command) -> Done:
+        """Have the robot carry out a command. One that has fallen silent is not waited for."""
+        if self.silent:
+            raise RobotGaveUp("silent", f"{self.robot} has said nothing for {self._silence:g} s", self.state)
+        match await self._say(lambda id: Order(id=id, command=command)):
+            case OrderDone(state=state, seen=seen):
+                return Done(state=state, seen=seen)
+            case OrderGivenUp(reason=reason, description=description, state=state, seen=seen):
+                raise RobotGaveUp(reason, description, state, seen)
+            case Refused(description=description):
+                raise RobotGaveUp("refused", description, self.state)
+            case other:
+                raise RobotGaveUp("refused", f"{self._where} answered a command with {type(other).__name__}", self.state)
+
+    async def ways(self, *through: str | tuple[float, float]) -> tuple[float | None, ...]:
+        """Metres that the robot would have to drive to get to the first, from there to the next, and so on."""
+        return await self._ways(self.robot, through)
+
+    def _hear(self, line: ServerLine) -> None:
+        self.silent = False
+        if isinstance(line, State | OrderDone | OrderGivenUp):
+            self.state = line.state
+            if self._on_state is not None:
+                self._on_state(line.state)
+        super()._hear(line)
+
+    def _fell_silent(self) -> None:
+        self.silent = True
+        log.warning("%s has said nothing for %g s", self.robot, self._silence)
+
+    def _last_state(self) -> RobotState | None:
+        return self.state
+
+
+class OperatorLink(Link):
+    """Looks into the simulator, and intervenes. Raises UsageError for what the simulator cannot do as asked."""
+
+    def __init__(self, host: str, port: int) -> None:
+        super().__init__(host, port, Hello(version=VERSION), silence=None)
+        self._following: Following | None = None
+
+    async def fault(self, robot: str, fault: Fault) -> None:
+        """Break something now."""
+        await self._ask(Break(robot=robot, fault=fault))
+
+    async def schedule(self, robot: str, fault: Fault, *, after: float | None = None, carried: float | None = None) -> None:
+        """Break something after so many simulated seconds, or when the robot has carried something so many metres."""
+        if after is None and carried is None:
+            raise UsageError("say when the fault is to happen: after how many seconds, or when the robot has carried something how far")
+        await self._ask(Break(robot=robot, fault=fault, after=after, carried=carried))
+
+    async def repair(self, robot: str, fault: Fault) -> None:
+        await self._ask(Repair(robot=robot, fault=fault))
+
+    async def seen(self, object: str) -> Seen:
+        """Where an object truly is."""
+        seen = (await self._ask(Look(object=object))).seen
+        assert seen is not None, "the answer to `look`"
+        return seen
+
+    async def robots(self) -> dict[str, RobotState]:
+        return (await self._ask(Robots())).robots or {}
+
+    async def clock(self) -> Reading:
+        answer = await self._ask(Clock())
+        assert answer.time is not None, "the answer to `clock`"
+        return Reading(time=answer.time, speed=answer.speed)
+
+    async def picture(self, subject: str | None = None) -> bytes:
+        """A PNG of the world, or of an object and what is around it. Raises SimulationError when there is no OpenGL."""
+        return (await self._ask(Picture(subject=subject))).png or b""
+
+    async def ways(self, robot: str, *through: str | tuple[float, float]) -> tuple[float | None, ...]:
+        """Metres that the robot would have to drive to get to the first, from there to the next, and so on."""
+        return await self._ways(robot, through)
+
+    async def idle(self) -> None:
+        """Return when no robot does anything any more."""
+        await self._ask(Idle())
+
+    async def move(self, object: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
+        """Put an object elsewhere, by magic."""
+        await self._ask(Move(object=object, x=x, y=y, z=z, yaw=yaw))
+
+    async def poses(self, rate: float = 20.0) -> AsyncGenerator[Poses, None]:
+        """Where everything is that can move, and then what moves of it, as it moves: the first has the `movers`. One who is slow to take
+        them gets fewer. Raises RobotGaveUp when the connection is lost; what follows it then begins anew."""
+        if self._following is not None:
+            raise UsageError("the poses are followed already on this link; connect another one")
+        await self._connected()
+        following = self._following = Following()
+        try:
+            await self._ask(Follow(rate=rate))
+            while True:
+                yield await following.next()
+        finally:
+            self._following = None
+            if self._writer is not None:
+                self._writer.write(written(Ask(id=next(self._ids), question=Follow(rate=0))))
+
+    def _hear(self, line: ServerLine) -> None:
+        if isinstance(line, Poses):
+            if self._following is not None:
+                self._following.put(line)
+            return
+        super()._hear(line)
+
+    def _fail_all(self, reason: str, description: str) -> None:
+        super()._fail_all(reason, description)
+        if self._following is not None:
+            self._following.fail(RobotGaveUp(reason, description))

@@ -1,0 +1,1 @@
+"""How simulated robots move: finding the way, driving, gripping, giving way."""

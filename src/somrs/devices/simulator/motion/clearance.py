@@ -1,0 +1,134 @@
+"""The ground as a grid of cells, and how far each cell's centre is from what stands around."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from somrs.devices.simulator.world.solids import Point, Solid
+
+CELL = 0.05
+"""Width of a cell, m."""
+FAR = 1.0
+"""Distances are known up to here, m: robots are narrower."""
+
+Field = NDArray[np.float32]
+"""Clearance by row (y) and column (x), m."""
+Cell = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """Something that is in the way for now: a robot, or a thing on the floor."""
+
+    x: float
+    y: float
+    radius: float
+
+    def distance(self, point: Point) -> float:
+        return math.hypot(point[0] - self.x, point[1] - self.y) - self.radius
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Cells from a lower left corner on."""
+
+    x: float
+    y: float
+    rows: int
+    columns: int
+    size: float = CELL
+
+    @staticmethod
+    def around(solids: Sequence[Solid], margin: float) -> Grid:
+        """A grid that holds all of them, and as much more around."""
+        boxes = [(*solid.world(u, v),) for solid in solids for u, v in corners(solid)] or [(-5.0, -5.0), (5.0, 5.0)]
+        left, low = (min(c[i] for c in boxes) - margin for i in (0, 1))
+        right, high = (max(c[i] for c in boxes) + margin for i in (0, 1))
+        return Grid(left, low, math.ceil((high - low) / CELL), math.ceil((right - left) / CELL))
+
+    def clipped(self, point: Point) -> Cell:
+        """The cell of the point, or the nearest one."""
+        row, column = int((point[1] - self.y) // self.size), int((point[0] - self.x) // self.size)
+        return min(max(row, 0), self.rows - 1), min(max(column, 0), self.columns - 1)
+
+    def cell(self, point: Point) -> Cell | None:
+        row, column = int((point[1] - self.y) // self.size), int((point[0] - self.x) // self.size)
+        return (row, column) if 0 <= row < self.rows and 0 <= column < self.columns else None
+
+    def centre(self, cell: Cell) -> Point:
+        return self.x + (cell[1] + 0.5) * self.size, self.y + (cell[0] + 0.5) * self.size
+
+    def centres(self, cells: NDArray[Any]) -> NDArray[np.float64]:
+        """The x and y of each row-column pair."""
+        return np.stack([self.x + (cells[:, 1] + 0.5) * self.size, self.y + (cells[:, 0] + 0.5) * self.size], axis=1)
+
+    def sample(self, field: Field, points: ArrayLike) -> Field:
+        """The field at the points, linear between cell centres; -FAR outside of the grid."""
+        at = np.asarray(points, dtype=float).reshape(-1, 2)
+        where = [(at[:, 1] - self.y) / self.size - 0.5, (at[:, 0] - self.x) / self.size - 0.5]
+        values: Field = ndimage.map_coordinates(field, where, order=1, mode="constant", cval=-FAR)
+        return values
+
+    def window(self, left: float, low: float, right: float, high: float) -> tuple[tuple[slice, slice], Field, Field]:
+        """The cells whose centres are in a box: their slices, and the x and y of their centres to be broadcast."""
+        c0, c1 = (max(0, min(self.columns, math.ceil((v - self.x) / self.size - 0.5))) for v in (left, right))
+        r0, r1 = (max(0, min(self.rows, math.ceil((v - self.y) / self.size - 0.5))) for v in (low, high))
+        xs = (self.x + (np.arange(c0, c1) + 0.5) * self.size).astype(np.float32)
+        ys = (self.y + (np.arange(r0, r1) + 0.5) * self.size).astype(np.float32)
+        return (slice(r0, r1), slice(c0, c1)), xs[None, :], ys[:, None]
+
+    def with_discs(self, field: Field, discs: Sequence[Disc]) -> Field:
+        """The field with the discs in it, as obstacles."""
+        if not discs:
+            return field
+        field = field.copy()
+        for disc in discs:
+            far = disc.radius + FAR
+            slices, xs, ys = self.window(disc.x - far, disc.y - far, disc.x + far, disc.y + far)
+            field[slices] = np.minimum(field[slices], np.hypot(xs - disc.x, ys - disc.y) - disc.radius)
+        return field
+
+
+def clearances(grid: Grid, obstacles: Sequence[Solid], floors: Sequence[Solid], passages: Sequence[Solid]) -> Field:
+    """From each cell's centre to the nearest obstacle or, where there are floors, to their edge; negative inside and beyond.
+
+    One can stand in a passage even where no floor is modelled under it.
+    """
+    field: Field = np.full((grid.rows, grid.columns), FAR, dtype=np.float32)
+    if floors:
+        ground = np.zeros(field.shape, dtype=bool)
+        for solid, margin in [(floor, grid.size / 2) for floor in floors] + [(passage, 2 * grid.size) for passage in passages]:
+            slices, distance = distances(grid, solid, margin + grid.size)
+            ground[slices] |= distance <= margin
+        inside = ndimage.distance_transform_edt(ground) - 0.5
+        outside = ndimage.distance_transform_edt(~ground) - 0.5
+        field = np.minimum(field, np.where(ground, inside, -outside) * grid.size).astype(np.float32)
+    for solid in obstacles:
+        slices, distance = distances(grid, solid, FAR)
+        field[slices] = np.minimum(field[slices], distance)
+    field[[0, -1], :] = field[:, [0, -1]] = -FAR  # a frame: no step leaves the grid
+    return np.clip(field, -FAR, FAR)
+
+
+def distances(grid: Grid, solid: Solid, margin: float) -> tuple[tuple[slice, slice], Field]:
+    """The signed distance to the solid's outline from the cells around it, up to the margin: the slices, and the values."""
+    on_map = [solid.world(u, v) for u, v in corners(solid)]
+    xs, ys = [c[0] for c in on_map], [c[1] for c in on_map]
+    slices, x, y = grid.window(min(xs) - margin, min(ys) - margin, max(xs) + margin, max(ys) + margin)
+    points = np.stack(np.broadcast_arrays(x, y), axis=-1).reshape(-1, 2)
+    return slices, solid.distances(points).reshape(y.size, x.size).astype(np.float32)
+
+
+def corners(solid: Solid) -> Sequence[Point]:
+    """Corners, in the solid's own frame, of a convex outline around it."""
+    if solid.form == "Polygon":
+        return solid.outline
+    w, d = (solid.width / 2, solid.depth / 2) if solid.form == "Box" else (solid.radius, solid.radius)
+    return [(-w, -d), (w, -d), (w, d), (-w, d)]

@@ -1,0 +1,303 @@
+"""How a robot takes things and puts them down: from above, with both fingers on the thing before it counts as held."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection
+
+import numpy as np
+
+from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.motion.driving import PATIENCE, ask_aside, drive_to
+from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, wait
+from somrs.devices.simulator.motion.standing import ARM, Stand, free_spots, order, others_near, reachable_now, spots_here, stands
+from somrs.devices.simulator.motion.traffic import Capsule
+from somrs.devices.simulator.world.dimensions import FINGER, OPENING
+from somrs.devices.simulator.world.solids import Array, Point, Role, Solid
+
+SLOWLY = 0.08
+"""How fast the hand goes down the last centimetres, m/s."""
+CLEAR = 0.03
+"""What passes above something keeps that much from it, m."""
+
+Spots = Callable[[], tuple[Array, Array]]
+"""The spots that would do now, with penalties; asked again whenever the robot has to look for another one."""
+
+
+def withdraw(robot: Robot) -> Routine:
+    """Bring the arm to the transport position: up, in, and to the front. What is held comes with it."""
+    if not robot.size.gripper:
+        return
+    if robot.arm_out:
+        yield from _let_go(robot)
+        yield from robot.arm(lift=min(max(robot.joints["lift"] + 0.02, _lift_over(robot, robot.hand())), 1.74))
+        yield from robot.arm(reach=robot.size.drawn_in)
+    robot.arm_claim = None
+    yield from robot.arm(turret=0.0, lift=_transport(robot))
+
+
+def _let_go(robot: Robot) -> Routine:
+    """Open the fingers, if there is something between them that is not held: the robot was stopped while it took it or put it down."""
+    able = robot.holding is None and Fault.GRIPPER not in robot.faults
+    if able and any(robot.scene.pads(robot.name, thing) for thing in robot.scene.things()):
+        yield from _open_clear(robot)
+
+
+def _open_clear(robot: Robot) -> Routine:
+    opened = min(OPENING, robot.joints["left"] + 0.02), min(OPENING, robot.joints["right"] + 0.02)
+    yield from robot.arm(left=opened[0], right=opened[1])
+
+
+def _transport(robot: Robot) -> float:
+    """The lift's height when driving: what is held passes just above the base."""
+    return robot.size.clear + robot.size.hang + _drop(robot)
+
+
+def _drop(robot: Robot) -> float:
+    """How far what is held hangs below the finger tips."""
+    if robot.holding is None:
+        return 0.0
+    z = robot.scene.pose(robot.holding)[2]
+    return max(0.0, robot.joints["lift"] + robot.solid.z - robot.size.hang - z)
+
+
+def _lift_over(robot: Robot, spot: Point, at_least: float = 0.0) -> float:
+    """The lift's height at which the hand, with what it holds, passes over everything between the base and a spot."""
+    x, y, _ = robot.pose()
+    line = np.array([(x + s * (spot[0] - x), y + s * (spot[1] - y)) for s in np.linspace(0, 1.1, 12)])
+    top = max(robot.solid.z, at_least)
+    for thing in robot.scene.things():
+        px, py, z, _ = robot.scene.pose(thing)
+        solid = robot.scene.world.solids[thing]
+        if robot.scene.holder(thing) is None and np.hypot(line[:, 0] - px, line[:, 1] - py).min() < solid.extent + 0.13:
+            top = max(top, z + solid.height)
+    for block in robot.scene.world.blocks():
+        if block.top < robot.solid.z + 1.4 and block.distances(line).min() < 0.12:
+            top = max(top, block.top)
+    return max(top - robot.solid.z + CLEAR, robot.size.clear) + robot.size.hang + _drop(robot)
+
+
+def get_within_reach(robot: Robot, what: str, spots: Spots, top: float, ignored: Collection[str] = ()):  # type: ignore[no-untyped-def]
+    """Drive, if need be, to where one of the spots can be reached. Returns the spot."""
+    waited = 0.0
+    while True:
+        found, penalties = order(*spots())
+        if not len(found):
+            raise GivenUp("no-space", f"{robot.name} finds no free spot on {what}")
+        here = reachable_now(robot, found, top)
+        if here is not None:
+            return float(found[here][0]), float(found[here][1])
+        robot.need_drive()
+        ranked = stands(robot, found, top, penalties, ignored)
+        wished = ranked or stands_without_others(robot, found, top, penalties, ignored)
+        if not wished:
+            raise GivenUp("unreachable", f"there is no place for {robot.name} from which it could reach {what}")
+        started = robot.scene.time
+        yield from withdraw(robot)
+        for stand in ranked[:1] + ranked[8:9] + ranked[16:17] + ranked[-1:]:
+            try:
+                yield from drive_to(robot, stand.base, patience=4.0)
+                return stand.spot
+            except GivenUp as given:
+                if given.reason not in ("blocked", "unreachable"):
+                    raise
+                problem = given
+        if not ranked:
+            problem = GivenUp("blocked", f"others stand where {robot.name} could reach {what}")
+            yield from ask_aside(robot, wished[0].base)
+        waited += robot.scene.time - started
+        if waited > PATIENCE or problem.reason == "unreachable":
+            raise problem
+
+
+def stands_without_others(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str]) -> list[Stand]:
+    """Where it could stand if no other robot were there."""
+    alone = Robot(robot.solid, robot.scene, robot.navigator, {})
+    return stands(alone, spots, top, penalties, ignored)
+
+
+def claim_arm(robot: Robot, spot: Point) -> Routine:
+    """Wait until no other robot is where the arm has to go, and keep them out from then on."""
+    x, y, _ = robot.pose()
+    wanted, waited = Capsule((x, y), spot, ARM), 0.0
+    while any(wanted.gap(claim) < 0 for other in robot.others() for claim in other.claims()):
+        if waited > PATIENCE:
+            raise GivenUp("blocked", f"another robot stands where the arm of {robot.name} has to go")
+        yield
+        waited += PERIOD
+    robot.arm_claim = wanted
+
+
+def pick(robot: Robot, thing: str) -> Routine:
+    """Take a thing that is within reach."""
+    scene, solid = robot.scene, robot.scene.world.solids[thing]
+    robot.need_gripper()
+    yield from claim_arm(robot, scene.pose(thing)[:2])
+    x, y, z, _ = scene.pose(thing)
+    if scene.holder(thing) is not None or math.dist((x, y), robot.arm_claim.end if robot.arm_claim else (x, y)) > 0.05:
+        robot.arm_claim = None
+        raise GivenUp("slipped", f"{thing} was taken away before {robot.name} could grip it")
+    angle, half = _grasp_angle(robot, thing)
+    opening = min(OPENING, half + 0.018)
+    tip = z - robot.solid.z + max(0.012, solid.height - FINGER + 0.025)
+    over = _lift_over(robot, (x, y), z + solid.height)
+    turret, reach = robot.aim((x, y))
+    yield from robot.arm(lift=over, left=opening, right=opening)
+    yaw = robot.pose()[2]
+    yield from robot.arm(turret=turret, wrist=_nearest_half_turn(angle - yaw - turret))
+    yield from robot.arm(reach=reach)
+    turret, reach = robot.aim(scene.pose(thing)[:2])  # once more: the base gave a little
+    yield from robot.arm(turret=turret, reach=reach)
+    yield from robot.arm(lift=tip + robot.size.hang + 0.03)
+    yield from robot.arm(lift=tip + robot.size.hang)
+    yield from close(robot, thing)
+    scene.hold(robot.name, thing)
+    yield from robot.arm(lift=_lift_over(robot, (x, y), z))
+    yield from withdraw(robot)
+    if robot.holding != thing:
+        raise GivenUp("slipped", f"{thing} is not in the gripper of {robot.name} any more")
+
+
+def _nearest_half_turn(angle: float) -> float:
+    """The same grasp, the fingers being alike, with the wrist turned as little as possible."""
+    return (angle + math.pi / 2) % math.pi - math.pi / 2
+
+
+def _grasp_angle(robot: Robot, thing: str) -> tuple[float, float]:
+    """Along which line, on the map, the fingers close on a thing, measured for the wrist (whose fingers move along its y), and
+    half the thing's width along it: where there is most room beside it."""
+    scene, solid = robot.scene, robot.scene.world.solids[thing]
+    x, y, z, yaw = scene.pose(thing)
+    if solid.form == "Box":
+        options = [(yaw, solid.depth / 2), (yaw + math.pi / 2, solid.width / 2)]
+    else:
+        base = math.atan2(y - robot.pose()[1], x - robot.pose()[0])
+        options = [(base + i * math.pi / 8, solid.extent) for i in (0, 1, -1, 2, -2, 3, -3, 4)]
+    rated: list[tuple[float, float, float]] = []
+    for angle, half in options:
+        if half > OPENING - 0.005:
+            continue
+        along, out = np.array([-math.sin(angle), math.cos(angle)]), half + 0.024
+        fingers = np.array([[x, y] + side * out * along for side in (-1, 1)])
+        room = (
+            min(others_near(robot, fingers, z + 0.02, z + solid.height, [thing]).min(), scene.clearances(fingers, z + 0.02, z + 1.0).min())
+            - 0.02
+        )
+        rated.append((-min(float(room), 0.08), angle, half))
+    if not rated:
+        raise GivenUp("not-possible", f"{thing} is too wide for the gripper of {robot.name}")
+    blocked, angle, half = min(rated, key=lambda option: round(option[0], 3))
+    if blocked > 0.012:
+        raise GivenUp("not-possible", f"there is no room beside {thing} for the fingers of {robot.name}")
+    return angle, half
+
+
+def close(robot: Robot, thing: str) -> Routine:
+    """Close each finger until it touches the thing; both have to."""
+    for _ in range(150):
+        touching = robot.scene.pads(robot.name, thing)
+        for finger in ("left", "right"):
+            if finger not in touching:
+                robot.lead(finger, 0.0)
+            else:
+                robot.hold_joint(finger)
+        if len(touching) == 2:
+            return
+        yield
+    yield from robot.arm(left=0.06, right=0.06)
+    raise GivenUp("slipped", f"the fingers of {robot.name} close without {thing} between them")
+
+
+def place(robot: Robot, on: Solid, at: Point | None) -> Routine:
+    """Put what is held on an object, wherever there is room on it or just at a point."""
+    thing = robot.holding
+    assert thing is not None
+    radius, top = robot.scene.world.solids[thing].extent, top_of(on)
+    while True:
+        spot = yield from get_within_reach(robot, on.name, spots_on(robot, on, at), top)
+        yield from claim_arm(robot, spot)
+        # Another robot may have put something there while this one came or waited.
+        if others_near(robot, np.array([spot]), top - 0.05, top + 0.4, [thing])[0] - radius > 0.005:
+            break
+        robot.arm_claim = None
+    yield from put(robot, spot, top)
+
+
+def put(robot: Robot, spot: Point, top: float) -> Routine:
+    """Put what is held on a spot that the arm has claimed, let go, and leave it standing free."""
+    thing = robot.holding
+    assert thing is not None
+    robot.need_gripper()
+    yield from robot.arm(lift=_lift_over(robot, spot, top))
+    turret, reach = robot.aim(spot)
+    yield from robot.arm(turret=turret)
+    yield from robot.arm(reach=reach)
+    turret, reach = robot.aim(spot)
+    yield from robot.arm(turret=turret, reach=reach)
+    underside = top - robot.solid.z + robot.size.hang + _drop(robot)
+    yield from robot.arm(lift=underside + 0.02)
+    yield from lower(robot, thing, underside - 0.02)
+    robot.need_gripper()
+    robot.scene.release(robot.name)
+    yield from _open_clear(robot)
+    for _ in range(50):
+        if robot.scene.still(thing):
+            break
+        yield
+    yield from withdraw(robot)
+
+
+def lower(robot: Robot, thing: str, lowest: float) -> Routine:
+    """Let the hand down slowly until something bears the thing."""
+    target, held = robot.joints["lift"], 0
+    for _ in range(200):
+        if robot.scene.rests(thing):
+            held += 1
+            if held > 2:
+                return
+        else:
+            target = max(lowest, target - SLOWLY * PERIOD)
+        robot.lead("lift", target)
+        yield
+    raise GivenUp("no-space", f"{robot.name} finds nothing to put {thing} on")
+
+
+def set_down(robot: Robot) -> Routine:
+    """Put what is held on the floor, or what there is, within reach of the base as it stands."""
+    thing = robot.holding
+    if thing is None:
+        yield from withdraw(robot)
+        return
+    robot.need_gripper()
+    for _ in range(20):
+        ranked = spots_here(robot, robot.scene.world.solids[thing].extent)
+        if ranked:
+            break
+        yield from wait(0.5)
+    else:
+        raise GivenUp("no-space", f"there is no free spot around {robot.name} to put {thing} on")
+    yield from _draw_in(robot)
+    yield from claim_arm(robot, ranked[0][0])
+    yield from put(robot, *ranked[0])
+
+
+def _draw_in(robot: Robot) -> Routine:
+    """If the arm is out, bring it above the base, whichever way it points."""
+    if robot.arm_out:
+        yield from robot.arm(lift=_lift_over(robot, robot.hand()))
+        yield from robot.arm(reach=robot.size.drawn_in)
+
+
+def spots_on(robot: Robot, on: Solid, at: Point | None) -> Spots:
+    """Free spots on an object for what is held, or for a thing of common size."""
+
+    def spots() -> tuple[Array, Array]:
+        held = robot.holding
+        radius = robot.scene.world.solids[held].extent if held is not None else 0.05
+        return free_spots(robot, on, radius, at)
+
+    return spots
+
+
+def top_of(on: Solid) -> float:
+    return on.z if on.role is Role.MARK else on.top

@@ -1,0 +1,273 @@
+"""Where a mobile robot can go: paths around what stands on the map, and the poses from which it reaches something.
+
+Knows nothing of physics. What stands still comes from the map; what moves (robots, things on the floor) the caller says as discs.
+The ground is a grid; each cell holds the exact distance from its centre to the nearest obstacle (`clearance.py`). A coarse grid
+gives the way in the large, A* on the fine one follows it, and lines of sight straighten what it found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy import ndimage
+
+from somrs.devices.simulator.motion.clearance import FAR, Disc, Grid, clearances
+from somrs.devices.simulator.motion.wayfinding import costs_from, search
+from somrs.devices.simulator.world.solids import Point, Role, Solid, solid_of
+from somrs.ontology.objects import Map
+from somrs.ontology.types import Ontology
+
+STANDING = {Role.WALL, Role.SUPPORT, Role.STATIC}
+COMFORT = 0.25
+"""Robots keep this far from obstacles where there is room, m."""
+ESCAPE = 0.8
+"""How far a robot may drive straight away from what it stands too close to, m."""
+ARM = 0.05
+"""Half the width of an arm, m."""
+SLACK = 0.01
+"""Metres by which a clearance may be missed: what interpolation between cells loses."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where a robot's base stands, where it looks, and the point that it reaches from there."""
+
+    x: float
+    y: float
+    yaw: float
+    target: Point
+
+
+class Navigator:
+    """Plans on one level of a map. `height` is that of the robots: what begins above it is in nobody's way."""
+
+    def __init__(self, map: Map, ontology: Ontology, *, level: float = 0.0, height: float = 1.85) -> None:
+        solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
+        self.solids = {solid.name: solid for solid in solids if _stands(solid) and solid.z < level + height and solid.top > level + 0.02}
+        floors = [solid for solid in solids if solid.role is Role.FLOOR and abs(solid.top - level) < 0.1]
+        passages = [solid for solid in solids if ontology.is_a(solid.type, "Passage")]
+        self.grid = Grid.around(floors or solids, margin=0.5 if floors else 4.0)
+        self._clearance = clearances(self.grid, list(self.solids.values()), floors, passages if floors else [])
+
+    def clearance(self, point: Point, others: Sequence[Disc] = ()) -> float:
+        """From the point to the nearest obstacle, at most `FAR`; negative inside of one, or off the floor."""
+        return min(float(self.grid.sample(self._clearance, [point])[0]), *(d.distance(point) for d in others), FAR)
+
+    def free(self, point: Point, radius: float, others: Sequence[Disc] = ()) -> bool:
+        """Whether a robot of that radius can stand there."""
+        return self.clearance(point, others) >= radius - SLACK
+
+    def path(self, start: Point, goal: Point, radius: float, others: Sequence[Disc] = ()) -> list[Point] | None:
+        """Way points from start to goal, both included; None when there is no way.
+
+        A robot that stands too close to something may leave it; the goal has to be free.
+        """
+        if not self.free(goal, radius, others):
+            return None
+        field = self.grid.with_discs(self._clearance, others)
+        if self._clear_line(field, start, goal, radius + COMFORT):
+            return [start, goal]
+        labels, _ = ndimage.label(field >= radius, structure=np.ones((3, 3)))
+        first, last = self._joining(field, labels, start, radius), self._joining(field, labels, goal, radius)
+        if first is None or last is None or labels[first] != labels[last]:
+            return [start, goal] if math.dist(start, goal) < ESCAPE and self._clear_line(field, start, goal, radius) else None
+        cells = search(field, radius, COMFORT, first, last)
+        assert cells is not None, "cells of one component are joined by a path"
+        return self._straightened(field, [start, *map(self.grid.centre, cells), goal], radius)
+
+    def distance(self, start: Point, goal: Point, radius: float, others: Sequence[Disc] = ()) -> float | None:
+        """Length of the path, m."""
+        path = self.path(start, goal, radius, others)
+        return None if path is None else length(path)
+
+    def approach(
+        self,
+        start: Point,
+        target: Point,
+        radius: float,
+        reach: tuple[float, float],
+        others: Sequence[Disc] = (),
+        height: float = 0.0,
+        limit: int = 8,
+    ) -> list[Pose]:
+        """Poses, best first, from which a gripper in front of the base reaches the target at that height.
+
+        `reach` is the least and the greatest distance from the middle of the base to the target.
+        """
+        return self._ranked(start, self._around(target, radius, reach, others, height), radius, others, limit)
+
+    def approach_support(
+        self,
+        start: Point,
+        support: Solid,
+        radius: float,
+        reach: tuple[float, float],
+        others: Sequence[Disc] = (),
+        taken: Sequence[Disc] = (),
+        room: float = 0.06,
+        limit: int = 8,
+    ) -> list[Pose]:
+        """Poses, best first, from which something can be put on the support, each with a point on its top near the edge.
+
+        `taken` are the things on the top, `room` the radius of what is to stand there.
+        """
+        poses: list[Pose] = []
+        for target, (nx, ny) in edge_targets(support, room + 0.04):
+            if any(disc.distance(target) < room + 0.03 for disc in taken):
+                continue
+            poses += self._around(target, radius, reach, others, support.top, towards=math.atan2(-ny, -nx))
+        return self._ranked(start, poses, radius, others, limit)
+
+    def _around(
+        self,
+        target: Point,
+        radius: float,
+        reach: tuple[float, float],
+        others: Sequence[Disc],
+        height: float,
+        towards: float | None = None,
+    ) -> list[Pose]:
+        """Free poses that look at the target; with `towards`, only those that look about that way."""
+        step = math.pi / 12
+        yaws = [i * step for i in range(24)] if towards is None else [towards + i * step for i in (0, -1, 1, -2, 2)]
+        bases = [
+            (target[0] - r * math.cos(yaw), target[1] - r * math.sin(yaw), math.atan2(math.sin(yaw), math.cos(yaw)))
+            for yaw in yaws
+            for r in (reach[0] + (reach[1] - reach[0]) * i / 5 for i in range(6))
+        ]
+        room = self.grid.sample(self._clearance, [(x, y) for x, y, _ in bases])
+        tall = [s for s in self.solids.values() if s.top > height + 0.02 and s.distance(*target) < reach[1] + ARM]
+        return [
+            Pose(x, y, yaw, target)
+            for (x, y, yaw), clearance in zip(bases, room, strict=True)
+            if min(float(clearance), *(disc.distance((x, y)) for disc in others), FAR) >= radius and _arm_passes((x, y), target, tall)
+        ]
+
+    def _ranked(self, start: Point, poses: list[Pose], radius: float, others: Sequence[Disc], limit: int) -> list[Pose]:
+        """Those that can be driven to, by the length of the way, how much room there is and how far the arm stretches."""
+        if not poses:
+            return []
+        field = self.grid.with_discs(self._clearance, others)
+        labels, _ = ndimage.label(field >= radius, structure=np.ones((3, 3)))
+        first = self._joining(field, labels, start, radius)
+        costs = costs_from(field, radius, COMFORT, first) if first is not None else None
+        rated: list[tuple[float, int]] = []
+        for i, pose in enumerate(poses):
+            cell = self._joining(field, labels, (pose.x, pose.y), radius)
+            if costs is None or cell is None or first is None or labels[cell] != labels[first]:
+                if not (math.dist(start, (pose.x, pose.y)) < ESCAPE and self._clear_line(field, start, (pose.x, pose.y), radius)):
+                    continue
+                way = math.dist(start, (pose.x, pose.y))
+            else:
+                way = max(costs.to(cell), math.dist(start, (pose.x, pose.y)))
+            room = min(self.clearance((pose.x, pose.y), others) - radius, 0.1)
+            rated.append((way - 5 * room + 2 * math.dist((pose.x, pose.y), pose.target), i))
+        return list(_varied([poses[i] for _, i in sorted(rated)], limit))
+
+    def _joining(self, field: np.ndarray, labels: np.ndarray, point: Point, radius: float) -> tuple[int, int] | None:
+        """The nearest free cell that can be driven to straight from the point, without coming closer to anything on the way."""
+        home = self.grid.cell(point)
+        if home is not None and labels[home]:
+            return home
+        here = float(self.grid.sample(field, [point])[0])
+        span = round((ESCAPE if here < radius - SLACK else 0.15) / self.grid.size)
+        row, column = self.grid.clipped(point)
+        rows, columns = slice(max(row - span, 0), row + span + 1), slice(max(column - span, 0), column + span + 1)
+        near = np.argwhere(labels[rows, columns] > 0) + np.array([rows.start, columns.start])
+        order = np.argsort(np.hypot(*(self.grid.centres(near) - point).T))
+        for i in order[:60].tolist():
+            cell = int(near[i][0]), int(near[i][1])
+            if self._clear_line(field, point, self.grid.centre(cell), min(radius, here) - 0.02):
+                return cell
+        return None
+
+    def _clear_line(self, field: np.ndarray, a: Point, b: Point, clearance: float) -> bool:
+        count = max(2, math.ceil(2 * math.dist(a, b) / self.grid.size))
+        share = np.linspace(0, 1, count)[:, None]
+        return bool(self.grid.sample(field, np.asarray(a) * (1 - share) + np.asarray(b) * share).min() >= clearance - SLACK)
+
+    def _straightened(self, field: np.ndarray, path: list[Point], radius: float) -> list[Point]:
+        """The path with as few corners as lines of sight allow that keep the clearance which the path has there."""
+        room = np.minimum(self.grid.sample(field, path), radius + COMFORT)
+
+        def sees(i: int, j: int) -> bool:
+            least = float(room[i : j + 1].min())
+            return j == i + 1 or self._clear_line(field, path[i], path[j], max(min(least, radius), least - self.grid.size / 2))
+
+        kept, i, last = [path[0]], 0, len(path) - 1
+        while i < last:
+            step = 1
+            while i + 2 * step <= last and sees(i, i + 2 * step):
+                step *= 2
+            low, high = i + step, min(i + 2 * step, last)
+            if sees(i, high):
+                low = high
+            while high - low > 1:
+                middle = (low + high) // 2
+                low, high = (middle, high) if sees(i, middle) else (low, middle)
+            kept.append(path[low])
+            i = low
+        return kept
+
+
+def length(path: Sequence[Point]) -> float:
+    return sum(math.dist(a, b) for a, b in pairwise(path))
+
+
+def edge_targets(solid: Solid, inset: float, spacing: float = 0.2) -> Iterator[tuple[Point, Point]]:
+    """Points on a solid's top, `inset` from its edge or in the middle of what is narrower, with the normals outwards."""
+    for (ax, ay), (bx, by) in _edges(solid):
+        long = math.hypot(bx - ax, by - ay)
+        if long == 0:
+            continue
+        dx, dy = (bx - ax) / long, (by - ay) / long
+        count = max(1, int((long - 2 * inset) / spacing) + 1) if long > 2 * inset else 1
+        for i in range(count):
+            along = long / 2 + (i - (count - 1) / 2) * min(spacing, max(long - 2 * inset, 0.0) / max(count - 1, 1) or spacing)
+            depth, point = inset, solid.world(ax + along * dx - inset * dy, ay + along * dy + inset * dx)
+            while depth > 0.03 and solid.distance(*point) > -0.9 * depth:
+                depth *= 0.8
+                point = solid.world(ax + along * dx - depth * dy, ay + along * dy + depth * dx)
+            if depth > 0.03:
+                c, s = math.cos(solid.yaw), math.sin(solid.yaw)
+                yield point, (c * dy + s * dx, s * dy - c * dx)
+
+
+def _edges(solid: Solid) -> list[tuple[Point, Point]]:
+    """The outline in the solid's own frame, counter-clockwise: inside is on the left."""
+    if solid.form == "Polygon":
+        corners = list(solid.outline)
+        if sum(ax * by - bx * ay for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True)) < 0:
+            corners.reverse()
+    elif solid.form == "Box":
+        w, d = solid.width / 2, solid.depth / 2
+        corners = [(-w, -d), (w, -d), (w, d), (-w, d)]
+    else:
+        corners = [(solid.radius * math.cos(i * math.pi / 8), solid.radius * math.sin(i * math.pi / 8)) for i in range(16)]
+    return list(zip(corners, corners[1:] + corners[:1], strict=True))
+
+
+def _arm_passes(base: Point, target: Point, tall: Sequence[Solid]) -> bool:
+    """Whether nothing higher than what the target stands on is between the base and the target."""
+    count = max(2, math.ceil(math.dist(base, target) / ARM))
+    line = [(base[0] + (target[0] - base[0]) * i / count, base[1] + (target[1] - base[1]) * i / count) for i in range(count + 1)]
+    return not any(solid.distance(*point) < ARM for solid in tall for point in line)
+
+
+def _stands(solid: Solid) -> bool:
+    return solid.role in STANDING or (solid.role is Role.DOOR and not solid.open)
+
+
+def _varied(poses: list[Pose], limit: int) -> Iterator[Pose]:
+    """The first poses that differ from each other by a hand's breadth at least."""
+    kept: list[Pose] = []
+    for pose in poses:
+        if len(kept) == limit:
+            return
+        if all(math.hypot(pose.x - other.x, pose.y - other.y) > 0.12 or pose.target != other.target for other in kept):
+            kept.append(pose)
+            yield pose

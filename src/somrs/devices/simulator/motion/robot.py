@@ -1,0 +1,228 @@
+"""One simulated robot: what it is doing, the motion of its base and arm from one control period to the next, the room it claims.
+
+How it drives somewhere is in `driving.py`, how it takes and puts things in `handling.py`: as routines, generators that yield once
+every control period.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Mapping
+
+from somrs.devices.simulator.link.commands import Fault, RobotState
+from somrs.devices.simulator.motion.navigation import Navigator
+from somrs.devices.simulator.motion.traffic import GAP, Capsule
+from somrs.devices.simulator.world.chassis import Joints
+from somrs.devices.simulator.world.dimensions import Dimensions, dimensions_of
+from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.solids import Point, Solid
+
+PERIOD = 0.02
+"""Of the controllers, s."""
+ACCELERATION = 0.8
+"""Of the base, m/s²."""
+BRAKING = 1.2
+"""The deceleration that claims of room count on, m/s²; the servos can do more."""
+TURNING, TURNING_UP = 1.6, 4.0
+"""Of the base, rad/s and rad/s²."""
+RATES = {"turret": 1.3, "lift": 0.4, "reach": 0.4, "wrist": 2.5, "left": 0.08, "right": 0.08}
+"""How fast the arm's joints are led to their targets, rad/s and m/s."""
+STANDING = 0.01
+"""A base slower than this stands, m/s and rad/s."""
+TOLERANCES = {"turret": 0.01, "lift": 0.006, "reach": 0.004, "wrist": 0.05, "left": 0.006, "right": 0.006}
+
+Routine = Generator[None, None, None]
+
+
+class GivenUp(Exception):
+    """A routine cannot go on; the reason is one of those of `Gave`. Never leaves the simulator."""
+
+    def __init__(self, reason: str, description: str) -> None:
+        self.reason, self.description = reason, description
+        super().__init__(reason, description)
+
+
+def wrap(angle: float) -> float:
+    """The same angle in (-pi, pi]."""
+    return math.atan2(math.sin(angle), math.cos(angle))
+
+
+class Robot:
+    """A robot in the scene. `fleet` are all robots by name, itself included."""
+
+    def __init__(self, solid: Solid, scene: Scene, navigator: Navigator, fleet: Mapping[str, Robot]) -> None:
+        self.solid, self.scene, self.navigator, self.fleet = solid, scene, navigator, fleet
+        self.name = solid.name
+        self.size: Dimensions = dimensions_of(solid)
+        self.faults: set[Fault] = set()
+        self.doing: str | None = None
+        self.plan: list[Point] = []
+        """The way ahead while it drives."""
+        self.arm_claim: Capsule | None = None
+        self.asked: Robot | None = None
+        """A robot that wants this one out of its way."""
+        self.speed, self.turning, self.heading = 0.0, 0.0, (1.0, 0.0)
+        self._moved = False
+        self._targets: dict[str, float] = {joint: self.joints[joint] for joint in RATES} if self.size.gripper else {}
+
+    @property
+    def joints(self) -> Joints:
+        return self.scene.joints[self.name]
+
+    @property
+    def holding(self) -> str | None:
+        return self.scene.held.get(self.name)
+
+    @property
+    def mobile(self) -> bool:
+        """Whether its drive works."""
+        return not self.faults & {Fault.DRIVE, Fault.SILENT, Fault.LINK}
+
+    @property
+    def stands(self) -> bool:
+        return max(map(abs, self.joints.speed())) < STANDING
+
+    def pose(self) -> tuple[float, float, float]:
+        return self.joints.pose()
+
+    def state(self) -> RobotState:
+        x, y, yaw = self.pose()
+        faults = tuple(sorted(self.faults))
+        return RobotState(time=self.scene.time, x=x, y=y, yaw=yaw, holding=self.holding, doing=self.doing, faults=faults)
+
+    # The base
+
+    def begin_period(self) -> None:
+        self._moved = False
+
+    def end_period(self) -> None:
+        """A base that nothing moves in this period stands."""
+        if not self._moved:
+            self.speed = self.turning = 0.0
+        self.joints.drive("x", self.speed * self.heading[0])
+        self.joints.drive("y", self.speed * self.heading[1])
+        self.joints.drive("yaw", self.turning)
+
+    def move(self, direction: Point, speed: float, turning: float) -> Robot | None:
+        """Move the base in this period, as near to the wish as the drive and the other robots allow.
+
+        Returns the robot in the way, if the wish was cut for one.
+        """
+        self._moved = True
+        limit = TURNING_UP * PERIOD
+        turning = max(-TURNING, min(TURNING, turning))
+        self.turning = max(self.turning - limit, min(self.turning + limit, turning))
+        wish = max(0.0, min(speed, self.speed + ACCELERATION * PERIOD, self.solid.speed))
+        wish = max(wish, self.speed - BRAKING * PERIOD)
+        obstacle: Robot | None = None
+        for share in (1.0, 0.8, 0.6, 0.4, 0.2, 0.0):
+            found = self.in_the_way(self.base_claim(direction, wish * share))
+            if found is None:
+                self.speed, self.heading = wish * share, direction
+                break
+            obstacle = found
+        else:
+            self.speed = 0.0
+        return obstacle
+
+    def base_claim(self, direction: Point | None = None, speed: float | None = None) -> Capsule:
+        """The room in which the base can come to a stand from this motion."""
+        x, y, _ = self.pose()
+        direction, speed = direction or self.heading, self.speed if speed is None else speed
+        way = speed * speed / (2 * BRAKING) + 2 * speed * PERIOD
+        return Capsule((x, y), (x + way * direction[0], y + way * direction[1]), self.size.radius)
+
+    def claims(self) -> list[Capsule]:
+        """The room that is this robot's."""
+        return [self.base_claim()] + ([self.arm_claim] if self.arm_claim is not None else [])
+
+    def others(self) -> list[Robot]:
+        """The robots that it could meet: those on the same floor."""
+        return [r for r in self.fleet.values() if r is not self and abs(r.solid.z - self.solid.z) < 1.5]
+
+    def in_the_way(self, wanted: Capsule) -> Robot | None:
+        """A robot whose room the wanted claim would take. To stand still, or to get away from it, is always allowed."""
+        for other in self.others():
+            for claim in other.claims():
+                if wanted.gap(claim) < GAP and not _leaves(wanted, claim):
+                    return other
+        return None
+
+    # The arm
+
+    def hand(self) -> Point:
+        """Where the hand is on the map."""
+        x, y, yaw = self.pose()
+        angle, reach = yaw + self.joints["turret"], self.joints["reach"]
+        return x + reach * math.cos(angle), y + reach * math.sin(angle)
+
+    def aim(self, spot: Point) -> tuple[float, float]:
+        """The turret's angle and the boom's reach that bring the hand over a spot."""
+        x, y, yaw = self.pose()
+        return wrap(math.atan2(spot[1] - y, spot[0] - x) - yaw), math.dist((x, y), spot)
+
+    def lead(self, joint: str, target: float) -> bool:
+        """Lead a joint of the arm towards its target for one period. Whether the target was given out in full."""
+        step = RATES[joint] * PERIOD
+        if joint in ("left", "right"):
+            self.need_gripper()
+        current = self._targets[joint]
+        self._targets[joint] = current + max(-step, min(step, target - current))
+        self.joints.drive(joint, self._targets[joint])
+        return abs(target - self._targets[joint]) < 1e-9
+
+    def hold_joint(self, joint: str) -> None:
+        """Stop leading the joint: it stays where it is."""
+        self._targets[joint] = self.joints[joint]
+        self.joints.drive(joint, self._targets[joint])
+
+    def arm(self, **targets: float) -> Routine:
+        """Bring joints of the arm to their targets, all at the same time."""
+        if "turret" in targets:
+            targets["turret"] = self._targets["turret"] + wrap(targets["turret"] - self._targets["turret"])
+        settling = 0
+        while True:
+            given = [self.lead(joint, target) for joint, target in targets.items()]
+            yield
+            if all(given):
+                settling += 1
+                if settling > 75 or all(abs(self.joints[joint] - target) < TOLERANCES[joint] for joint, target in targets.items()):
+                    return
+
+    def need_gripper(self) -> None:
+        if Fault.GRIPPER in self.faults:
+            raise GivenUp("gripper-stuck", f"the gripper of {self.name} does not move")
+
+    def need_drive(self) -> None:
+        if Fault.DRIVE in self.faults:
+            raise GivenUp("drive-dead", f"the drive of {self.name} is dead")
+
+    @property
+    def arm_out(self) -> bool:
+        """Whether the hand is not above the base."""
+        return self.size.gripper and self.joints["reach"] > self.size.drawn_in + 0.02
+
+
+def _leaves(wanted: Capsule, claim: Capsule) -> bool:
+    """Whether the wanted claim begins too close to the other one and leads away from it; as both are convex, it never comes back."""
+    way = math.dist(wanted.start, wanted.end)
+    if way == 0:
+        return True
+    share = min(1.0, 0.01 / way)
+    ahead = tuple(a + share * (b - a) for a, b in zip(wanted.start, wanted.end, strict=True))
+    now = Capsule(wanted.start, wanted.start, wanted.radius).gap(claim)
+    return now < GAP and Capsule((ahead[0], ahead[1]), (ahead[0], ahead[1]), wanted.radius).gap(claim) >= now
+
+
+def stand(robot: Robot) -> Routine:
+    """Come to a stand: a base rolls on for some centimetres."""
+    for _ in range(100):
+        yield
+        if robot.stands:
+            return
+
+
+def wait(seconds: float) -> Routine:
+    """Let time pass."""
+    for _ in range(max(1, round(seconds / PERIOD))):
+        yield

@@ -1,0 +1,115 @@
+"""What each command has a robot do: what has to be so for it, and the routine that carries it out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from somrs.devices.simulator.link.commands import Approach, Command, DriveTo, Grip, LookAround, LookAt, Place, PutDown, Seen, Stop
+from somrs.devices.simulator.motion.driving import drive_to
+from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, set_down, spots_on, top_of, withdraw
+from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine, stand
+from somrs.devices.simulator.motion.searching import look_around, look_at
+from somrs.devices.simulator.motion.standing import outline_spots
+from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.solids import Array, Role, Solid
+from somrs.errors import UsageError
+
+
+def carried_out(command: Command, robot: Robot, scene: Scene, found: dict[str, Seen]) -> Routine:
+    """The routine for a command. What is seen on the way, for commands that are to look, goes into `found`."""
+    match command:
+        case DriveTo(x=x, y=y, yaw=yaw):
+            return _drive(robot, x, y, yaw)
+        case Approach(object=name):
+            return _approach(robot, scene, name)
+        case Grip(object=name):
+            return _grip(robot, scene, name)
+        case Place():
+            return _place(robot, scene, command)
+        case LookAt(x=x, y=y, z=z, object=name):
+            return look_at(robot, (x, y, z), name, found)
+        case LookAround(object=name):
+            return look_around(robot, name, found)
+        case Stop():
+            return stand(robot)
+        case PutDown():
+            return _put_down(robot)
+    raise UsageError(f"a simulated robot cannot carry out {command!r}")
+
+
+def concerned(command: Command, robot: Robot) -> tuple[str, ...]:
+    """The objects of which the robot says at the end of a command how they are."""
+    match command:
+        case Approach(object=name) | Grip(object=name):
+            return (name,)
+        case Place() | PutDown() if robot.holding is not None:
+            return (robot.holding,)
+    return ()
+
+
+def _drive(robot: Robot, x: float, y: float, yaw: float | None) -> Routine:
+    yield from withdraw(robot)
+    yield from drive_to(robot, (x, y), yaw)
+
+
+def _approach(robot: Robot, scene: Scene, name: str) -> Routine:
+    solid = _solid(scene, name)
+    if solid.role is Role.THING:
+        yield from get_within_reach(robot, name, lambda: _spot_of(scene, name), scene.pose(name)[2], [name])
+        return
+    if solid.role in (Role.SUPPORT, Role.FLOOR, Role.MARK):
+        yield from get_within_reach(robot, name, spots_on(robot, solid, None), top_of(solid))
+        return
+    spots = outline_spots(solid)
+    # Only to be near it: the arm is not going to reach into it, so no height is in the way.
+    yield from get_within_reach(robot, name, lambda: (spots, np.zeros(len(spots))), max(solid.top, 1.5), [name])
+
+
+def _grip(robot: Robot, scene: Scene, name: str) -> Routine:
+    _need_a_gripper(robot)
+    solid = _solid(scene, name)
+    if robot.holding is not None:
+        raise GivenUp("holding", f"{robot.name} holds {robot.holding} already")
+    if solid.role is not Role.THING:
+        raise GivenUp("not-possible", f"{name} is a {solid.type}, not a thing that can be carried")
+    holder = scene.holder(name)
+    if holder is not None:
+        raise GivenUp("not-possible", f"{name} is held by {holder}")
+    robot.need_gripper()
+    yield from get_within_reach(robot, name, lambda: _spot_of(scene, name), scene.pose(name)[2], [name])
+    yield from pick(robot, name)
+
+
+def _place(robot: Robot, scene: Scene, command: Place) -> Routine:
+    _need_a_gripper(robot)
+    solid = _solid(scene, command.on)
+    if robot.holding is None:
+        raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put on {command.on}")
+    if solid.role not in (Role.SUPPORT, Role.FLOOR, Role.MARK):
+        raise GivenUp("not-possible", f"nothing can be put on {command.on}, which is a {solid.type}")
+    robot.need_gripper()
+    at = (command.x, command.y) if command.x is not None and command.y is not None else None
+    yield from place(robot, solid, at)
+
+
+def _put_down(robot: Robot) -> Routine:
+    _need_a_gripper(robot)
+    if robot.holding is None:
+        raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put down")
+    yield from set_down(robot)
+
+
+def _need_a_gripper(robot: Robot) -> None:
+    if not robot.size.gripper:
+        raise GivenUp("not-possible", f"{robot.name} has no gripper")
+
+
+def _spot_of(scene: Scene, thing: str) -> tuple[Array, Array]:
+    x, y, _, _ = scene.pose(thing)
+    return np.array([[x, y]]), np.zeros(1)
+
+
+def _solid(scene: Scene, name: str) -> Solid:
+    if name not in scene.world.solids:
+        raise GivenUp("unknown-object", f"{name} is not in the simulated world")
+    return scene.world.solids[name]

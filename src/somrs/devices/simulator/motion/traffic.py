@@ -1,0 +1,60 @@
+"""Who keeps what space: the room that robots occupy or will need to stop in, so that they never run into each other.
+
+Each robot claims capsules (a line with a radius): its base from where it is to where it can have stopped, and its boom while that is
+out. A robot takes a new claim only if that meets no other's. Claims are renewed one robot after the other, so two never overlap.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from somrs.devices.simulator.world.solids import Point
+
+GAP = 0.04
+"""What robots keep between them beyond their radii, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Capsule:
+    """All points within `radius` of the line from `start` to `end`."""
+
+    start: Point
+    end: Point
+    radius: float
+
+    def gap(self, other: Capsule) -> float:
+        """Between the two; negative if they overlap."""
+        return segment_distance(self.start, self.end, other.start, other.end) - self.radius - other.radius
+
+
+def point_distance(point: Point, start: Point, end: Point) -> float:
+    """From a point to a line segment."""
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    share = ((point[0] - start[0]) * dx + (point[1] - start[1]) * dy) / (dx * dx + dy * dy or 1.0)
+    share = max(0.0, min(1.0, share))
+    return math.hypot(point[0] - start[0] - share * dx, point[1] - start[1] - share * dy)
+
+
+def segment_distance(a: Point, b: Point, c: Point, d: Point) -> float:
+    """Between two line segments; 0 if they cross."""
+
+    def side(p: Point, q: Point, r: Point) -> float:
+        return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+
+    if side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0:
+        return 0.0
+    return min(point_distance(a, c, d), point_distance(b, c, d), point_distance(c, a, b), point_distance(d, a, b))
+
+
+def path_distance(path: Sequence[Point], other: Sequence[Point]) -> float:
+    """Between two paths of points; infinite if one is empty."""
+    ones = [(path[i], path[min(i + 1, len(path) - 1)]) for i in range(max(1, len(path) - 1))] if path else []
+    twos = [(other[i], other[min(i + 1, len(other) - 1)]) for i in range(max(1, len(other) - 1))] if other else []
+    return min((segment_distance(a, b, c, d) for a, b in ones for c, d in twos), default=math.inf)
+
+
+def length(path: Sequence[Point]) -> float:
+    return sum(math.dist(a, b) for a, b in pairwise(path))

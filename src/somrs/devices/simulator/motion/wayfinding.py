@@ -1,0 +1,117 @@
+"""The search for a way over a field of clearances: A* on its cells, guided by exact distances on a coarser grid.
+
+Driving near obstacles costs more than driving where there is room, so that ways lead through the middle of doors.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from somrs.devices.simulator.motion.clearance import CELL, Cell, Field
+
+BLOCK = 6
+"""Cells along the side of a cell of the coarse grid."""
+TIGHT = 2.0
+"""How much more it costs to drive with no room at all to spare, per metre, than with plenty."""
+LEVELS = 50
+"""Steps between no room and plenty; 0 is not free at all."""
+HASTE = 1.1 / CELL
+"""Cells per metre of the coarse way ahead: trusting it a little too much halves the search, and costs a few per cent of way."""
+STEPS = tuple((dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0))
+
+
+@dataclass(frozen=True, slots=True)
+class Costs:
+    """What it costs about, in metres of free driving, to get to each block of cells; never much more than it really does."""
+
+    blocks: NDArray[np.float64]
+
+    def to(self, cell: Cell) -> float:
+        return float(self.blocks[cell[0] // BLOCK, cell[1] // BLOCK])
+
+
+def levels_of(field: Field, radius: float, comfort: float) -> NDArray[np.uint8]:
+    """Per cell: 0 where the robot cannot be, from 1 (touching) to LEVELS (room to spare)."""
+    room = (field - radius) / comfort
+    levels: NDArray[np.uint8] = np.where(room < 0, 0, 1 + np.clip(room, 0, 1) * (LEVELS - 1)).astype(np.uint8)
+    return levels
+
+
+def factor(level: Any) -> Any:
+    """What a metre costs at a level, or at an array of them."""
+    return 1 + TIGHT * (1 - (level - 1) / (LEVELS - 1)) ** 2
+
+
+def costs_from(field: Field, radius: float, comfort: float, start: Cell) -> Costs:
+    return _coarse(levels_of(field, radius, comfort), start)
+
+
+def _coarse(levels: NDArray[np.uint8], start: Cell) -> Costs:
+    """Dijkstra over blocks, each as good as its best cell."""
+    rows, columns = (-(-n // BLOCK) for n in levels.shape)
+    padded = np.zeros((rows * BLOCK, columns * BLOCK), dtype=np.uint8)
+    padded[: levels.shape[0], : levels.shape[1]] = levels
+    best = padded.reshape(rows, BLOCK, columns, BLOCK).max(axis=(1, 3))
+    price, number = factor(best.astype(float)) * BLOCK * CELL, np.arange(rows * columns).reshape(rows, columns)
+    sources, targets, weights = [], [], []
+    for dr, dc, step in STEPS:
+        here = slice(max(-dr, 0), rows - max(dr, 0)), slice(max(-dc, 0), columns - max(dc, 0))
+        there = slice(max(dr, 0), rows - max(-dr, 0)), slice(max(dc, 0), columns - max(-dc, 0))
+        open = (best[here] > 0) & (best[there] > 0)
+        sources.append(number[here][open])
+        targets.append(number[there][open])
+        weights.append((price[here][open] + price[there][open]) / 2 * step)
+    joined = np.concatenate(weights), (np.concatenate(sources), np.concatenate(targets))
+    graph = coo_array(joined, shape=(number.size, number.size)).tocsr()
+    found = dijkstra(graph, indices=start[0] // BLOCK * columns + start[1] // BLOCK)
+    return Costs(found.reshape(rows, columns))
+
+
+def search(field: Field, radius: float, comfort: float, start: Cell, goal: Cell) -> list[Cell] | None:
+    """The cells of a cheap way from start to goal, both free; None when there is none.
+
+    The outermost cells of the field have to be obstacles.
+    """
+    levels = levels_of(field, radius, comfort)
+    columns = levels.shape[1]
+    ahead: list[float] = _coarse(levels, goal).blocks.ravel().tolist()
+    across = -(-columns // BLOCK)
+    cells, prices = levels.tobytes(), [math.inf, *(float(factor(level)) for level in range(1, LEVELS + 1))]
+    steps = [(dr * columns + dc, length) for dr, dc, length in STEPS]
+    # Way already made and way ahead, in cells. Ahead: the coarse one, and the straight line near the goal.
+    begin, end = start[0] * columns + start[1], goal[0] * columns + goal[1]
+    made, before, closed = {begin: 0.0}, {begin: begin}, set[int]()
+    queue = [(0.0, begin)]
+    while queue:
+        _, cell = heapq.heappop(queue)
+        if cell == end:
+            break
+        if cell in closed:
+            continue
+        closed.add(cell)
+        so_far, price = made[cell], prices[cells[cell]]
+        for offset, length in steps:
+            other = cell + offset
+            level = cells[other]
+            if level == 0 or other in closed:
+                continue
+            cost = so_far + length * (price + prices[level]) / 2
+            if cost < made.get(other, math.inf):
+                made[other], before[other] = cost, cell
+                row, column = divmod(other, columns)
+                coarse = ahead[row // BLOCK * across + column // BLOCK] * HASTE
+                heapq.heappush(queue, (cost + max(coarse, math.hypot(row - goal[0], column - goal[1])), other))
+    else:
+        return None
+    way = [end]
+    while way[-1] != begin:
+        way.append(before[way[-1]])
+    return [divmod(cell, columns) for cell in reversed(way)]

@@ -1,0 +1,58 @@
+"""Keeps a simulated world in step with the Repository: it is built from the map, what is added to the map appears in it, doors open and
+close as the map says, and what has another name or type on the map has it in the world. Where things are, the physics decides: what robots
+measure does not move them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+
+from somrs.devices.simulator.server.simulation import Simulation
+from somrs.kernel.component import Effect, Input, Started
+from somrs.kernel.replica import Replica
+from somrs.ontology.naming import Renaming, Section
+from somrs.ontology.objects import Change, Map, ObjectAdded, ObjectRemoved, ValueSet, differences
+
+
+class Follower:
+    """A component that only listens. `simulation` is there once the map was `read`."""
+
+    def __init__(self, address: str, repository: str) -> None:
+        self.replica = Replica(address, repository)
+        self.read = asyncio.Event()
+        self.simulation: Simulation | None = None
+        self._map = Map()
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if isinstance(event, Started):
+            return self.replica.start(now)
+        news = self.replica.handle(event, now)
+        if news is None:
+            return []
+        before, self._map = self._map, self.replica.map
+        if self.simulation is None and self.replica.ready:
+            self.simulation = Simulation(self.replica.map, self.replica.ontology)
+            self.read.set()
+        elif self.simulation is not None:
+            if news.redefined:
+                self.simulation.learn(self.replica.ontology)
+            # What was read as a whole says nothing of what happened, only what is otherwise.
+            changes = differences(before, self.replica.map) if news.read else news.changes
+            renamed = [one for one in news.renamed if one.section is Section.OBJECTS] if not news.read else []
+            self._follow(self.simulation, changes, renamed)
+        return news.effects
+
+    def _follow(self, simulation: Simulation, changes: Iterable[Change], renamed: list[Renaming]) -> None:
+        for change in changes:
+            match change:
+                case ObjectAdded(object) if renamed and renamed[0].to == object.name:
+                    simulation.rename(renamed.pop(0).name, object)
+                case ObjectAdded(object):
+                    simulation.add(object)
+                case ObjectRemoved(name) if renamed and renamed[0].name == name:
+                    pass  # it comes back as what is added next
+                case ObjectRemoved(name):
+                    simulation.remove(name)
+                case ValueSet(name, "Open") if (door := self.replica.map.objects.get(name)) is not None:
+                    simulation.renew(door)

@@ -1,0 +1,387 @@
+"""Hosts a simulation: lets its time pass, and serves robots' and operators' connections. The lines are those of `lines.py`.
+
+One task steps the physics in slices short enough for the sockets beside it. While nothing moves no time need pass, and then
+the processor rests.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from dataclasses import dataclass
+
+from somrs.devices.simulator.link.commands import Done, Fault, Gave, Stop
+from somrs.devices.simulator.link.lines import (
+    LONGEST,
+    PROTOCOL,
+    VERSION,
+    Answer,
+    Ask,
+    Break,
+    Clock,
+    Follow,
+    Hello,
+    Idle,
+    Look,
+    Move,
+    Order,
+    OrderDone,
+    OrderGivenUp,
+    Picture,
+    Question,
+    Refused,
+    Repair,
+    Robots,
+    ServerLine,
+    State,
+    Ways,
+    Welcome,
+    opened,
+    read_by_server,
+    written,
+)
+from somrs.devices.simulator.server.faults import Schedule
+from somrs.devices.simulator.server.poses import Table, Telling, works
+from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.server.ways import leg_lengths
+from somrs.devices.simulator.world.camera import Camera, following
+from somrs.errors import SimulationError, UsageError, WireError
+
+log = logging.getLogger(__name__)
+
+SLICE = 0.004
+"""Seconds for which physics may keep the sockets waiting."""
+BEHIND = 0.2
+"""Seconds by which simulated time may lag in real-time mode before it is let go."""
+NAP = 0.05
+"""Seconds in real-time mode after which a world at rest is looked at again."""
+MOST_STATES = 50.0
+"""State lines per second that a connection gets at most."""
+HEARTBEAT = 1.0
+"""Seconds after which a robot that has nothing new to say says its state all the same."""
+SLOW_READER, TOO_SLOW_READER = 256 * 1024, 16 * 1024 * 1024
+"""Bytes not yet read by a client, above which it gets no states, and above which it is cut off."""
+
+
+@dataclass(slots=True, eq=False)
+class _Session:
+    """One connection. `robot` None: an operator's."""
+
+    writer: asyncio.StreamWriter
+    robot: str | None = None
+    rate: float = 0.0
+    next_state: float = 0.0
+    """Simulated time."""
+    last_state: float = 0.0
+    """On the processor's clock."""
+
+    def say(self, line: ServerLine) -> None:
+        if self.writer.transport.get_write_buffer_size() > TOO_SLOW_READER:
+            self.writer.transport.abort()
+        elif not self.writer.transport.is_closing():
+            self.writer.write(written(line))
+
+    @property
+    def slow(self) -> bool:
+        return self.writer.transport.get_write_buffer_size() > SLOW_READER
+
+
+class _Closing(Exception):
+    """The connection ends after this line."""
+
+    def __init__(self, reason: str, description: str) -> None:
+        self.line = Refused(reason=reason, description=description)
+        super().__init__(reason)
+
+
+class Server:
+    """Serves the simulation at a TCP port. `speed`: simulated seconds per second; None: as fast as the processor allows."""
+
+    def __init__(self, simulation: Simulation, *, host: str = "127.0.0.1", port: int = 0, speed: float | None = None) -> None:
+        self.simulation, self.host, self.port, self.speed = simulation, host, port, speed
+        self._schedule = Schedule(simulation)
+        self._sessions: set[_Session] = set()
+        self._controllers: dict[str, _Session] = {}
+        self._waiting: list[tuple[_Session, int]] = []
+        self._wake = asyncio.Event()
+        self._camera: Camera | None = None
+        self._followers: dict[_Session, Telling] = {}
+        self._table: Table | None = None
+
+    async def start(self) -> None:
+        """Listen, and let time begin. `port` is then the real one."""
+        try:
+            self._listener = await asyncio.start_server(self._serve, self.host, self.port, limit=LONGEST)
+        except OSError as error:
+            raise UsageError(f"the simulator cannot listen at {self.host}:{self.port}: {error}; give another port") from None
+        self.port = self._listener.sockets[0].getsockname()[1]
+        self._running = asyncio.create_task(self._run())
+
+    async def ended(self) -> None:
+        """Return, or raise SimulationError, when time has come to an end; until then, wait."""
+        await asyncio.shield(self._running)
+
+    async def stop(self) -> None:
+        """End all connections. Raises the SimulationError that ended the simulation, if one did."""
+        self._listener.close()
+        self._running.cancel()
+        for session in list(self._sessions):
+            session.writer.close()
+        if self._camera is not None:
+            self._camera.close()
+        await asyncio.wait({self._running})
+        if not self._running.cancelled():
+            self._running.result()
+
+    # Time
+
+    async def _run(self) -> None:
+        try:
+            await (self._run_fast() if self.speed is None else self._run_at(self.speed))
+        except SimulationError as error:
+            log.critical("%s", error)
+            self._listener.close()
+            for session in list(self._sessions):
+                session.say(Refused(reason="failed", description=str(error)))
+                session.writer.close()
+            raise
+
+    async def _run_fast(self) -> None:
+        while True:
+            if self.simulation.busy:
+                self._step_for(SLICE)
+                await asyncio.sleep(0)
+                continue
+            self._tell_poses(time.monotonic(), at_rest=True)
+            self._tell_waiting()
+            self._tell_states()
+            await self._nap(HEARTBEAT / 2)
+
+    async def _run_at(self, speed: float) -> None:
+        began, origin = time.monotonic(), self.simulation.time
+        while True:
+            lag = (time.monotonic() - began) * speed + origin - self.simulation.time
+            if resting := lag > 0 and self.simulation.rest(self.simulation.time + lag):
+                self._break_due()
+            elif lag > 0:
+                if lag > BEHIND * speed:
+                    began, origin = time.monotonic(), self.simulation.time
+                self._step_for(SLICE, until=self.simulation.time + lag)
+            self._tell_states()
+            if self._waiting and not self.simulation.busy:
+                self._tell_poses(time.monotonic(), at_rest=True)
+                self._tell_waiting()
+            if resting:
+                await self._nap(NAP)
+            else:
+                await asyncio.sleep(max(0.0, -lag / speed) if lag < 0 else 0.002)
+
+    async def _nap(self, seconds: float) -> None:
+        """Until somebody says something, but not for longer: the map may change, too."""
+        self._wake.clear()
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                await self._wake.wait()
+
+    def _step_for(self, seconds: float, until: float = float("inf")) -> None:
+        """Step for so long, or until so much simulated time has passed."""
+        end = time.monotonic() + seconds
+        while self.simulation.time < until:
+            self.simulation.step()
+            self._break_due()
+            self._tell_states()
+            if time.monotonic() > end or (self._waiting and not self.simulation.busy):
+                break
+
+    def _break_due(self) -> None:
+        """Have happen what is to break by now."""
+        for robot, fault in self._schedule.due():
+            self._fault(robot, fault)
+
+    def _tell_states(self) -> None:
+        now = time.monotonic()
+        for robot, session in self._controllers.items():
+            if now - session.last_state < 1 / MOST_STATES or robot not in self.simulation.linked:
+                continue
+            due = session.rate > 0 and self.simulation.time >= session.next_state
+            if (due or now - session.last_state > HEARTBEAT) and not session.slow and not self._mute(robot):
+                session.last_state = now
+                session.next_state = self.simulation.time + (1 / session.rate if session.rate else 0.0)
+                session.say(State(state=self.simulation.state(robot)))
+        self._tell_poses(now)
+
+    def _tell_poses(self, now: float, *, at_rest: bool = False) -> None:
+        """Tell those who follow and whose turn it is; when the world came to rest all, as nothing may move again for long."""
+        due = [(one, telling) for one, telling in self._followers.items() if (at_rest or now >= telling.next) and not one.slow]
+        if not due:
+            return
+        if self._table is None or self._table.model is not self.simulation.scene.model:
+            self._table = Table(self.simulation)
+        row, doing = self._table.row(), works(self.simulation)
+        for session, telling in due:
+            line = telling.line(self._table, row, doing, self.simulation.time, now)
+            if line is not None:
+                session.say(line)
+
+    def _tell_waiting(self) -> None:
+        for session, id in self._waiting:
+            session.say(Answer(id=id, time=self.simulation.time))
+        self._waiting.clear()
+
+    # Connections
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        session = _Session(writer)
+        self._sessions.add(session)
+        try:
+            self._welcome(session, await _next_line(reader))
+            while True:
+                self._hear(session, await _next_line(reader))
+                if session.slow:
+                    await writer.drain()
+        except _Closing as closing:
+            session.say(closing.line)
+        except (asyncio.IncompleteReadError, ConnectionError):
+            pass
+        finally:
+            self._leave(session)
+            writer.close()
+
+    def _welcome(self, session: _Session, line: bytes) -> None:
+        try:
+            opening = opened(line)
+            if (opening.protocol, opening.version) != (PROTOCOL, VERSION):
+                wanted = f"{opening.protocol} {opening.version}"
+                raise _Closing("version", f"this is {PROTOCOL} {VERSION}, and not {wanted}; use a client of version {VERSION}")
+            hello = read_by_server(line)
+        except WireError as error:
+            raise _Closing("hello-first", error.text) from None
+        if not isinstance(hello, Hello):
+            raise _Closing("hello-first", "the first line of a connection has to be a hello")
+        if hello.robot is not None:
+            self._take(session, hello.robot)
+        session.rate = hello.rate
+        session.say(Welcome(robot=hello.robot, time=self.simulation.time))
+
+    def _take(self, session: _Session, robot: str) -> None:
+        """Give the connection control of the robot."""
+        if robot not in self.simulation.linked:
+            known = ", ".join(sorted(self.simulation.linked)) or "none"
+            raise _Closing("unknown-robot", f"there is no robot {robot}; the robots here are: {known}")
+        if Fault.LINK in self.simulation.linked[robot].faults:
+            raise _Closing("link-cut", f"the link to {robot} is broken until it is repaired")
+        if robot in self._controllers:
+            raise _Closing("taken", f"{robot} is controlled by another connection; it can be had when that ends")
+        session.robot = robot
+        self._controllers[robot] = session
+
+    def _leave(self, session: _Session) -> None:
+        """The connection is gone: its robot stops, and keeps hold of what it holds."""
+        self._sessions.discard(session)
+        self._followers.pop(session, None)
+        self._waiting = [(other, id) for other, id in self._waiting if other is not session]
+        if session.robot is not None and self._controllers.get(session.robot) is session:
+            del self._controllers[session.robot]
+            if session.robot in self.simulation.linked:
+                self.simulation.command(session.robot, Stop(), _nobody_listens)
+
+    def _hear(self, session: _Session, line: bytes) -> None:
+        id: int | None = None
+        try:
+            said = read_by_server(line)
+            match said:
+                case Order(id=id):
+                    self._command(session, said)
+                case Ask(id=id, question=question):
+                    self._ask(session, id, question)
+                case Hello():
+                    raise WireError("not-allowed", "hello was said already; one connection is for one robot")
+        except WireError as error:
+            session.say(Refused(id=id, reason=error.code, description=error.text))
+        except UsageError as error:
+            session.say(Refused(id=id, reason="not-possible", description=str(error)))
+        self._wake.set()
+
+    def _command(self, session: _Session, order: Order) -> None:
+        robot = session.robot
+        if robot is None:
+            raise WireError("not-allowed", "an operator's connection commands no robot; connect as the robot's controller")
+
+        def ended(how: Done | Gave) -> None:
+            if self._mute(robot):
+                return
+            if isinstance(how, Done):
+                session.say(OrderDone(id=order.id, state=how.state, seen=how.seen))
+            else:
+                session.say(OrderGivenUp(id=order.id, reason=how.reason, description=how.description, state=how.state, seen=how.seen))
+
+        self.simulation.command(robot, order.command, ended)
+
+    def _mute(self, robot: str) -> bool:
+        """Whether nothing that the robot says arrives."""
+        return robot in self.simulation.linked and bool(self.simulation.linked[robot].faults & {Fault.SILENT, Fault.LINK})
+
+    # Questions
+
+    def _ask(self, session: _Session, id: int, question: Question) -> None:
+        if session.robot is not None and not (isinstance(question, Ways) and question.robot == session.robot):
+            raise WireError("not-allowed", f"the connection of a robot may ask for ways of {session.robot} only; connect as an operator")
+        answer = Answer(id=id)
+        match question:
+            case Break(robot=robot, fault=fault, after=None, carried=None):
+                self._fault(robot, fault)
+            case Break():
+                self._schedule.add(question)
+            case Repair(robot=robot, fault=fault):
+                self._schedule.drop(robot, fault)
+                self.simulation.repair(robot, fault)
+            case Look(object=name):
+                answer = Answer(id=id, seen=self.simulation.seen(name))
+            case Robots():
+                answer = Answer(id=id, robots={name: self.simulation.state(name) for name in self.simulation.robots})
+            case Clock():
+                answer = Answer(id=id, time=self.simulation.time, speed=self.speed)
+            case Picture(subject=subject):
+                answer = Answer(id=id, png=self._picture(subject))
+            case Ways(robot=robot, through=through):
+                answer = Answer(id=id, lengths=leg_lengths(self.simulation, robot, through))
+            case Move(object=name, x=x, y=y, z=z, yaw=yaw):
+                self.simulation.move(name, x, y, z, yaw)
+            case Follow(rate=rate):
+                self._followers.pop(session, None)
+                if rate > 0:
+                    self._followers[session] = Telling(min(rate, MOST_STATES))
+            case Idle():
+                self._waiting.append((session, id))
+                return
+        session.say(answer)
+
+    def _picture(self, subject: str | None) -> bytes:
+        scene = self.simulation.scene
+        if subject is not None and subject not in scene.world.solids:
+            raise UsageError(f"{subject} is not in the simulated world")
+        try:
+            self._camera = self._camera or Camera(scene)
+            return self._camera.picture(following(scene, subject) if subject is not None else None)
+        except SimulationError as error:
+            raise WireError("no-graphics", str(error)) from None
+
+    def _fault(self, robot: str, fault: Fault) -> None:
+        self.simulation.fault(robot, fault)
+        session = self._controllers.get(robot)
+        if fault is Fault.LINK and session is not None:
+            session.writer.transport.abort()
+            self._leave(session)
+
+
+async def _next_line(reader: asyncio.StreamReader) -> bytes:
+    try:
+        return await reader.readuntil(b"\n")
+    except asyncio.LimitOverrunError:
+        raise _Closing("too-long", f"a line may have {LONGEST} bytes") from None
+
+
+def _nobody_listens(how: Done | Gave) -> None:
+    """A robot whose connection is gone has nobody to tell."""

@@ -1,0 +1,351 @@
+"""The simulation as others use it: time in control periods, commands to robots and how they end, faults, and what can be seen.
+
+Nothing here reads a clock: whoever calls `step` decides how fast simulated time passes. While nothing is `busy`, no time need pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+from somrs.devices.simulator.link.commands import Command, Done, Fault, Gave, RobotState, Seen, Sense, Status, Stop
+from somrs.devices.simulator.motion.driving import make_way
+from somrs.devices.simulator.motion.handling import set_down, withdraw
+from somrs.devices.simulator.motion.navigation import Navigator
+from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine
+from somrs.devices.simulator.motion.routines import carried_out, concerned
+from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.solids import Role, Solid, solid_of
+from somrs.devices.simulator.world.vision import StationaryCamera, view
+from somrs.devices.simulator.world.world import STEP
+from somrs.errors import UsageError
+from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved
+from somrs.ontology.types import Ontology
+
+OnEnd = Callable[[Done | Gave], None]
+
+RESTING = 1.0
+"""Seconds without motion after which nothing is expected to move again by itself: what tips over slowly has fallen by then."""
+
+
+@dataclass(slots=True)
+class _Work:
+    """What a robot is doing: the routine, and the command it carries out (None: of its own accord)."""
+
+    routine: Generator[None, None, object]
+    command: Command | None
+    on_end: OnEnd | None
+    touched: tuple[str, ...] = ()
+    found: dict[str, Seen] = field(default_factory=dict)
+    """What was seen on the way, for commands that are to look."""
+    given: GivenUp | None = None
+    """Why the command was given up, while the robot still brings its arm in or puts down what it holds."""
+
+
+class Simulation:
+    """A world made from a map, and the robots in it."""
+
+    def __init__(self, map: Map, ontology: Ontology) -> None:
+        self._map, self._ontology = map, ontology
+        self.scene = Scene(map, ontology)
+        self._navigators: dict[float, Navigator] = {}
+        self.robots: dict[str, Robot] = {}
+        self.cameras: dict[str, StationaryCamera] = {}
+        self._work: dict[str, _Work] = {}
+        self._dropped: dict[str, str] = {}
+        self._stirred = 0.0
+        """When anything was seen to move last."""
+        for solid in self.scene.world.of(Role.ROBOT, Role.CAMERA):
+            self._add_linked(solid)
+
+    @property
+    def linked(self) -> Mapping[str, Robot | StationaryCamera]:
+        """All that can be spoken with: robots and cameras."""
+        return {**self.robots, **self.cameras}
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the beginning, s."""
+        return self.scene.time
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything moves or is to move."""
+        working = any(not self._dead(name) for name in self._work)
+        return working or any(robot.asked is not None for robot in self.robots.values()) or not self._at_rest()
+
+    def _at_rest(self) -> bool:
+        held = set(self.scene.held.values())
+        loose = [thing for thing in self.scene.things() if thing not in held]
+        return all(robot.stands for robot in self.robots.values()) and (not loose or self.scene.still(*loose))
+
+    def rest(self, until: float) -> bool:
+        """Let time pass without physics, if nothing has moved for so long that nothing will by itself. Whether that is so."""
+        if self.busy or self.scene.disturbed:
+            self._stirred, self.scene.disturbed = self.time, False
+        if self.time - self._stirred < RESTING:
+            return False
+        self.scene.time = until
+        return True
+
+    def step(self) -> None:
+        """Let one control period pass."""
+        for robot in self.robots.values():
+            robot.begin_period()
+        for name in list(self._work):
+            if name in self._work and not self._dead(name):
+                self._advance(name)
+        for name, robot in self.robots.items():
+            if robot.asked is not None and name not in self._work:
+                other, robot.asked = robot.asked, None
+                if robot.mobile:
+                    self._work[name] = _Work(_after(withdraw(robot), make_way(robot, other)), None, None)
+            robot.end_period()
+        self.scene.step(round(PERIOD / STEP))
+
+    # Commands
+
+    def command(self, robot: str, command: Command, on_end: OnEnd) -> None:
+        """Have a robot, or a camera, do something. `on_end` is called once, when that is done or given up; a command that
+        comes while another one runs ends that one."""
+        one = self._linked(robot)
+        if isinstance(command, Status):
+            on_end(Done(state=one.state()))
+            return
+        if Fault.SILENT in one.faults:
+            return
+        if isinstance(command, Sense):
+            on_end(Done(state=one.state(), seen=view(self.scene, robot, command.radius)))
+            return
+        if isinstance(one, StationaryCamera):
+            on_end(Gave(reason="not-possible", description=f"{robot} is a camera: it takes Sense and Status", state=one.state()))
+            return
+        running = self._work.get(robot)
+        reflex = running is not None and (running.command is None or running.given is not None) and Fault.DRIVE in one.faults
+        if not reflex:
+            self._end(robot, GivenUp("stopped", f"{robot} was told to do something else"))
+        if isinstance(command, Stop) and reflex:
+            on_end(Done(state=one.state()))
+            return
+        found: dict[str, Seen] = {}
+        routine, touched = carried_out(command, one, self.scene, found), concerned(command, one)
+        if reflex and running is not None:
+            self._end_callback_only(robot)
+            routine = _after(running.routine, routine)
+        one.doing = type(command).__name__
+        self._work[robot] = _Work(routine, command, on_end, touched, found)
+
+    def _end_callback_only(self, robot: str) -> None:
+        """End the running command towards its sender, but let the robot finish putting down what it holds."""
+        work = self._work.pop(robot)
+        self._report(robot, work, work.given or GivenUp("stopped", f"{robot} was told to do something else"))
+
+    def _advance(self, name: str) -> None:
+        robot, work = self.robots[name], self._work[name]
+        try:
+            next(work.routine)
+        except StopIteration:
+            self._finish(robot, work)
+        except GivenUp as given:
+            self._give_up(robot, work, given)
+
+    def _finish(self, robot: Robot, work: _Work) -> None:
+        if work.given is None and robot.holding is not None and Fault.DRIVE in robot.faults:
+            given = GivenUp("drive-dead", f"the drive of {robot.name} is dead")
+            self._give_up(robot, work, given)
+            return
+        del self._work[robot.name]
+        self._report(robot, work, work.given)
+
+    def _give_up(self, robot: Robot, work: _Work, given: GivenUp) -> None:
+        """Clean up before the command ends: draw the arm in, and put down what cannot be carried any further."""
+        robot.plan = []
+        if work.given is not None:  # the cleaning up failed, too: that is how it stays
+            del self._work[robot.name]
+            robot.arm_claim = robot.arm_claim if robot.arm_out else None
+            self._report(robot, work, work.given)
+            return
+        work.given = given
+        if Fault.DRIVE in robot.faults and robot.holding is not None and Fault.GRIPPER not in robot.faults:
+            self._dropped[robot.name] = robot.holding
+            work.routine = set_down(robot)
+        else:
+            work.routine = withdraw(robot)
+
+    def _end(self, robot: str, given: GivenUp) -> None:
+        """End whatever the robot is doing at once."""
+        work = self._work.pop(robot, None)
+        one = self.robots[robot]
+        one.plan, one.doing = [], None
+        if work is not None:
+            work.routine.close()
+            self._report(robot, work, work.given or given)
+
+    def _report(self, robot: Robot | str, work: _Work, given: GivenUp | None) -> None:
+        one = self.robots[robot] if isinstance(robot, str) else robot
+        one.doing = None
+        if work.on_end is None:
+            return
+        dropped = self._dropped.pop(one.name, None)
+        touched = dict.fromkeys([*work.touched, *([dropped] if dropped else []), *([one.holding] if one.holding else [])])
+        seen = (*work.found.values(), *(self.seen(name) for name in touched if name in self.scene.world.solids))
+        on_end, work.on_end = work.on_end, None
+        if given is None:
+            on_end(Done(state=one.state(), seen=seen))
+        else:
+            on_end(Gave(reason=given.reason, description=given.description, state=one.state(), seen=seen))
+
+    # What is seen
+
+    def state(self, robot: str) -> RobotState:
+        """Of a robot or a camera."""
+        return self._linked(robot).state()
+
+    def seen(self, object: str) -> Seen:
+        """The truth about an object: where it is, and on what."""
+        if object not in self.scene.world.solids:
+            raise UsageError(f"{object} is not in the simulated world")
+        return self.scene.seen(object)
+
+    # Faults
+
+    def fault(self, robot: str, fault: Fault) -> None:
+        """Break something."""
+        one = self._linked(robot)
+        one.faults.add(fault)
+        self._stirred = self.time
+        if isinstance(one, StationaryCamera):
+            return
+        match fault:
+            case Fault.DRIVE if robot not in self._work and one.holding is not None and Fault.GRIPPER not in one.faults:
+                self._dropped[robot] = one.holding
+                self._work[robot] = _Work(set_down(one), None, None, given=GivenUp("drive-dead", f"the drive of {robot} is dead"))
+            case Fault.SILENT:
+                work = self._work.pop(robot, None)
+                if work is not None:
+                    work.routine.close()
+                one.plan, one.doing = [], None
+            case Fault.LINK:
+                self._end(robot, GivenUp("stopped", f"the link to {robot} is lost"))
+            case Fault.GRIPPER if one.size.gripper:
+                one.hold_joint("left")
+                one.hold_joint("right")
+
+    def repair(self, robot: str, fault: Fault) -> None:
+        """Mend it; what was given up for it stays given up."""
+        self._linked(robot).faults.discard(fault)
+
+    def _dead(self, robot: str) -> bool:
+        return bool(self.linked[robot].faults & {Fault.SILENT, Fault.LINK})
+
+    # What comes and goes
+
+    def learn(self, ontology: Ontology) -> None:
+        """New types are known: objects of them can appear from now on."""
+        self._ontology = self.scene.world.ontology = ontology
+
+    def add(self, object: Object) -> None:
+        """An object appears; if it is there, it is of another type now."""
+        if object.name in self._map.objects and self._is_still(object):
+            self._map = self._map.changed([ObjectAdded(object)])
+            return
+        self.remove(object.name)
+        solid = self.scene.add(object)
+        self._map = self._map.changed([ObjectAdded(object)])
+        if solid is None:
+            return
+        if solid.role in (Role.ROBOT, Role.CAMERA):
+            self._add_linked(solid)
+        elif solid.role is not Role.THING:
+            self._renew_navigators()
+
+    def remove(self, name: str) -> None:
+        """An object is gone."""
+        solid = self.scene.world.solids.get(name)
+        for robot, work in [*self._work.items()]:
+            if robot != name and work.given is None and (name in work.touched or self.scene.held.get(robot) == name):
+                self._give_up(self.robots[robot], work, GivenUp("not-possible", f"{name} was taken out of the world"))
+        if name in self.robots:
+            self._end(name, GivenUp("stopped", f"{name} was taken out of the world"))
+            del self.robots[name]
+        self.cameras.pop(name, None)
+        if solid is not None:
+            self.scene.remove(name)
+        if name in self._map.objects:
+            self._map = self._map.changed([ObjectRemoved(name)])
+        if solid is not None and solid.role not in (Role.ROBOT, Role.THING, Role.CAMERA):
+            self._renew_navigators()
+
+    def _is_still(self, object: Object) -> bool:
+        """Whether an object that is there is the same thing in the world, by whatever type: then it stays where it is."""
+        old, new = self.scene.world.solids.get(object.name), solid_of(object, self._ontology)
+        if old is None or new is None:
+            return old is new
+        new = replace(new, x=old.x, y=old.y, z=old.z, yaw=old.yaw)
+        if replace(new, type=old.type) != old:
+            return False
+        self.scene.world.solids[object.name] = new
+        return True
+
+    def rename(self, name: str, object: Object) -> None:
+        """A thing has another name from now on: it stays where it is, in whosever hand that is."""
+        solid = self.scene.world.solids.get(name)
+        if solid is None or solid.role is not Role.THING:
+            self.remove(name)
+            self.add(object)
+            return
+        x, y, z, yaw = self.scene.pose(name)
+        holder = self.scene.holder(name)
+        for robot, work in [*self._work.items()]:
+            if name in work.touched:
+                self._give_up(self.robots[robot], work, GivenUp("not-possible", f"{name} is called {object.name} now"))
+        self.remove(name)
+        self.add(object)
+        if object.name in self.scene.things():
+            self.scene.put(object.name, x, y, z, yaw)
+            if holder is not None:
+                self.scene.hold(holder, object.name)
+
+    def renew(self, object: Object) -> None:
+        """A part of the building, such as a door, is otherwise than before."""
+        solid = self.scene.world.solids.get(object.name)
+        if solid is not None and solid.role is Role.DOOR:
+            self.remove(object.name)
+            self.add(object)
+
+    def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
+        """Somebody takes a thing away and puts it elsewhere."""
+        solid = self.scene.world.solids.get(thing)
+        if solid is None or solid.role is not Role.THING:
+            raise UsageError(f"{thing} is not a thing in the simulated world that can be moved")
+        self.scene.put(thing, x, y, z, yaw)
+
+    def _add_linked(self, solid: Solid) -> None:
+        if solid.role is Role.CAMERA:
+            self.cameras[solid.name] = StationaryCamera(solid, self.scene)
+            return
+        self.robots[solid.name] = Robot(solid, self.scene, self._navigator(solid.z), self.robots)
+
+    def _navigator(self, level: float) -> Navigator:
+        key = round(level, 1)
+        if key not in self._navigators:
+            self._navigators[key] = Navigator(self._map, self._ontology, level=level)
+        return self._navigators[key]
+
+    def _renew_navigators(self) -> None:
+        self._navigators = {}
+        for robot in self.robots.values():
+            robot.navigator = self._navigator(robot.solid.z)
+
+    def _linked(self, name: str) -> Robot | StationaryCamera:
+        if name not in self.linked:
+            raise UsageError(f"{name} is not a robot in the simulated world; there are {', '.join(self.linked) or 'none'}")
+        return self.linked[name]
+
+
+def _after(first: Generator[None, None, object], second: Generator[None, None, object]) -> Routine:
+    """One routine after the other, whether or not the first can be carried out."""
+    with suppress(GivenUp):
+        yield from first
+    yield from second

@@ -1,0 +1,1 @@
+"""The world made from the map: shapes, bodies, cameras, and what can be seen."""

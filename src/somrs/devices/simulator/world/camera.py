@@ -1,0 +1,190 @@
+"""Pictures of the simulated world: of all of it, of a region, or of an object, as PNG.
+
+OpenGL is had from EGL, which needs no screen, else from OSMesa. Where there is neither, `SimulationError` says so and the simulation
+goes on without pictures. Each kind is tried in a process of its own before, because a broken driver ends the whole process; and the
+contexts are taken from MuJoCo directly.
+"""
+
+from __future__ import annotations
+
+import importlib
+import io
+import math
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from PIL import Image
+
+from somrs.devices.simulator import GRAPHICS
+from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.solids import Role, Solid
+from somrs.errors import SimulationError
+
+BACKENDS = ("egl", "osmesa")
+NO_GRAPHICS = ("disable", "disabled", "off", "false", "0")
+"""Values of MUJOCO_GL that MuJoCo takes for none."""
+FIELD_OF_VIEW = 45.0
+"""Vertical, degrees; that of MuJoCo's free camera."""
+TRIAL = """
+import mujoco, {module} as platform
+context = platform.GLContext(64, 64)
+context.make_current()
+mujoco.MjrContext(mujoco.MjModel.from_xml_string('<mujoco/>'), 150)
+"""
+"""Exactly what drawing needs first."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Where the camera looks: a point, how far away it is from it, from which side, and from how high (degrees)."""
+
+    x: float
+    y: float
+    z: float
+    distance: float
+    azimuth: float = 135.0
+    elevation: float = -45.0
+
+
+def opengl() -> str:
+    """The kind of OpenGL that works here."""
+    if GRAPHICS in NO_GRAPHICS:
+        raise SimulationError(f"pictures are switched off by MUJOCO_GL={GRAPHICS}")
+    for kind in (GRAPHICS,) if GRAPHICS in BACKENDS else BACKENDS:
+        environment = {**os.environ, "MUJOCO_GL": "disable", "PYOPENGL_PLATFORM": kind}
+        trial = [sys.executable, "-c", TRIAL.format(module=f"mujoco.{kind}")]
+        if subprocess.run(trial, env=environment, capture_output=True, timeout=60, check=False).returncode == 0:
+            return kind
+    raise SimulationError("no OpenGL can be had for pictures; install libegl1 or libosmesa6 (on Debian), or go on without pictures")
+
+
+def overview(scene: Scene) -> View:
+    """The whole building, from the south and above."""
+    floors = scene.world.of(Role.FLOOR) or list(scene.world.solids.values())
+    return _framing(floors)
+
+
+def region(scene: Scene, x: float, y: float, radius: float) -> View:
+    """What lies within the radius of a point."""
+    level = min((solid.top for solid in scene.world.of(Role.FLOOR)), key=abs, default=0.0)
+    return View(x, y, level + 0.3, radius / math.tan(math.radians(FIELD_OF_VIEW / 2)) * 1.15, _open_side(scene, x, y), -38)
+
+
+def following(scene: Scene, name: str) -> View:
+    """An object and what is about it."""
+    x, y, z, _ = scene.pose(name)
+    solid = scene.world.solids[name]
+    tall = max(1.1 if solid.role is Role.ROBOT else solid.height, 0.3)
+    return View(x, y, z + 0.45 * tall, 2.4 * max(tall, solid.extent) + 1.0, _open_side(scene, x, y), -30)
+
+
+def _framing(solids: list[Solid], azimuth: float = 90.0, elevation: float = -58.0) -> View:
+    """As near as all of the solids, with walls as high as a storey's, fit into a picture of 4:3."""
+    outline = [(*s.world(u, v), s.top + z) for s in solids for u, v in _corners(s) for z in (0.0, 2.5)]
+    points = np.array(outline)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    turn, tilt = math.radians(azimuth), math.radians(elevation)
+    forward = np.array([math.cos(tilt) * math.cos(turn), math.cos(tilt) * math.sin(turn), math.sin(tilt)])
+    right = np.array([math.sin(turn), -math.cos(turn), 0.0])
+    up = np.cross(right, forward)
+    high = math.tan(math.radians(FIELD_OF_VIEW / 2)) * 0.92
+    distance = 1.0
+    for _ in range(8):  # where to look depends on how far away it is, as what is near looks large
+        away = points - middle
+        depth, across, above = away @ forward, away @ right, away @ up
+        distance = max(1.0, float(np.max(np.maximum(np.abs(across) / (high * 4 / 3), np.abs(above) / high) - depth)))
+        seen = above / (distance + depth)
+        middle = middle + up * (seen.max() + seen.min()) / 2 * distance * 0.8
+    return View(float(middle[0]), float(middle[1]), float(middle[2]), distance, azimuth, elevation)
+
+
+def _corners(solid: Solid) -> list[tuple[float, float]]:
+    if solid.form == "Polygon":
+        return list(solid.outline)
+    w, d = (solid.width / 2, solid.depth / 2) if solid.form == "Box" else (solid.radius, solid.radius)
+    return [(-w, -d), (w, -d), (w, d), (-w, d)]
+
+
+def _open_side(scene: Scene, x: float, y: float) -> float:
+    """The azimuth, of four between the axes, from which fewest walls and furniture are in front."""
+
+    def hidden(azimuth: float) -> float:
+        angle = math.radians(azimuth)
+        points = np.array([(x - r * math.cos(angle), y - r * math.sin(angle)) for r in np.linspace(0.5, 2.5, 9)])
+        return float(np.sum(scene.clearances(points, 0.3, 3.0) < 0.1))
+
+    return min((60.0, 120.0, 30.0, 150.0, -60.0, -120.0, -30.0, -150.0), key=hidden)
+
+
+def _screens(wall: Solid, floors: list[Solid], toward: np.ndarray[Any, Any], view: View, flat: float) -> bool:
+    """Whether a wall across the line of sight, not far behind what is looked at, has a floor behind it that it hides."""
+    if wall.form != "Box" or float((np.array([wall.x, wall.y]) - (view.x, view.y)) @ toward) < -0.4 * flat:
+        return False
+    angle = wall.yaw + (0.0 if wall.width < wall.depth else math.pi / 2)
+    across = abs(math.cos(angle) * toward[0] + math.sin(angle) * toward[1]) > 0.7
+    behind = (wall.x - 0.8 * toward[0], wall.y - 0.8 * toward[1])
+    return across and any(floor.distance(*behind) < 0 for floor in floors)
+
+
+class Camera:
+    """Takes pictures of a scene. Keeps an OpenGL context, so one per process and scene is enough."""
+
+    def __init__(self, scene: Scene, width: int = 1200, height: int = 900) -> None:
+        kind = opengl()
+        os.environ["PYOPENGL_PLATFORM"] = kind  # read when the module below is imported
+        self._context: Any = importlib.import_module(f"mujoco.{kind}").GLContext(width, height)
+        self._scene, self._width, self._height = scene, width, height
+        self._model: mujoco.MjModel | None = None
+        self._drawing: mujoco.MjvScene | None = None
+        self._target: mujoco.MjrContext | None = None
+
+    def picture(self, view: View | None = None) -> bytes:
+        """A PNG of the world as it is now; from above the whole building if nothing else is said."""
+        view = view or overview(self._scene)
+        self._context.make_current()
+        if self._model is not self._scene.model:
+            self._model = self._scene.model
+            self._drawing = mujoco.MjvScene(self._model, maxgeom=20000)
+            self._target = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_150.value)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._target)
+        camera = mujoco.MjvCamera()
+        camera.lookat[:] = (view.x, view.y, view.z)
+        camera.distance, camera.azimuth, camera.elevation = view.distance, view.azimuth, view.elevation
+        colours = self._see_through(view)
+        everything = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(self._model, self._scene.data, mujoco.MjvOption(), None, camera, everything, self._drawing)
+        self._scene.model.geom_rgba[:] = colours
+        pixels, frame = np.zeros((self._height, self._width, 3), dtype=np.uint8), mujoco.MjrRect(0, 0, self._width, self._height)
+        mujoco.mjr_render(frame, self._drawing, self._target)
+        mujoco.mjr_readPixels(pixels, None, frame, self._target)
+        buffer = io.BytesIO()
+        Image.fromarray(np.flipud(pixels)).save(buffer, format="PNG", optimize=True)
+        return buffer.getvalue()
+
+    def _see_through(self, view: View) -> Any:
+        """Make walls between the camera and what it looks at transparent. Returns the colours as they were."""
+        model = self._scene.model
+        before, angle = model.geom_rgba.copy(), math.radians(view.azimuth)
+        toward = np.array([-math.cos(angle), -math.sin(angle)])  # from what is looked at to the camera
+        flat = view.distance * math.cos(math.radians(view.elevation))
+        floors = self._scene.world.of(Role.FLOOR)
+        for wall in self._scene.world.of(Role.WALL, Role.DOOR):
+            points = np.array([(view.x, view.y)]) + np.linspace(0.0, 1.0, 41)[:, None] * flat * toward
+            across = np.array([-toward[1], toward[0]])
+            fan = np.concatenate([points + side * 0.12 * flat * across for side in (-2, -1, 0, 1, 2)])
+            if wall.distances(fan).min() < 0.15 or _screens(wall, floors, toward, view, flat):
+                body = model.body(wall.name)
+                first = int(body.geomadr[0])
+                model.geom_rgba[first : first + int(body.geomnum[0]), 3] *= 0.18
+        return before
+
+    def close(self) -> None:
+        """Give the OpenGL context back."""
+        if self._target is not None:
+            self._target.free()
+        self._context.free()

@@ -1,0 +1,280 @@
+"""The physics as it runs: the compiled world, its state, and what can be read off it (where things are, what touches what).
+
+Controllers ask it; it decides nothing. Objects can come and go while it runs, and all others keep their state.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import mujoco
+import numpy as np
+
+from somrs.devices.simulator.link.commands import Seen
+from somrs.devices.simulator.world.chassis import Joints
+from somrs.devices.simulator.world.dimensions import dimensions_of
+from somrs.devices.simulator.world.solids import Array, Role, Solid
+from somrs.devices.simulator.world.world import World, build
+from somrs.errors import SimulationError
+from somrs.ontology.objects import Map, Object
+from somrs.ontology.types import Ontology
+
+SETTLING = 40
+"""Steps in which things come to rest on what they stand on, before time begins."""
+
+
+class Scene:
+    """The world's state. `held` says which thing is welded to which robot's hand. `disturbed`: something came, went, was put elsewhere or
+    let go of, after which what stood still may move."""
+
+    def __init__(self, map: Map, ontology: Ontology) -> None:
+        self.world: World = build(map, ontology)
+        try:
+            self.model: mujoco.MjModel = self.world.spec.compile()
+        except ValueError as error:
+            raise SimulationError(f"the world of this map cannot be built: {error}") from error
+        self.data: mujoco.MjData = mujoco.MjData(self.model)
+        self.joints: dict[str, Joints] = {}
+        self.held: dict[str, str] = {}
+        self.time = 0.0
+        self.disturbed = True
+        self._bind()
+        for solid in self.world.of(Role.ROBOT):
+            self._start(solid)
+        self._settle()
+
+    def _bind(self) -> None:
+        """Find everything again by name in the model that was just compiled."""
+        model = self.model
+        names = [model.body(int(body)).name for body in model.geom_bodyid]
+        self._owner = [name.split("/")[0] for name in names]
+        self._geom_body = names
+        self._things = {solid.name: model.body(solid.name).id for solid in self.world.of(Role.THING)}
+        self.joints = {s.name: Joints(s.name, model, self.data, s.gripper) for s in self.world.of(Role.ROBOT)}
+
+    def _start(self, solid: Solid) -> None:
+        joints, size = self.joints[solid.name], dimensions_of(solid)
+        joints.start("yaw", solid.yaw)
+        if size.gripper:
+            start = {"turret": 0.0, "lift": size.clear + size.hang, "reach": size.drawn_in, "wrist": 0.0, "left": 0.05, "right": 0.05}
+            for joint, position in start.items():
+                joints.start(joint, position)
+
+    def _settle(self) -> None:
+        for _ in range(SETTLING):
+            mujoco.mj_step(self.model, self.data)
+        self._check()
+
+    def step(self, steps: int) -> None:
+        """Let physics run."""
+        for _ in range(steps):
+            mujoco.mj_step(self.model, self.data)
+        mujoco.mj_kinematics(self.model, self.data)  # else bodies are where they were before the last step
+        self.time += steps * self.model.opt.timestep
+        self._check()
+
+    def _check(self) -> None:
+        warnings = self.data.warning
+        bad = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+        if any(warnings[kind].number for kind in bad) or not math.isfinite(float(np.sum(self.data.qpos))):
+            wrong = np.flatnonzero(~np.isfinite(self.data.qpos))
+            joint = next(
+                (self.model.joint(j).name for j in range(self.model.njnt) for i in wrong[:1] if self.model.jnt_qposadr[j] <= i), ""
+            )
+            raise SimulationError(
+                f"the physics stopped making sense at {self.time:.2f} s{f' near {joint}' if joint else ''}; the simulation cannot go on"
+            )
+
+    # What comes and goes
+
+    def add(self, object: Object) -> Solid | None:
+        """An object appears; everything else stays as it is."""
+        solid = self.world.add(object)
+        if solid is not None:
+            self._recompile()
+            if solid.role is Role.ROBOT:
+                self._start(solid)
+            mujoco.mj_forward(self.model, self.data)
+        return solid
+
+    def remove(self, name: str) -> None:
+        for robot, thing in list(self.held.items()):
+            if name in (robot, thing):
+                self.release(robot)
+        self.world.remove(name)
+        self._recompile()
+        mujoco.mj_forward(self.model, self.data)
+
+    def _recompile(self) -> None:
+        self.disturbed = True
+        controls = {self.model.actuator(i).name: float(self.data.ctrl[i]) for i in range(self.model.nu)}
+        welds = {robot: self.model.eq_data[self._weld(robot)].copy() for robot in self.held}
+        self.model, self.data = self.world.spec.recompile(self.model, self.data)
+        for i in range(self.model.nu):
+            self.data.ctrl[i] = controls.get(self.model.actuator(i).name, 0.0)
+        self._bind()
+        for robot, thing in self.held.items():
+            weld = self._weld(robot)
+            self.model.eq_obj2id[weld] = self._things[thing]
+            self.model.eq_data[weld] = welds[robot]
+            self.data.eq_active[weld] = 1
+
+    def put(self, thing: str, x: float, y: float, z: float, yaw: float) -> None:
+        """A thing is elsewhere from now on, upright and at rest; whoever held it does so no more."""
+        holder = self.holder(thing)
+        if holder is not None:
+            self.release(holder)
+        body = self.model.body(self._things[thing])
+        place, speed = int(self.model.jnt_qposadr[body.jntadr[0]]), int(body.dofadr[0])
+        self.data.qpos[place : place + 7] = [x, y, z, math.cos(yaw / 2), 0, 0, math.sin(yaw / 2)]
+        self.data.qvel[speed : speed + 6] = 0
+        self.disturbed = True
+        mujoco.mj_forward(self.model, self.data)
+
+    # Where things are
+
+    def pose(self, name: str) -> tuple[float, float, float, float]:
+        """The middle of an object's underside, and its heading."""
+        body = self._things.get(name)
+        if body is not None:
+            x, y, z = (float(value) for value in self.data.xpos[body])
+            rotation = self.data.xmat[body]
+            return x, y, z, math.atan2(rotation[3], rotation[0])
+        solid = self.world.solids[name]
+        if solid.role is Role.ROBOT:
+            x, y, yaw = self.joints[name].pose()
+            return x, y, solid.z, yaw
+        return solid.x, solid.y, solid.z, solid.yaw
+
+    def upright(self, thing: str) -> bool:
+        return float(self.data.xmat[self._things[thing]][8]) > 0.97
+
+    def still(self, *things: str) -> bool:
+        """Whether all the things have come to rest, to a millimetre or two a second."""
+        first = self.model.body_dofadr[[self._things[thing] for thing in things]]
+        velocity = np.abs(self.data.qvel[first[:, None] + np.arange(6)])
+        return float(velocity[:, :3].max()) < 0.02 and float(velocity[:, 3:].max()) < 0.3
+
+    def things(self) -> Iterable[str]:
+        return self._things
+
+    def holder(self, thing: str) -> str | None:
+        return next((robot for robot, held in self.held.items() if held == thing), None)
+
+    def seen(self, name: str) -> Seen:
+        """An object as it is; `on` by what carries it, None while a robot holds it."""
+        x, y, z, yaw = self.pose(name)
+        return Seen(object=name, x=x, y=y, z=z, yaw=yaw, on=self.carrier(name), held_by=self.holder(name))
+
+    def carrier(self, name: str) -> str | None:
+        """What the object stands on: what touches it from below or, between two contacts, what is right below it. Things that
+        stand on the floor at a named place are on that place."""
+        x, y, z, _ = self.pose(name)
+        if name in self._things:
+            if self.holder(name) is not None:
+                return None
+            below = {other: self.world.solids[other].top for other, lower in self._contacts(name) if lower and other in self.world.solids}
+            touching = [other for other in below if self.world.solids[other].role is not Role.FLOOR]
+            if touching:
+                return max(touching, key=lambda other: below[other])
+        carrier = self.below(x, y, z + 0.02, name)
+        if carrier is not None and abs(carrier.top - z) > 0.05:
+            return None
+        if carrier is not None and carrier.role is Role.FLOOR and name in self._things:
+            marks = (mark for mark in self.world.of(Role.MARK) if abs(mark.z - z) < 0.1 and mark.distance(x, y) <= 0)
+            return min(marks, key=lambda mark: math.hypot(mark.x - x, mark.y - y), default=carrier).name
+        return None if carrier is None else carrier.name
+
+    def clearances(self, points: Array, low: float, high: float, ignored: Iterable[str] = ()) -> Array:
+        """From each point to the nearest static thing that reaches into the range of heights; negative inside of it."""
+        skip, found = set(ignored), np.full(len(points), 9.0)
+        for block in self.world.blocks():
+            if block.z < high and block.top > low and block.name not in skip:
+                found = np.minimum(found, block.distances(points))
+        return found
+
+    def below(self, x: float, y: float, z: float, name: str = "") -> Solid | None:
+        """The highest support, obstacle or floor under a point."""
+        under = (s for s in self.world.of(Role.FLOOR, Role.SUPPORT, Role.STATIC) if s.name != name and s.top <= z and s.distance(x, y) <= 0)
+        return max(under, key=lambda s: s.top, default=None)
+
+    def _contacts(self, thing: str) -> Iterable[tuple[str, bool]]:
+        """What touches the thing, and whether it does so from below."""
+        contact, middle = self.data.contact, self.pose(thing)[2] + 0.4 * self.world.solids[thing].height
+        for i, (a, b) in enumerate(contact.geom):
+            if thing in (self._owner[a], self._owner[b]):
+                other = self._owner[b] if self._owner[a] == thing else self._owner[a]
+                yield other, abs(float(contact.frame[i][2])) > 0.7 and float(contact.pos[i][2]) < middle
+
+    def touches(self, thing: str, others: Iterable[str]) -> bool:
+        """Whether the thing touches one of the objects."""
+        wanted = set(others)
+        return any(other in wanted for other, _ in self._contacts(thing))
+
+    def rests(self, thing: str) -> bool:
+        """Whether something bears the thing from below."""
+        return any(lower and other not in self.joints for other, lower in self._contacts(thing))
+
+    def pads(self, robot: str, thing: str) -> set[str]:
+        """Which of the robot's fingers touch the thing."""
+        found = set()
+        for a, b in self.data.contact.geom:
+            for mine, other in ((a, b), (b, a)):
+                if self._owner[other] == thing and self._geom_body[mine] in (f"{robot}/left", f"{robot}/right"):
+                    found.add(self._geom_body[mine].rsplit("/", 1)[1])
+        return found
+
+    def finger_contacts(self, robot: str) -> set[str]:
+        """Whatever a robot's fingers touch, by name."""
+        fingers = (f"{robot}/left", f"{robot}/right")
+        pairs = [(int(a), int(b)) for a, b in self.data.contact.geom]
+        return {self._owner[o] for a, b in pairs for m, o in ((a, b), (b, a)) if self._geom_body[m] in fingers and self._owner[o] != robot}
+
+    def robot_contacts(self) -> set[tuple[str, str]]:
+        """The pairs of which one is a robot that touch, robots and things in their grippers aside."""
+        found = set()
+        for a, b in self.data.contact.geom:
+            one, two = sorted((self._owner[a], self._owner[b]))
+            if one != two and (one in self.joints or two in self.joints) and self.held.get(one) != two and self.held.get(two) != one:
+                found.add((one, two))
+        return found
+
+    # The grasp
+
+    def _weld(self, robot: str) -> int:
+        return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_EQUALITY, f"{robot}/grasp"))
+
+    def hold(self, robot: str, thing: str) -> None:
+        """Weld a thing to the robot's hand, as it lies in it now. The caller has seen both fingers touch it."""
+        weld, hand, body = self._weld(robot), self.model.body(f"{robot}/wrist").id, self._things[thing]
+        inverse, place, turn = np.zeros(4), np.zeros(3), np.zeros(4)
+        mujoco.mju_negQuat(inverse, self.data.xquat[hand])
+        mujoco.mju_rotVecQuat(place, self.data.xpos[body] - self.data.xpos[hand], inverse)
+        mujoco.mju_mulQuat(turn, inverse, self.data.xquat[body])
+        self.model.eq_obj2id[weld] = body
+        # An anchor of the welded body, where it is in the hand's frame, how it is turned there, and how strictly the turn counts.
+        self.model.eq_data[weld] = [0, 0, 0, *place, *turn, 1, *([0] * (self.model.eq_data.shape[1] - 11))]
+        self.data.eq_active[weld] = 1
+        self.held[robot] = thing
+
+    def release(self, robot: str) -> None:
+        self.data.eq_active[self._weld(robot)] = 0
+        self.disturbed = True
+        self.held.pop(robot, None)
+
+    def ray(self, start: tuple[float, float, float], end: tuple[float, float, float], ignored: Iterable[str]) -> bool:
+        """Whether nothing solid but the ignored objects stands between two points."""
+        vector = np.array(end) - np.array(start)
+        length = float(np.linalg.norm(vector))
+        groups, skip = np.array([0, 0, 0, 1, 0, 0], dtype=np.uint8), set(ignored)
+        at, left = np.array(start), length
+        for _ in range(20):
+            hit = np.zeros(1, dtype=np.int32)
+            distance = mujoco.mj_ray(self.model, self.data, at, vector / length, groups, 1, -1, hit)
+            if distance < 0 or distance >= left:
+                return True
+            if self._owner[int(hit[0])] not in skip:
+                return False
+            at, left = at + vector / length * (distance + 1e-4), left - distance - 1e-4
+        return False

@@ -1,0 +1,105 @@
+"""What a camera sees: objects within its range and field of view that nothing solid hides; and cameras that hang where they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from somrs.devices.simulator.link.commands import Fault, RobotState, Seen
+from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.solids import Role, Solid
+
+MAST = 1.05
+"""How high above its underside a robot with an arm has its camera, m."""
+VISIBLE = (Role.THING, Role.ROBOT, Role.SUPPORT, Role.STATIC)
+"""What cameras tell of; what a building is made of, they only cannot look through."""
+
+Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Eye:
+    """A camera: where it is, which way it looks, the angle of its field of view, and how far it sees (m, rad).
+
+    `nods`: a robot's camera looks as far up and down as need be; one that hangs somewhere has as much view up as sideways.
+    """
+
+    at: Place
+    yaw: float
+    pitch: float
+    view: float
+    sight: float
+    nods: bool
+
+    def faces(self, point: Place) -> bool:
+        """Whether the point is within range and field of view, whatever may be in between."""
+        if math.dist(self.at, point) > self.sight:
+            return False
+        if self.view >= math.tau:
+            return True
+        dx, dy, dz = (b - a for a, b in zip(self.at, point, strict=True))
+        ahead, left = dx * math.cos(self.yaw) + dy * math.sin(self.yaw), dy * math.cos(self.yaw) - dx * math.sin(self.yaw)
+        if not self.nods:
+            ahead, up = ahead * math.cos(self.pitch) - dz * math.sin(self.pitch), ahead * math.sin(self.pitch) + dz * math.cos(self.pitch)
+            if abs(math.atan2(up, ahead)) > self.view / 2:
+                return False
+        return abs(math.atan2(left, ahead)) <= self.view / 2
+
+
+def eye_of(scene: Scene, name: str) -> Eye:
+    """The camera of a robot, or the camera of that name."""
+    solid, (x, y, z, yaw) = scene.world.solids[name], scene.pose(name)
+    hangs = solid.role is Role.CAMERA
+    high = solid.height / 2 if hangs else MAST if solid.gripper else solid.height + 0.05
+    return Eye((x, y, z + high), yaw, solid.pitch, solid.view, solid.sight, nods=not hangs)
+
+
+def visible(scene: Scene, viewer: str, name: str, radius: float | None = None) -> bool:
+    """Whether the viewer's camera sees the object now: at least a part of it."""
+    if name == viewer or name not in scene.world.solids:
+        return False
+    eye = eye_of(scene, viewer)
+    first, *others = _points(scene, scene.world.solids[name], eye)
+    if not eye.faces(first) or (radius is not None and math.dist(eye.at[:2], first[:2]) > radius):
+        return False
+    transparent = [viewer, name, *([held] if (held := scene.held.get(viewer)) else [])]
+    return any(scene.ray(eye.at, point, transparent) for point in (first, *others))
+
+
+def view(scene: Scene, viewer: str, radius: float | None = None) -> tuple[Seen, ...]:
+    """Everything that the viewer's camera sees now, and where it is."""
+    names = [solid.name for solid in scene.world.of(*VISIBLE)]
+    return tuple(scene.seen(name) for name in names if visible(scene, viewer, name, radius))
+
+
+def _points(scene: Scene, solid: Solid, eye: Eye) -> Iterator[Place]:
+    """Points of an object of which one in view is enough: about its middle, near its top, and to its sides."""
+    x, y, z, _ = scene.pose(solid.name)
+    middle = z + 0.6 * solid.height
+    yield x, y, middle
+    yield x, y, z + (MAST if solid.gripper else 0.95 * solid.height)
+    away = math.hypot(x - eye.at[0], y - eye.at[1]) or 1.0
+    aside = 0.7 * solid.extent / away
+    for side in (-aside, aside):
+        yield x - side * (y - eye.at[1]), y + side * (x - eye.at[0]), middle
+
+
+class StationaryCamera:
+    """A camera that hangs where it is, as one speaks with it over the robot link. What it sees is `view`'s business."""
+
+    doing: None = None
+
+    def __init__(self, solid: Solid, scene: Scene) -> None:
+        self.solid, self.scene = solid, scene
+        self.faults: set[Fault] = set()
+
+    def state(self) -> RobotState:
+        solid = self.solid
+        return RobotState(time=self.scene.time, x=solid.x, y=solid.y, yaw=solid.yaw, faults=tuple(sorted(self.faults)))
+
+
+def looks_towards(scene: Scene, eye: Place, point: Place, ignored: Iterable[str]) -> bool:
+    """Whether nothing hides a point, where something may or may not be, from a camera that would be there."""
+    about = [n for n in (*scene.things(), *scene.joints) if math.dist(scene.pose(n)[:2], point[:2]) < scene.world.solids[n].extent + 0.3]
+    return scene.ray(eye, point, [*ignored, *about])

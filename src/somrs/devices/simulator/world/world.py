@@ -1,0 +1,153 @@
+"""The simulated world, made from a map: every physical object becomes a body of its own name, by its type and attributes.
+
+There is no scene file: what is not in the map is not in the world (paper, "Simulation"). How things look is `looks.py`'s
+business, how a robot is built `chassis.py`'s.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import mujoco
+
+from somrs.devices.simulator.world.chassis import ROBOT_BIT, STATIC_BIT, THING_BIT, add_robot
+from somrs.devices.simulator.world.colours import colour_of
+from somrs.devices.simulator.world.looks import add_surroundings, draw
+from somrs.devices.simulator.world.solids import Point, Role, Solid, solid_of
+from somrs.errors import SimulationError
+from somrs.ontology.objects import Map, Object
+from somrs.ontology.types import Ontology
+
+STEP = 0.005
+"""Of the physics, s."""
+STATICS = (Role.WALL, Role.DOOR, Role.SUPPORT, Role.STATIC)
+
+
+@dataclass(slots=True)
+class World:
+    """The world's description, to be compiled, and the index of what is in it."""
+
+    spec: mujoco.MjSpec
+    ontology: Ontology
+    solids: dict[str, Solid] = field(default_factory=dict)
+
+    def of(self, *roles: Role) -> list[Solid]:
+        return [solid for solid in self.solids.values() if solid.role in roles]
+
+    def blocks(self) -> list[Solid]:
+        """Whatever stands in the way and does not move."""
+        return [solid for solid in self.of(*STATICS) if not (solid.role is Role.DOOR and solid.open)]
+
+    def add(self, object: Object) -> Solid | None:
+        """Put an object into the description; None if it takes up no space."""
+        solid = solid_of(object, self.ontology)
+        if solid is None:
+            return None
+        if object.name in self.solids:
+            raise SimulationError(f"{object.name} is in the simulated world already; remove it first")
+        if solid.role is Role.ROBOT:
+            add_robot(self.spec, solid, colour_of(solid))
+        else:
+            self._add_body(solid)
+        self.solids[solid.name] = solid
+        return solid
+
+    def remove(self, name: str) -> None:
+        """Take an object out of the description."""
+        solid = self.solids.pop(name)
+        if solid.role is Role.ROBOT:
+            for element in (*self.spec.actuators, *self.spec.equalities, *self.spec.excludes):
+                owner = element.bodyname1 if isinstance(element, mujoco.MjsExclude) else element.name
+                if owner == name or owner.startswith(f"{name}/"):
+                    self.spec.delete(element)
+        self.spec.delete(self.spec.body(name))
+
+    def _add_body(self, solid: Solid) -> None:
+        turn = [math.cos(solid.yaw / 2), 0, 0, math.sin(solid.yaw / 2)]
+        body = self.spec.worldbody.add_body(name=solid.name, pos=[solid.x, solid.y, solid.z], quat=turn)
+        if solid.form == "Polygon":
+            self._add_prisms(body, solid)
+        else:
+            draw(body, solid, list(self.ontology.ancestors(solid.type)))
+        if solid.role is Role.THING:
+            body.add_freejoint(name=solid.name)
+            bits = {"contype": THING_BIT, "conaffinity": STATIC_BIT | ROBOT_BIT | THING_BIT, "mass": max(solid.weight, 0.01), "condim": 4}
+        else:
+            bits = {"contype": STATIC_BIT, "conaffinity": 0}
+        if (
+            solid.role is Role.MARK
+            or (solid.role is Role.DOOR and solid.open)
+            or (solid.form == "Polygon" and solid.role is not Role.FLOOR)
+        ):
+            return
+        kind, size, middle = _hull(solid)
+        body.add_geom(type=kind, size=size, pos=[*middle, solid.height / 2], group=3, friction=[0.9, 0.01, 0.001], **bits)
+
+    def _add_prisms(self, body: mujoco.MjsBody, solid: Solid) -> None:
+        """A polygon, one prism per triangle. A floor collides as one box instead: things stand steadier on that."""
+        bit = 0 if solid.role is Role.FLOOR else STATIC_BIT
+        for i, triangle in enumerate(triangles(solid.outline)):
+            name = f"{solid.name}/{i}"
+            mesh = next((m for m in self.spec.meshes if m.name == name), None) or self.spec.add_mesh(name=name)
+            mesh.uservert = [value for z in (0.0, solid.height) for x, y in triangle for value in (x, y, z)]
+            colour, look = list(colour_of(solid)), "matt"
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, material=look, contype=bit, conaffinity=0)
+
+
+def _hull(solid: Solid) -> tuple[mujoco.mjtGeom, list[float], Point]:
+    """The primitive that an object collides as: kind, half sizes, and its middle in the object's frame."""
+    if solid.form == "Cylinder":
+        return mujoco.mjtGeom.mjGEOM_CYLINDER, [solid.radius, solid.height / 2, 0], (0.0, 0.0)
+    if solid.form == "Box":
+        return mujoco.mjtGeom.mjGEOM_BOX, [solid.width / 2, solid.depth / 2, solid.height / 2], (0.0, 0.0)
+    xs, ys = [x for x, _ in solid.outline], [y for _, y in solid.outline]
+    half = [(max(xs) - min(xs)) / 2, (max(ys) - min(ys)) / 2, solid.height / 2]
+    return mujoco.mjtGeom.mjGEOM_BOX, half, ((max(xs) + min(xs)) / 2, (max(ys) + min(ys)) / 2)
+
+
+def triangles(outline: tuple[Point, ...]) -> list[tuple[Point, Point, Point]]:
+    """A simple polygon cut into triangles, ear by ear; corners that lie on a line are left out."""
+
+    def cross(a: Point, b: Point, c: Point) -> float:
+        return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+    area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(outline, (*outline[1:], outline[0]), strict=True))
+    rest = list(outline) if area > 0 else list(reversed(outline))
+    found: list[tuple[Point, Point, Point]] = []
+    while len(rest) > 2:
+        for i in range(len(rest)):
+            a, b, c = rest[i - 1], rest[i], rest[(i + 1) % len(rest)]
+            turn = cross(a, b, c)
+            inside = (p for p in rest if p not in (a, b, c) and min(cross(a, b, p), cross(b, c, p), cross(c, a, p)) >= 0)
+            if abs(turn) < 1e-9 or (turn > 0 and next(inside, None) is None):
+                if turn > 1e-9:
+                    found.append((a, b, c))
+                del rest[i]
+                break
+        else:
+            break  # an outline that crosses itself; what was found so far is all that can be drawn
+    return found
+
+
+def build(map: Map, ontology: Ontology) -> World:
+    """The world that the map describes."""
+    spec = mujoco.MjSpec()
+    spec.modelname = "somrs"
+    spec.option.timestep = STEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = 5
+    spec.option.iterations, spec.option.ls_iterations = 30, 20
+    # A world that went wrong must be seen to be wrong, not start afresh.
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    world = World(spec, ontology)
+    for object in map.objects.values():
+        world.add(object)
+    solids = list(world.solids.values())
+    if not solids:
+        raise SimulationError("the map has no physical object with a position and a shape; there is no world to simulate")
+    low = (min(s.x - s.extent for s in solids), min(s.y - s.extent for s in solids), min(s.z for s in solids))
+    high = (max(s.x + s.extent for s in solids), max(s.y + s.extent for s in solids), max(s.top for s in solids))
+    add_surroundings(spec, low, high)
+    return world

@@ -1,0 +1,34 @@
+"""Keeps what is written in forms in the browser's tab, so that it outlives the page and the server."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+from nicegui.element import Element
+from nicegui.events import GenericEventArguments
+
+
+class Keeper(Element, component="draft_storage.js"):
+    """`found` hears what was kept on the `shelf` when the page was made: JSON objects with the form's values in `form`."""
+
+    def __init__(self, shelf: str, found: Callable[[list[Any]], None]) -> None:
+        super().__init__()
+        self._props["shelf"] = shelf
+
+        def hear(event: GenericEventArguments) -> None:
+            found(event.args)
+
+        self.on("found", hear)
+
+    def keep(self, key: str, draft: Any) -> None:
+        self.run_method("keep", key, draft)
+
+    def forget(self, key: str) -> None:
+        self.run_method("forget", key)
+
+    def mirror(self, element: Element, event: str, key: str, path: str, value: str = "value") -> None:
+        """Keep what is written into the element as it is written; `value`: how to say it in JavaScript, of the event's `value`."""
+        put = f"getElement({self.id})?.put({json.dumps(key)}, {json.dumps(path)}, {value})"
+        element.on(event, js_handler=f"(value) => {put}")

@@ -1,0 +1,79 @@
+// Where things are that move at this moment, as the simulator has it: the map hears of it only when a service tells how things are.
+
+import { Motion } from "somrs-scene/motion.js";
+
+const AGAIN = 3000; // milliseconds after which a lost connection is made again
+const STILL = 0.01; // metres, or radians; what has not moved by more since it was heard of first stands where the map says
+
+export class Poses {
+  // `place(poses)` is called before a frame is drawn, with a map by name of { x, y, turned } of what moved.
+  constructor(place) {
+    this._place = place;
+    this._motion = new Motion();
+    this._table = -1;
+    this._first = new Map();
+    this._frame = 0;
+    this._socket = null;
+    this._seen = () => (document.hidden ? this.rest() : this.follow());
+    document.addEventListener("visibilitychange", this._seen);
+  }
+
+  end() {
+    document.removeEventListener("visibilitychange", this._seen);
+    this.rest();
+    this._ended = true;
+  }
+
+  follow() {
+    if (this._socket || this._ended) return;
+    const url = new URL("/api/poses", location.href);
+    url.protocol = url.protocol.replace("http", "ws");
+    const socket = (this._socket = new WebSocket(url));
+    socket.binaryType = "arraybuffer";
+    socket.onmessage = ({ data }) => (typeof data === "string" ? this._told(JSON.parse(data)) : this._heard(data));
+    socket.onclose = () => {
+      if (socket !== this._socket) return;
+      this.rest();
+      this._timer = setTimeout(() => this.follow(), AGAIN);
+    };
+  }
+
+  rest() {
+    clearTimeout(this._timer);
+    cancelAnimationFrame(this._frame);
+    const socket = this._socket;
+    [this._socket, this._frame, this._table] = [null, 0, -1];
+    socket?.close();
+    this._motion.restart();
+    this._first.clear();
+  }
+
+  _told(news) {
+    if (!news.movers) return;
+    this._table = news.table;
+    this._motion.set(news.movers);
+  }
+
+  // What a frame of poses is made of, says `api/poses.py`.
+  _heard(buffer) {
+    const head = new DataView(buffer);
+    if (head.getUint32(16, true) !== this._table) return;
+    const count = head.getUint32(20, true);
+    this._motion.hear(head.getFloat64(0, true), new Uint32Array(buffer, 24, count), new Float32Array(buffer, 24 + 4 * count), performance.now() / 1000);
+    this._frame ||= requestAnimationFrame(() => this._play());
+  }
+
+  _play() {
+    const moved = new Map();
+    this._motion.play(performance.now() / 1000, (name, [x, y, , turned]) => {
+      const first = this._first.get(name);
+      if (!first) this._first.set(name, { x, y, turned });
+      else if (first.moves || Math.hypot(x - first.x, y - first.y) > STILL || Math.abs(turned - first.turned) > STILL) {
+        first.moves = true;
+        moved.set(name, { x, y, turned });
+      }
+    });
+    if (moved.size) this._place(moved);
+    this._frame = this._motion.active ? requestAnimationFrame(() => this._play()) : 0;
+  }
+}

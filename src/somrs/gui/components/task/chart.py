@@ -1,0 +1,16 @@
+"""The messages of a task, drawn as they pass between the Task Manager and services (the paper's "Sequence of transaction messages")."""
+
+from __future__ import annotations
+
+from nicegui.element import Element
+
+from somrs.gui.components import LIVE
+from somrs.gui.components.task import MODULES
+
+
+class MessageChart(Element, component="chart.js", dependencies=[LIVE], esm=MODULES):
+    """Of the task with this whole id, which it follows by itself."""
+
+    def __init__(self, task: str, *, empty: str = "No messages have passed yet") -> None:
+        super().__init__()
+        self._props.update({"task": task, "empty": empty})

@@ -1,0 +1,26 @@
+"""A plan as a graph: of a task, coloured and marked by how its steps go; or of what would be done."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+from nicegui.element import Element
+
+from somrs.gui.components import LIVE
+from somrs.gui.components.task import MODULES
+from somrs.protocol.messages.clients import StepView
+
+
+class PlanGraph(Element, component="graph.js", dependencies=[LIVE], esm=MODULES):
+    """With a `task` (its whole id) it shows that task's plan, and follows it by itself; otherwise the `steps`."""
+
+    def __init__(
+        self, *, task: str | None = None, steps: Sequence[StepView] = (), label: str = "The plan", empty: str = "No plan yet"
+    ) -> None:
+        super().__init__()
+        self._props.update({"task": task, "plan": msgspec.to_builtins(list(steps)), "label": label, "empty": empty})
+
+    def show(self, steps: Sequence[StepView]) -> None:
+        """These steps from now on."""
+        self._props["plan"] = msgspec.to_builtins(list(steps))

@@ -1,0 +1,51 @@
+"""The story of a task, chapter by chapter, and all its events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypedDict
+
+from nicegui.element import Element
+
+from somrs.gui.components import LIVE
+from somrs.gui.components.task import MODULES
+
+
+class Told(TypedDict):
+    """Something that was done about a failure."""
+
+    rung: str
+    text: str
+    moment: str
+    clock: str
+
+
+class Part(TypedDict):
+    """A chapter, in words."""
+
+    icon: str
+    title: str
+    tone: str
+    text: str
+    left: str
+    moment: str
+    clock: str
+    failure: bool
+    lines: list[Told]
+    result: str
+    result_tone: str
+    result_icon: str
+    took: str
+
+
+class StoryBook(Element, component="story.js", dependencies=[LIVE], esm=MODULES):
+    """The chapters are given; the events of the task it follows by itself."""
+
+    def __init__(self, task: str) -> None:
+        super().__init__()
+        self._props["task"] = task
+        self._props["chapters"] = []
+
+    def show(self, chapters: Sequence[Part]) -> None:
+        if chapters != self._props["chapters"]:
+            self._props["chapters"] = list(chapters)

@@ -1,0 +1,205 @@
+"""One device on the Fleet page: what it is, whether it takes part, what it does, how it has done, and its faults."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from urllib.parse import urlencode
+
+from nicegui import ui
+
+from somrs.api.fleet import BUSY, DeviceSeen, Doing, Presence, ServiceSeen
+from somrs.devices.simulator.link.commands import Fault
+from somrs.gui.icons import Badge, Gauge, Sign, clock, listed
+
+ICONS = {
+    "Person": "person",
+    "Camera": "videocam",
+    "Lift": "elevator",
+    "MobileManipulator": "precision_manufacturing",
+    "StationaryManipulator": "precision_manufacturing",
+    "MobileRobot": "smart_toy",
+}
+"""By type; that of the nearest type above counts."""
+
+FAULTS = {
+    Fault.DRIVE: ("Drive broken", "Break the drive", "Mend the drive"),
+    Fault.GRIPPER: ("Gripper stuck", "Jam the gripper", "Free the gripper"),
+    Fault.SILENT: ("Silent", "Make it silent", "Let it speak again"),
+    Fault.LINK: ("Link cut", "Cut the link", "Mend the link"),
+}
+"""What a fault is called, how it is made, and how it is mended."""
+
+LEAVING = {"expired": "fell silent", "retracted": "withdrew its services"}
+"""The Registry's words for going, as people say it."""
+
+NO_BREAK = "\N{NO-BREAK SPACE}"
+
+Break = Callable[[str, Fault, bool], Awaitable[None]]
+"""Breaks something of a robot, or, if True, mends it."""
+
+
+def icon(device: DeviceSeen) -> str:
+    return next((ICONS[name] for name in device.lineage if name in ICONS), "memory")
+
+
+def state(device: DeviceSeen) -> Sign:
+    """The one word that says most of a device."""
+    if device.presence is Presence.GONE:
+        return Sign("logout", "Gone", "plain")
+    if not device.working:
+        return Sign("error", "Not working", "bad")
+    if device.presence is Presence.SILENT:
+        return Sign("cloud_off", "Nothing on offer", "busy")
+    if any(one.state in BUSY for one in device.doing):
+        return Sign("play_circle", "Busy", "busy")
+    if device.doing:
+        return Sign("event", "Booked", "busy")
+    return Sign("check_circle", "Ready", "good")
+
+
+class DeviceCard:
+    """Changed in place, so that an open menu and the focus stay."""
+
+    def __init__(self, device: DeviceSeen, break_or_mend: Break) -> None:
+        self._break = break_or_mend
+        self._shown: dict[str, object] = {}
+        self.device = device
+        with ui.element("article").classes("somrs-device").props(f'aria-label="{device.name}"') as self.element:
+            with ui.element("header").classes("somrs-device-head"):
+                self._icon = ui.icon(icon(device)).classes("somrs-device-icon").props('aria-hidden="true"')
+                with ui.element("div").classes("somrs-device-name"):
+                    self._name = ui.label().classes("somrs-device-title").props('role="heading" aria-level="2"')
+                    self._where = ui.label().classes("somrs-soft")
+                self._state = Badge(state(device))
+                self._menu = ui.element("div")
+            self._note = ui.label().classes("somrs-device-note")
+            self._faults = ui.element("div").classes("somrs-device-faults")
+            self._doing = ui.element("div").classes("somrs-device-doing")
+            with ui.element("div").classes("somrs-device-gauges"):
+                self._work = Gauge("Step", "How much of the step is done")
+                self._load = Gauge("Load", "How much of the last 10 minutes it was busy")
+                self._charge = Gauge("Battery", "How much charge is left")
+            self._services = ui.element("div").classes("somrs-device-services").props('role="list" aria-label="Services"')
+        self.show(device)
+
+    def show(self, device: DeviceSeen) -> None:
+        self.device = device
+        self._icon.name = icon(device)
+        self._name.set_text(device.name)
+        self._where.set_text(" · ".join(part for part in (device.label or "", device.type, _where(device)) if part))
+        self._state.show(state(device))
+        self.element.classes(**{"add" if device.presence is Presence.GONE else "remove": "somrs-device-gone"})
+        self._note.set_text(_note(device))
+        self._note.visible = bool(self._note.text)
+        faults = device.simulated.faults if device.simulated is not None else None
+        self._again("menu", (faults is not None, faults), lambda: self._fill_menu(faults))
+        self._again("faults", faults, lambda: self._fill_faults(faults or ()))
+        self._again("doing", tuple((one.task, one.step, one.state, one.service) for one in device.doing), self._fill_doing)
+        self._again("services", device.services, self._fill_services)
+        fraction = next((one.fraction for one in device.doing if one.state in BUSY), None)
+        self._work.element.visible = fraction is not None
+        self._work.show(fraction or 0.0, f"{100 * (fraction or 0):.0f} %", "busy")
+        self._load.element.visible = device.presence is not Presence.GONE
+        self._load.show(device.load, f"{100 * device.load:.0f} %")
+        self._charge.element.visible = device.charge is not None
+        charge = device.charge or 0.0
+        self._charge.show(charge / 100, f"{charge:.0f} %", "bad" if charge < 15 else "good")
+
+    def _again(self, part: str, value: object, fill: Callable[[], None]) -> None:
+        """Make a part anew when it changed."""
+        if part not in self._shown or self._shown[part] != value:
+            self._shown[part] = value
+            fill()
+
+    def _fill_menu(self, faults: tuple[Fault, ...] | None) -> None:
+        self._menu.clear()
+        if faults is None:
+            return
+        with self._menu, ui.button(icon="bolt").props(f'flat round dense aria-label="Faults of {self.device.name}"') as button:
+            button.classes("somrs-turn")
+            ui.tooltip("Break or mend something of this simulated robot").props('anchor="top middle" self="bottom middle"')
+            with ui.menu():
+                for fault, (_, breaks, mends) in FAULTS.items():
+                    broken = fault in faults
+                    with ui.menu_item(on_click=lambda fault=fault, broken=broken: self._break(self.device.name, fault, broken)):
+                        ui.icon("build" if broken else "flash_on").classes("somrs-menu-icon").props('aria-hidden="true"')
+                        ui.label(mends if broken else breaks)
+
+    def _fill_faults(self, faults: tuple[Fault, ...]) -> None:
+        self._faults.clear()
+        self._faults.visible = bool(faults)
+        with self._faults:
+            for fault in faults:
+                Badge(Sign("warning", FAULTS[fault][0], "bad"))
+
+    def _fill_doing(self) -> None:
+        self._doing.clear()
+        self._doing.visible = bool(self.device.doing)
+        with self._doing:
+            for one in self.device.doing:
+                with ui.element("div"):
+                    ui.label("now" if one.state in BUSY else "then").classes("somrs-soft somrs-device-when")
+                    with ui.link(target=f"/tasks/{one.task}").classes("somrs-device-task"):
+                        ui.label(_said(one))
+                        ui.label(f"for {one.effect}").classes("somrs-formula somrs-soft")
+
+    def _fill_services(self) -> None:
+        self._services.clear()
+        with self._services:
+            for service in self.device.services:
+                _service(service)
+            if not self.device.services:
+                ui.label("It offers no service.").classes("somrs-soft")
+
+
+def _service(service: ServiceSeen) -> None:
+    price = f"{service.price:g} EUR" if service.price is not None else ""
+    with ui.element("div").props('role="listitem"').classes("somrs-device-service"):
+        ui.label(service.type).classes("somrs-device-service-name").tooltip(f"brings about: {service.effect}")
+        ui.label(price if service.on_offer else "not on offer").classes("somrs-soft")
+        tally = service.tally.in_words()
+        if service.tally.began:
+            ui.link(tally, f"/history?{urlencode({'service': service.service})}").classes("somrs-device-tally somrs-history-link")
+        else:
+            ui.label(tally).classes("somrs-soft somrs-device-tally")
+
+
+def _said(doing: Doing) -> str:
+    return f"{doing.service_type}: {listed([*doing.inputs.values()])}" if doing.inputs else doing.service_type
+
+
+def _where(device: DeviceSeen) -> str:
+    if device.simulated is not None:
+        x, y = device.simulated.x, device.simulated.y
+    elif device.position is not None:
+        x, y = device.position[:2]
+    else:
+        return ""
+    return f"at {x:.1f}, {y:.1f} m".replace(" ", NO_BREAK)
+
+
+def _note(device: DeviceSeen) -> str:
+    """What else is to be known of it just now."""
+    parts: list[str] = []
+    if device.left is not None:
+        parts.append(f"It {LEAVING.get(device.reason, device.reason)} at {clock(device.left)}.")
+    held = device.simulated.holding if device.simulated is not None else None
+    holding = listed([*dict.fromkeys([*((held,) if held else ()), *device.holding])])
+    if holding:
+        parts.append(f"It holds {holding}.")
+    if device.simulated is not None and device.simulated.doing:
+        parts.append(f"It is {DOING.get(device.simulated.doing, f'doing {device.simulated.doing}')}.")
+    return " ".join(parts)
+
+
+DOING = {
+    "DriveTo": "driving",
+    "Approach": "driving up to something",
+    "Grip": "gripping",
+    "Place": "putting something down",
+    "PutDown": "putting something down",
+    "LookAt": "looking at something",
+    "LookAround": "looking around",
+    "Stop": "stopping",
+}
+"""The robot link's commands, as people say them."""

@@ -1,0 +1,87 @@
+"""Small signs that pages share: states with an icon and a word, bars with a text, moments and lengths of time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from nicegui import ui
+
+from somrs.protocol.messages.frp import Outcome
+
+
+@dataclass(frozen=True, slots=True)
+class Sign:
+    """`tone`: good, bad, busy or plain; an icon and a word say the same without colour."""
+
+    icon: str
+    text: str
+    tone: str
+
+
+OUTCOMES = {
+    Outcome.ACCOMPLISHED: Sign("check_circle", "Accomplished", "good"),
+    Outcome.FAILED: Sign("cancel", "Failed", "bad"),
+    Outcome.CANCELLED: Sign("stop_circle", "Cancelled", "plain"),
+}
+
+
+class Badge:
+    """A sign that can be changed."""
+
+    def __init__(self, sign: Sign) -> None:
+        with ui.element("span") as self.element:
+            self._icon = ui.icon(sign.icon).props('aria-hidden="true"')
+            self._text = ui.label(sign.text)
+        self._sign: Sign | None = None
+        self.show(sign)
+
+    def show(self, sign: Sign) -> None:
+        if sign != self._sign:
+            self._sign = sign
+            self._icon.name = sign.icon
+            self._text.set_text(sign.text)
+            self.element.classes(replace=f"somrs-badge somrs-{sign.tone}")
+
+
+class Gauge:
+    """A bar from nothing to all, with its meaning before and its value behind it."""
+
+    def __init__(self, label: str, tip: str) -> None:
+        with ui.element("div").classes("somrs-gauge") as self.element:
+            ui.label(label).classes("somrs-soft")
+            with ui.element("div").classes("somrs-gauge-track").props(f'role="progressbar" aria-label="{label}"') as self._track:
+                self._fill = ui.element("div").classes("somrs-gauge-fill")
+            self._text = ui.label().classes("somrs-gauge-text")
+            ui.tooltip(tip)
+        self._shown: tuple[float, str] | None = None
+
+    def show(self, share: float, text: str, tone: str = "accent") -> None:
+        percent = round(100 * min(max(share, 0.0), 1.0))
+        if (percent, text + tone) != self._shown:
+            self._shown = percent, text + tone
+            self._track.props(f'aria-valuenow="{percent}" aria-valuemin="0" aria-valuemax="100"')
+            self._fill.style(f"width: {percent}%; background: var(--{tone})")
+            self._text.set_text(text)
+
+
+def clock(at: float) -> str:
+    """With the date, unless it is today."""
+    then = datetime.fromtimestamp(at)
+    return f"{then:%H:%M:%S}" if then.date() == datetime.now().date() else f"{then:%Y-%m-%d %H:%M}"
+
+
+def lasted(seconds: float) -> str:
+    """So long, as people say it."""
+    if seconds < 10:
+        return f"{seconds:.1f} s"
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def listed(names: Sequence[str]) -> str:
+    """`A, B and C`."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

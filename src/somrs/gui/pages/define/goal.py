@@ -1,0 +1,48 @@
+"""What is to be: as a formula, by choosing, or by dragging things on the plan. All three show the same wish."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+
+from nicegui import ui
+from nicegui.events import ValueChangeEventArguments
+
+from somrs.gui.components.formula import FormulaField
+from somrs.gui.pages.define.builder import Builder
+from somrs.gui.pages.define.form import Form
+from somrs.gui.pages.define.plan import Plan
+from somrs.gui.panel import panel
+
+
+class Wish:
+    """`submit` is called by Ctrl+Enter in the formula."""
+
+    def __init__(self, form: Form, submit: Callable[[], Awaitable[None]]) -> None:
+        self._form = form
+        with panel("What is to be", "flag", "define wish", "somrs-define-wish") as made:
+            made.note.set_text("Ctrl+Space: what can come. Ctrl+Enter: preview.")
+            self.field = FormulaField(
+                "As a formula",
+                value=form.draft.effect,
+                placeholder="Jar002 isOn Platform001",
+                rows=2,
+                good="This can be understood.",
+                on_change=self._typed,
+                on_submit=lambda _: submit(),
+            )
+            form.mirror(self.field, "effect")
+            ui.label("Or line by line").classes("somrs-define-label somrs-define-or")
+            self._builder = Builder(form)
+        with panel("On the plan", "map", "define plan", "somrs-define-where"):
+            ui.label("Drag a thing to where it is to be; or click the thing, then the place.").classes("somrs-soft")
+            self._plan = Plan(form, self._builder)
+        form.on_change(self._show)
+
+    def _typed(self, event: ValueChangeEventArguments[str]) -> None:
+        if event.value != self._form.draft.effect:
+            self._form.draft.effect = event.value or ""
+            self._form.changed()
+
+    def _show(self) -> None:
+        if self.field.value != self._form.draft.effect:
+            self.field.value = self._form.draft.effect

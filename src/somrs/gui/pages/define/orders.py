@@ -1,0 +1,149 @@
+"""Standing orders: tasks that are stated by themselves. Those there are, and the one that is being written on the page."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from datetime import datetime
+from functools import partial
+from typing import Any
+
+from nicegui import ui
+
+from somrs.api.orders import OrderSaved, Run, RunState, StandingOrder
+from somrs.errors import SomrsError, UsageError
+from somrs.gui.icons import OUTCOMES, Badge, Sign, clock
+from somrs.gui.news import follow
+from somrs.gui.pages.define.confirm_dialog import sure
+from somrs.gui.pages.define.draft import DAILY, EVERY, ONCE, Repeat, number
+from somrs.gui.pages.define.form import Form
+from somrs.gui.pages.task_words import path
+from somrs.gui.panel import panel
+from somrs.gui.shell import author, guarded, tell
+from somrs.scheduling.recurrence import Daily, Every, Once, When, in_words
+from somrs.scheduling.templates import Filled
+
+RUNS = {
+    RunState.SUBMITTING: Sign("hourglass_empty", "Is being stated", "busy"),
+    RunState.SUBMITTED: Sign("play_circle", "Runs", "busy"),
+    RunState.SKIPPED: Sign("skip_next", "Left out", "plain"),
+    RunState.MISSED: Sign("event_busy", "Missed", "bad"),
+    RunState.REFUSED: Sign("block", "Refused", "bad"),
+}
+
+
+class Orders:
+    """All standing orders, while the page is open."""
+
+    def __init__(self, form: Form) -> None:
+        self._form = form
+        with panel("Standing orders", "event_repeat", "define orders", "somrs-define-orders") as self._panel:
+            self._list = ui.element("div").classes("somrs-define-list")
+        follow(form.desk.context.hub, "orders", self._read, lambda _: self._read())
+
+    async def _read(self) -> None:
+        try:
+            orders = (await self._form.desk.orders.orders()).orders
+        except SomrsError as error:
+            self._list.clear()
+            with self._list:
+                ui.label(str(error)).classes("somrs-soft")
+            return
+        self._panel.note.set_text(f"{len(orders)}" if orders else "none")
+        self._list.clear()
+        with self._list:
+            if not orders:
+                ui.label("There are none. A task is stated again and again by giving it a time under How, When.").classes("somrs-soft")
+            for order in orders:
+                self._row(order)
+
+    def _row(self, order: StandingOrder) -> None:
+        with ui.element("section").classes("somrs-define-order-row").props(f'aria-label="{order.name}"'):
+            with ui.element("div").classes("somrs-define-order-what"):
+                ui.label(order.name).classes("somrs-define-template-name")
+                ui.label(in_words(order.when) + ("" if order.enabled else ", rests")).classes("somrs-soft")
+                if order.next is not None:
+                    ui.label(f"next: {clock(order.next)}").classes("somrs-soft")
+                if order.last is not None:
+                    _run(order.last)
+            with ui.element("div").classes("somrs-define-line-ways"):
+                if order.enabled:
+                    _way("pause", f"Let {order.name} rest", partial(self._form.desk.orders.pause_order, order.id, author()))
+                else:
+                    _way("play_arrow", f"Let {order.name} go on", partial(self._form.desk.orders.resume_order, order.id, author()))
+                _way("edit", f"Change {order.name}", partial(self._change, order))
+                _way("delete", f"Remove {order.name}", partial(self._remove, order))
+
+    async def _change(self, order: StandingOrder) -> None:
+        """Write the order on the page."""
+        task = order.task
+        if task is None and order.template is not None:
+            task = await self._form.desk.orders.fill_template(order.template, Filled(values=order.values))
+        if task is not None:
+            self._form.draft.take(task)
+        self._form.draft.repeat = repeat_of(order)
+        self._form.changed()
+
+    async def _remove(self, order: StandingOrder) -> None:
+        if await sure(f"The order {order.name} is taken back. Its task, if one runs, goes on.", "Remove"):
+            await self._form.desk.orders.remove_order(order.id, order.version)
+
+
+async def give(form: Form) -> None:
+    """Give the order that is written on the page, or change the one that it was."""
+    draft, orders = form.draft, form.desk.orders
+    saved = OrderSaved(
+        name=draft.repeat.name.strip() or " ".join(draft.effect.replace("/", " ").split())[:60],
+        when=when_of(draft.repeat),
+        task=draft.task(),
+        skip=draft.repeat.skip,
+        by=author(),
+        expected_version=draft.repeat.version if draft.repeat.order else None,
+    )
+    order = await (orders.save_order(draft.repeat.order, saved) if draft.repeat.order else orders.add_order(saved))
+    tell(f"The order {order.name} is given: {in_words(order.when)}.")
+
+
+def when_of(repeat: Repeat) -> When:
+    """Raises UsageError where it is no time."""
+    match repeat.how:
+        case "every":
+            minutes = number(repeat.minutes)
+            if minutes is None or minutes <= 0:
+                raise UsageError(f"every so many minutes: a number above 0, and {repeat.minutes.strip() or 'nothing'} is none")
+            return Every(minutes=minutes)
+        case "daily":
+            return Daily(at=repeat.time, days=tuple(repeat.days))
+        case _:
+            try:
+                return Once(at=datetime.fromisoformat(f"{repeat.date}T{repeat.time}").timestamp())
+            except ValueError:
+                raise UsageError("say the day and the time at which it is to be stated") from None
+
+
+def repeat_of(order: StandingOrder) -> Repeat:
+    repeat = Repeat(name=order.name, skip=order.skip, order=order.id, version=order.version)
+    match order.when:
+        case Every(minutes=minutes):
+            repeat.how, repeat.minutes = EVERY, f"{minutes:g}"
+        case Daily(at=at, days=days):
+            repeat.how, repeat.time, repeat.days = DAILY, at, [*days]
+        case Once(at=at):
+            then = datetime.fromtimestamp(at)
+            repeat.how, repeat.date, repeat.time = ONCE, f"{then:%Y-%m-%d}", f"{then:%H:%M}"
+    return repeat
+
+
+def _run(run: Run) -> None:
+    sign = OUTCOMES[run.outcome] if run.outcome is not None else RUNS[run.state]
+    with ui.element("div").classes("somrs-define-run"):
+        Badge(sign)
+        if run.task is not None:
+            ui.link(clock(run.at), path(run.task))
+        else:
+            ui.label(clock(run.at)).classes("somrs-soft")
+        if run.note:
+            ui.label(run.note).classes("somrs-soft")
+
+
+def _way(icon: str, label: str, action: Callable[[], Awaitable[Any]]) -> None:
+    ui.button(icon=icon, on_click=guarded(action)).props(f'flat dense round size=sm aria-label="{label}"').tooltip(label)

@@ -1,0 +1,159 @@
+"""Tasks that are kept as templates: chosen from a menu, with their blanks filled in; and what is on the page kept as one."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from nicegui import ui
+
+from somrs.errors import SomrsError
+from somrs.gui.components.fields.picker import Choice, Picker, things
+from somrs.gui.news import follow
+from somrs.gui.pages.define.blanks import blanked, named, proposed, types_of
+from somrs.gui.pages.define.confirm_dialog import sure
+from somrs.gui.pages.define.form import Form
+from somrs.gui.shell import author, guarded, tell
+from somrs.scheduling.templates import Blank, Filled, Template, TemplateSaved
+
+
+class TemplateMenu:
+    def __init__(self, form: Form) -> None:
+        self._form = form
+        self._templates: tuple[Template, ...] = ()
+        self._dialog = ui.dialog()
+        with ui.button("Templates", icon="bookmarks").props("flat dense no-caps"), ui.menu().classes("somrs-define-menu") as self._menu:
+            self._list = ui.element("div").classes("somrs-define-templates").props('role="group" aria-label="Templates"')
+            ui.separator()
+            ui.menu_item("Keep this task as a template", on_click=guarded(self._keep)).classes("somrs-define-keep")
+        follow(form.desk.context.hub, "templates", self._read, lambda _: self._read())
+
+    async def _read(self) -> None:
+        try:
+            self._templates = (await self._form.desk.orders.templates()).templates
+        except SomrsError:
+            self._templates = ()
+        self._list.clear()
+        with self._list:
+            if not self._templates:
+                ui.label("There are none yet. What is on the page can be kept as one.").classes("somrs-soft somrs-define-empty")
+            for template in self._templates:
+                self._row(template)
+
+    def _row(self, template: Template) -> None:
+        with ui.element("div").classes("somrs-define-template"):
+            use = ui.menu_item(on_click=partial(guarded(self._use), template)).classes("somrs-define-template-use")
+            with use, ui.element("div"):
+                ui.label(template.name).classes("somrs-define-template-name")
+                ui.label(template.note or " ".join(template.task.effect.split())).classes("somrs-soft")
+            away = ui.button(icon="delete", on_click=partial(guarded(self._remove), template)).props("flat dense round size=sm")
+            away.props(f'aria-label="Remove the template {template.name}"')
+
+    # Using one
+
+    async def _use(self, template: Template) -> None:
+        self._menu.close()
+        if not template.blanks:
+            await self._fill(template, {})
+            return
+        values = {blank.name: blank.default for blank in template.blanks}
+        self._dialog.clear()
+        with self._dialog, ui.card().classes("somrs-dialog"):
+            ui.label(template.name).classes("somrs-title")
+            if template.note:
+                ui.label(template.note).classes("somrs-soft")
+            for blank in template.blanks:
+                with ui.element("div").classes("somrs-define-field"):
+                    ui.label(blank.label or blank.name).classes("somrs-define-label")
+                    _blank_field(blank, values)
+            with ui.element("div").classes("somrs-dialog-ways"):
+                ui.button("Cancel", on_click=self._dialog.close).props("flat no-caps")
+                fill = ui.button("Write it", on_click=guarded(partial(self._fill, template, values)))
+                fill.props("unelevated no-caps color=primary")
+        self._dialog.open()
+
+    async def _fill(self, template: Template, values: dict[str, str]) -> None:
+        said = {name: value for name, value in values.items() if value}
+        task = await self._form.desk.orders.fill_template(template.name, Filled(values=said))
+        self._form.draft.take(task)
+        self._form.draft.template = template.name
+        self._form.changed()
+        self._dialog.close()
+
+    # Keeping one
+
+    async def _keep(self) -> None:
+        self._menu.close()
+        task = self._form.draft.task()
+        if not task.effect:
+            tell("Say first what is to be: then it can be kept.", bad=True)
+            return
+        context = self._form.desk.context
+        found = named(task, context.map)
+        asked = dict.fromkeys(found, False)
+        types = {thing: context.map.objects[thing].type for thing in found}
+        self._dialog.clear()
+        with self._dialog, ui.card().classes("somrs-dialog"):
+            ui.label("Keep as a template").classes("somrs-title")
+            called = _line("Name", self._form.draft.template, "What people call it")
+            note = _line("Note", "", "What it is for")
+            if found:
+                ui.label("What is asked for each time it is used").classes("somrs-define-label somrs-define-or")
+            for thing in found:
+                with ui.element("div").classes("somrs-define-blank"):
+                    ui.checkbox(thing, on_change=lambda event, thing=thing: asked.update({thing: bool(event.value)})).props("dense")
+                    ui.label("any").classes("somrs-soft")
+                    options = [Choice(value=type_name) for type_name in types_of(thing, context.map, context.ontology)]
+                    pick = partial(types.__setitem__, thing)
+                    Picker(f"What may stand for {thing}", value=types[thing], options=options, on_pick=pick)
+            with ui.element("div").classes("somrs-dialog-ways"):
+                ui.button("Cancel", on_click=self._dialog.close).props("flat no-caps")
+
+                async def save() -> None:
+                    blanks = proposed({thing: types[thing] for thing in found if asked[thing]})
+                    saved = TemplateSaved(
+                        task=blanked(task, blanks),
+                        blanks=tuple(Blank(name=name, type=types[thing], default=thing) for thing, name in blanks.items()),
+                        note=(note.value or "").strip(),
+                        by=author(),
+                    )
+                    await self._save((called.value or "").strip(), saved)
+
+                ui.button("Keep", on_click=guarded(save)).props("unelevated no-caps color=primary")
+        self._dialog.open()
+
+    async def _save(self, name: str, saved: TemplateSaved) -> None:
+        if not name:
+            tell("A template needs a name.", bad=True)
+            return
+        known = any(one.name == name for one in self._templates)
+        if known and not await sure(f"There is a template {name} already. What it says is replaced.", "Replace"):
+            return
+        await self._form.desk.orders.save_template(name, saved)
+        self._form.draft.template = name
+        self._dialog.close()
+        tell(f"{name} is kept among the templates.")
+
+    async def _remove(self, template: Template) -> None:
+        self._menu.close()
+        if await sure(f"The template {template.name} is removed for everybody. Tasks that were made from it stay.", "Remove"):
+            await self._form.desk.orders.remove_template(template.name, template.version)
+
+
+def _blank_field(blank: Blank, values: dict[str, str]) -> None:
+    if blank.type in ("number", "text"):
+        field = ui.input(value=blank.default, on_change=lambda event: values.update({blank.name: event.value or ""}))
+        field.props(f'outlined dense aria-label="{blank.label or blank.name}"').classes("somrs-wide")
+        return
+    pick = partial(values.__setitem__, blank.name)
+    label, hint = blank.label or blank.name, f"Which {blank.type}"
+    if blank.type == "truth":
+        made = Picker(label, value=blank.default, options=[Choice(value="TRUE"), Choice(value="FALSE")], on_pick=pick)
+    else:
+        made = Picker(label, value=blank.default, placeholder=hint, source=things(type=blank.type), on_pick=pick)
+    made.classes("somrs-wide")
+
+
+def _line(label: str, value: str, placeholder: str) -> ui.input:
+    with ui.element("div").classes("somrs-define-field"):
+        ui.label(label).classes("somrs-define-label")
+        return ui.input(value=value, placeholder=placeholder).props(f'outlined dense aria-label="{label}"').classes("somrs-wide")

@@ -1,0 +1,45 @@
+"""What happened, as a list: who, when, what; each can be looked at on the plan, and undone."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable
+from functools import partial
+
+from nicegui import ui
+
+from somrs.gui.pages.map.words import at, told
+from somrs.gui.shell import guarded
+from somrs.ontology.types import Ontology
+from somrs.protocol.messages.knowledge import Event
+from somrs.protocol.messages.people import person
+
+
+def entries(
+    events: Iterable[Event],
+    ontology: Ontology,
+    look: Callable[[int], Awaitable[None] | None],
+    undo: Callable[[int], Awaitable[None]] | None = None,
+) -> None:
+    """The events, into the current element."""
+    kept = [*events]
+    undone = {event.undoes for event in kept}
+    for event in kept:
+        with ui.element("li").classes("somrs-map-event"):
+            with ui.element("div").classes("somrs-map-event-head"):
+                ui.label(at(event.at)).classes("somrs-map-when")
+                ui.label(person(event.author)).classes("somrs-map-who")
+                if event.undoes is not None:
+                    ui.label(f"undid {event.undoes}").classes("somrs-soft")
+                if event.version in undone:
+                    ui.label("undone").classes("somrs-soft")
+                ui.space()
+                _button("visibility", f"Show the map at version {event.version}", partial(look, event.version))
+                if undo is not None and event.version not in undone:
+                    _button("undo", f"Undo version {event.version}", partial(guarded(undo), event.version))
+            for line in told(event, ontology):
+                ui.label(line).classes("somrs-map-what")
+
+
+def _button(icon: str, label: str, action: Callable[..., object]) -> None:
+    button = ui.button(icon=icon, on_click=action).props(f'flat round dense size=sm aria-label="{label}"')
+    button.tooltip(label)

@@ -1,0 +1,192 @@
+"""The fields of an object's form: one for each attribute that its type has, as it is meant to be written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from nicegui import ui
+from nicegui.element import Element
+from nicegui.events import ValueChangeEventArguments
+
+from somrs.errors import InputError
+from somrs.gui.pages.map.readings import in_limits, limits, read, text_of, unit
+from somrs.ontology.types import AttributeType, Kind, Ontology, Value
+
+Raw = str | bool | None
+"""What is in a field: a text as it was typed, a switch's state, or nothing, which means the type's default."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """An attribute of a type: where it is, and what the type says of it."""
+
+    path: str
+    attribute: AttributeType
+    type: str
+    ontology: Ontology
+
+    @property
+    def default(self) -> Value | None:
+        return self.ontology.default(self.type, self.path)
+
+    @property
+    def required(self) -> bool:
+        first = self.path.partition(".")[0]
+        return first == self.path and any(first in self.ontology.types[one].required for one in self.ontology.ancestors(self.type))
+
+    def label(self) -> str:
+        return self.attribute.name + (" *" if self.required else "")
+
+    def raw(self, value: Value | None) -> Raw:
+        """What a field shows of a value."""
+        if value is None or isinstance(value, bool):
+            return value
+        return text_of(value, self.attribute)
+
+    def read(self, raw: Raw) -> Value | None:
+        """The value that was written. Raises InputError."""
+        if raw is None or isinstance(raw, bool):
+            return raw
+        text = raw.strip()
+        if not text:
+            if self.required and self.default is None:
+                raise InputError(f"a {self.type} must have {self.attribute.name}")
+            return None
+        value = read(text, self.attribute)
+        if problem := in_limits(self.path, value, self.type, self.ontology):
+            raise InputError(f"{self.attribute.name} is {problem}")
+        return value
+
+
+class Field:
+    """`changed` hears what is in the field once somebody changed it; what is put into it by `show` is not heard. `mirror` has what is
+    typed kept in the browser."""
+
+    def __init__(self, spot: Spot, changed: Callable[[str, Raw], None], mirror: Callable[[Element, str], None] | None = None) -> None:
+        self.spot = spot
+        self._changed = changed
+        self._raw: Raw = None
+        match spot.attribute.kind:
+            case Kind.TRUTH:
+                self._switch()
+            case Kind.ENUMERATION:
+                self._choice()
+            case _:
+                self._text()
+                if mirror is not None:
+                    mirror(self._input, spot.path)
+
+    def show(self, value: Value | None, *, edited: Raw = None, is_edited: bool = False) -> None:
+        """Put in what the object has, or what somebody wrote before."""
+        self._raw = edited if is_edited else self.spot.raw(value)
+        self._fill(self._raw)
+        self.mark(is_edited)
+        self.problem("")
+
+    def mark(self, edited: bool) -> None:
+        """Show whether it says something else than the map."""
+        self.element.classes(add="somrs-map-edited" if edited else "", remove="" if edited else "somrs-map-edited")
+
+    def problem(self, text: str) -> None:
+        if isinstance(self._input, ui.switch):
+            self._said.text, self._said.visible = text, bool(text)
+        else:
+            self._input.error = text or None
+
+    def check(self) -> bool:
+        """Say what is wrong with what was written, if something is."""
+        try:
+            self.spot.read(self._raw)
+        except InputError as error:
+            self.problem(str(error))
+            return False
+        self.problem("")
+        return True
+
+    def focus(self) -> None:
+        self._input.run_method("focus")
+
+    def enable(self, on: bool) -> None:
+        self._input.set_enabled(on)
+
+    # How it looks
+
+    def _text(self) -> None:
+        spot = self.spot
+        default = text_of(spot.default, spot.attribute)
+        number = spot.attribute.kind is Kind.NUMBER
+        self._input: ui.input | ui.select | ui.switch = ui.input(spot.label(), placeholder=default, on_change=self._typed)
+        self._input.props(f"outlined dense hide-bottom-space {'stack-label' if default else ''} autocomplete=off")
+        if shown := unit(spot.attribute):
+            self._input.props(f'suffix="{shown}"')
+        if number:
+            self._input.props("inputmode=decimal").classes("somrs-map-number")
+        self._input.on("blur", self.check)
+        self.element: ui.element = self._input
+        self._help(f"default {default} {unit(spot.attribute)}".rstrip() if default else "")
+
+    def _choice(self) -> None:
+        spot = self.spot
+        options = [*spot.attribute.values]
+        self._input = ui.select(options, label=spot.label(), on_change=self._typed, clearable=True)
+        self._input.props("outlined dense options-dense hide-bottom-space")
+        if spot.default is not None:
+            self._input.props("stack-label")
+        self.element = self._input
+        self._help(f"default {spot.default}" if spot.default is not None else "")
+
+    def _switch(self) -> None:
+        spot = self.spot
+        with ui.element("div").classes("somrs-map-truth") as self.element:
+            self._input = ui.switch(spot.label(), on_change=self._typed).props("dense")
+            self._by_default = ui.label("default").classes("somrs-soft")
+            self._clear = ui.button(icon="backspace", on_click=lambda: self._set(None)).props(
+                f'flat round dense size=sm aria-label="Take {spot.attribute.name} away, so that the default holds"'
+            )
+            self._said = ui.label().classes("somrs-map-wrong")
+            self._said.visible = False
+        self._help("")
+
+    def _help(self, default: str) -> None:
+        spot = self.spot
+        said = [spot.attribute.doc, limits(spot.path, spot.attribute, spot.type, spot.ontology), default]
+        if text := "; ".join(one for one in said if one):
+            with self._input:
+                ui.tooltip(text).props("delay=600")
+
+    # What is in it
+
+    def _fill(self, raw: Raw) -> None:
+        if isinstance(self._input, ui.switch):
+            default = self.spot.default
+            self._input.set_value(bool(raw if raw is not None else default))
+            self._by_default.visible = raw is None
+            self._clear.visible = raw is not None
+        elif isinstance(self._input, ui.select):
+            self._input.set_value(raw or None)
+            default = self.spot.default
+            shown = default is not None and not raw
+            self._input.props(f'display-value="{default}"' if shown else "", remove="" if shown else "display-value")
+            self._input.classes(add="somrs-map-default" if shown else "", remove="" if shown else "somrs-map-default")
+        else:
+            self._input.set_value("" if raw is None else str(raw))
+
+    def _typed(self, event: ValueChangeEventArguments[Any]) -> None:
+        value = event.value
+        if isinstance(self._input, ui.switch):
+            now = bool(self._raw if self._raw is not None else self.spot.default)
+            if bool(value) != now:
+                self._set(bool(value))
+            return
+        raw: Raw = None if value is None else str(value)
+        if (raw or "") != (self._raw or ""):
+            self._set(raw or "")
+
+    def _set(self, raw: Raw) -> None:
+        self._raw = raw
+        if not isinstance(self._input, ui.input):
+            self._fill(raw)
+        self.problem("")
+        self._changed(self.spot.path, raw)

@@ -1,0 +1,144 @@
+"""Finding objects: by a formula, whose bindings are ringed on the plan and listed; or by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from nicegui import ui
+
+from somrs.api.service import Desk
+from somrs.errors import FormulaError, SomrsError
+from somrs.gui.components.formula import FormulaField
+from somrs.gui.pages.map.stage import Stage
+from somrs.gui.shell import guarded
+from somrs.protocol.messages.knowledge import Rows
+
+LIMIT = 200
+NAMES = 60
+
+
+class Finding:
+    """`go` opens an object."""
+
+    def __init__(self, desk: Desk, stage: Stage, go: Callable[[str], None]) -> None:
+        self._desk, self._stage, self._go = desk, stage, go
+        self._asked = ""
+        with ui.element("section").props('aria-label="Find by a formula"'):
+            self._field = FormulaField("For which objects is it so?", placeholder="?Thing isOn Cupboard001", on_submit=self._submitted)
+            with ui.element("div").classes("somrs-map-buttons"):
+                ui.button("Find", icon="search", on_click=guarded(self.find)).props("unelevated dense no-caps")
+                self._clear = ui.button("Clear", on_click=self.clear).props("flat dense no-caps")
+            self._said = ui.label().classes("somrs-map-found-said").props('role="status"')
+            self._problem = ui.label().classes("somrs-map-problem").props('role="alert"')
+            self._rows = ui.element("div").classes("somrs-map-rows")
+        with ui.element("section").props('aria-label="Find by name"').classes("somrs-map-names"):
+            self._name = ui.input("Or by name, type or label", on_change=guarded(self._list)).props(
+                "outlined dense clearable debounce=150 autocomplete=off"
+            )
+            self._names = ui.element("ul").props('aria-label="Objects"')
+        self._clear.visible = self._problem.visible = False
+
+    async def begin(self) -> None:
+        await self._list()
+
+    async def _submitted(self, text: str) -> None:
+        await guarded(self.find)()
+
+    async def find(self) -> None:
+        """Ask, and show what is found."""
+        text = str(self._field.value or "").strip()
+        if not text:
+            self._field.focus()
+            return
+        self._problem.visible = False
+        try:
+            rows = await self._desk.map.query(text, LIMIT)
+        except FormulaError as error:
+            self._wrong(str(error))
+            return
+        except SomrsError as error:
+            self._wrong(str(error))
+            return
+        self._asked = text
+        self._show(rows)
+
+    def _wrong(self, text: str) -> None:
+        self._problem.text, self._problem.visible = text, True
+        self._said.text = ""
+        self._rows.clear()
+        self._stage.highlight({})
+
+    def clear(self) -> None:
+        self._asked = ""
+        self._field.value = ""
+        self._said.text = ""
+        self._problem.visible = self._clear.visible = False
+        self._rows.clear()
+        self._stage.highlight({})
+
+    async def again(self) -> None:
+        """The map changed: what was found may be otherwise."""
+        if self._asked and self._asked == str(self._field.value or "").strip():
+            try:
+                self._show(await self._desk.map.query(self._asked, LIMIT))
+            except SomrsError as error:
+                self._wrong(str(error))
+
+    def _show(self, found: Rows) -> None:
+        rows = found.rows
+        names = [*(rows[0].bindings if rows else {})]
+        objects = self._desk.context.map.objects
+        marks: dict[str, list[str]] = {}
+        for row in rows:
+            for variable, value in row.bindings.items():
+                if value in objects and f"?{variable}" not in marks.setdefault(value, []):
+                    marks[value].append(f"?{variable}")
+        if not names and rows:
+            marks = {word: [] for word in self._asked.replace("(", " ").replace(")", " ").replace(",", " ").split() if word in objects}
+        self._stage.highlight({name: " ".join(these) for name, these in marks.items()})
+        self._clear.visible = True
+        self._said.text = _said(found, bool(names))
+        self._rows.clear()
+        if not names:
+            return
+        with self._rows, ui.element("table").classes("somrs-map-table"):
+            with ui.element("thead"), ui.element("tr"):
+                for name in names:
+                    with ui.element("th").props("scope=col"):
+                        ui.label(f"?{name}")
+            with ui.element("tbody"):
+                for row in rows:
+                    with ui.element("tr"):
+                        for name in names:
+                            with ui.element("td"):
+                                self._cell(row.bindings.get(name, ""))
+
+    def _cell(self, value: str) -> None:
+        if value in self._desk.context.map.objects:
+            ui.button(value, on_click=lambda: self._go(value)).props("flat dense no-caps").classes("somrs-map-link")
+        else:
+            ui.label(value)
+
+    async def _list(self) -> None:
+        found = await self._desk.formulas.things(typed=str(self._name.value or ""), limit=NAMES)
+        self._names.clear()
+        with self._names:
+            for one in found.things:
+                with ui.element("li"), ui.button(on_click=lambda one=one: self._go(one.name)).props("flat dense no-caps align=left"):
+                    ui.icon(one.symbol).props('aria-hidden="true"')
+                    ui.label(one.name)
+                    more = one.type + (f", {one.label}" if one.label else "") + (f", {one.where}" if one.where else "")
+                    ui.label(more).classes("somrs-soft")
+            if found.more:
+                ui.label("There are more; type more of the name.").classes("somrs-soft")
+            if not found.things:
+                ui.label("Nothing is called so.").classes("somrs-soft")
+
+
+def _said(found: Rows, variables: bool) -> str:
+    if not variables:
+        return "It is so." if found.rows else "It is not so."
+    count = len(found.rows)
+    if not count:
+        return "There is nothing of which it is so."
+    return f"{'The first ' if found.more else ''}{count} {'way' if count == 1 else 'ways'} in which it is so"

@@ -1,0 +1,349 @@
+"""The map's page: what is open in it, and what happens to it."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+from urllib.parse import parse_qs, quote, urlencode
+
+from nicegui import ui
+from nicegui.events import KeyEventArguments, ValueChangeEventArguments
+
+from somrs.api.hub import News
+from somrs.api.listener import MapNews
+from somrs.api.service import Desk
+from somrs.client.refusals import Refused
+from somrs.errors import SomrsError
+from somrs.gui.components.floorplan import FloorPlan
+from somrs.gui.news import follow
+from somrs.gui.pages.map.adding import Adding
+from somrs.gui.pages.map.changes import Changes
+from somrs.gui.pages.map.finding import Finding
+from somrs.gui.pages.map.form import OVERTAKEN
+from somrs.gui.pages.map.moves import Move, moved
+from somrs.gui.pages.map.past_sheet import PastSheet
+from somrs.gui.pages.map.removal import remove
+from somrs.gui.pages.map.sheet import Sheet, Ways
+from somrs.gui.pages.map.stage import PLAN, SCENE, VIEWS, Stage
+from somrs.gui.pages.map.times import Times
+from somrs.gui.pages.map.writing import Writing
+from somrs.gui.shell import author, guarded, page, tell
+from somrs.ontology.objects import Change
+from somrs.protocol.messages.knowledge import UpdateMap
+
+PATH = "/map"
+SNAP = 0.05
+"""Metres between the points that dragged objects snap to."""
+SOON = 5.0
+"""Seconds that a change of one's own is waited for."""
+LINKED = ("isOn", "isIn", "isHeldBy", "isAt")
+"""Relations that are offered first to be drawn as links."""
+OBJECT, ADD, FIND, CHANGES = "Object", "Add", "Find", "Changes"
+
+
+def register(desk: Desk) -> None:
+    @ui.page(PATH)
+    async def show() -> None:
+        with page("Map", PATH):
+            MapPage(desk).begin(ui.context.client.request.url.query)
+
+
+class MapPage:
+    """One browser's page."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._selected: str | None = None
+        self._writing = Writing(self._found_written)
+        self._mine: list[int] = []
+        """The versions that were made in this page, newest last, to be undone."""
+        self._sheet: Sheet | None = None
+        with ui.element("div").classes("somrs-map"):
+            self._bar()
+            with ui.element("div").classes("somrs-map-left"):
+                with ui.element("div").classes("somrs-map-stage") as holder:
+                    self._plan = FloorPlan(mode="edit", snap=SNAP)
+                self._stage = Stage(desk, self._plan, holder, self._chosen, self._address)
+                self._times = Times(desk, self._turn_to)
+            with ui.element("aside").classes("somrs-sheet somrs-map-side").props('aria-label="Details"'):
+                self._side()
+        self._listen()
+        follow(desk.context.hub, "map", self._read, self._heard)
+        follow(desk.context.hub, "ontology", self._learned, self._learned_news)
+
+    def _bar(self) -> None:
+        with ui.element("div").classes("somrs-map-bar"):
+            ui.label("Map").classes("somrs-title").props('role="heading" aria-level="1"')
+            self._count = ui.label().classes("somrs-soft")
+            self._views = ui.toggle([PLAN, SCENE], value=PLAN, on_change=lambda event: self._stage.switch(str(event.value)))
+            self._views.props('dense no-caps unelevated toggle-color=primary aria-label="How to show it"').classes("somrs-map-views")
+            ui.space()
+            self._links()
+            snap = ui.switch("Snap", value=True, on_change=lambda event: self._plan.set_snap(SNAP if event.value else 0.0)).props("dense")
+            snap.tooltip("Dragged objects snap to every 5 cm, and turn by 15°; Alt while dragging does without")
+            self._undo_button = ui.button("Undo", icon="undo", on_click=guarded(self._undo)).props("flat dense no-caps")
+            self._undo_button.tooltip("Undo my last change (Ctrl+Z)")
+            with ui.link(target="/api/map/export.yaml").classes("somrs-map-export").props('aria-label="Save as a file"'):
+                ui.icon("download")
+                ui.tooltip("The whole site as a file")
+
+    def _links(self) -> None:
+        """A menu of the relations that can be drawn as links."""
+        relations = sorted(
+            self._desk.context.ontology.relations, key=lambda name: (LINKED.index(name) if name in LINKED else len(LINKED), name)
+        )
+        drawn: dict[str, ui.checkbox] = {}
+
+        def draw() -> None:
+            chosen = [name for name, box in drawn.items() if box.value]
+            self._plan.link(chosen)
+            button.text = f"Links: {len(chosen)}" if chosen else "Links"
+
+        with ui.button("Links", icon="polyline").props("flat dense no-caps") as button:
+            ui.tooltip("Relations to draw on the plan")
+            with ui.menu().props('aria-label="Relations to draw"'), ui.element("div").classes("somrs-map-links"):
+                for name in relations:
+                    drawn[name] = ui.checkbox(name, on_change=draw).props("dense")
+
+    def _side(self) -> None:
+        with ui.tabs().props("dense no-caps inline-label").classes("somrs-map-tabs") as self._tabs:
+            for name, icon in ((OBJECT, "category"), (ADD, "add"), (FIND, "search"), (CHANGES, "history")):
+                ui.tab(name, icon=icon)
+        with ui.tab_panels(self._tabs, value=FIND, animated=False, on_change=self._turned).classes("somrs-map-panels"):
+            with ui.tab_panel(OBJECT):
+                self._object = ui.element("div").classes("somrs-map-object")
+                self._show_object()
+            with ui.tab_panel(ADD):
+                self._adding = Adding(self._desk, self._plan, self.change, self._added)
+            with ui.tab_panel(FIND):
+                self._finding = Finding(self._desk, self._stage, self.go)
+            with ui.tab_panel(CHANGES):
+                self._changes = Changes(self._desk, self._times.look, self._undo_version)
+
+    def _listen(self) -> None:
+        plan = self._plan
+        plan.on_select(lambda told: self._chosen(told["name"]))
+        plan.on_open(lambda told: self._chosen(told["name"]))
+        plan.on_moved(self._moved)
+        plan.on_placed(self._adding.placed)
+        plan.on_stopped(lambda told: self._adding.stop())
+        plan.on_remove(lambda told: self._remove_guarded(told["name"]))
+        plan.on_undo(lambda told: self._undo_guarded())
+        # In fields, the same keys take back what was typed; the plan has them itself while it is in focus.
+        ui.keyboard(on_key=self._pressed, ignore=["input", "select", "textarea"], repeating=False)
+        plan.on_unanswered(lambda told: tell(f"{', '.join(told['names'])} went back: no answer came. Try again.", bad=True))
+
+    def begin(self, query: str) -> None:
+        """Open what the address asks for."""
+        asked = {key: values[0] for key, values in parse_qs(query).items()}
+        if named := asked.get("object"):
+            self._selected = named
+            self._stage.choose(named)
+            if "storey" not in asked:
+                self._plan.show(named)
+            self._show_object()
+            self._tabs.value = OBJECT
+        self._stage.begin(asked.get("storey"))
+        if asked.get("view") == VIEWS[SCENE]:
+            self._views.value = SCENE
+
+    def _address(self) -> None:
+        """Have the page's address say what is looked at, so that it is so again when the page is loaded anew."""
+        asked = self._stage.asked() | ({"object": self._selected} if self._selected is not None else {})
+        ui.navigate.history.replace(f"{PATH}?{urlencode(asked, quote_via=quote)}" if asked else PATH)
+
+    # What is chosen
+
+    def _chosen(self, name: str | None) -> None:
+        """Somebody chose an object on the plan, or none."""
+        self._select(name)
+        if name is not None:
+            self._tabs.value = OBJECT
+
+    def go(self, name: str | None) -> None:
+        """Open an object that was named elsewhere, and have it in view."""
+        self._chosen(name)
+        if name is not None and name in self._desk.context.map.objects:
+            self._plan.show(name)
+
+    def _select(self, name: str | None) -> None:
+        if name == self._selected and name is not None:
+            return
+        if self._selected is not None:
+            self._writing.forget(self._selected)
+        self._selected = name
+        self._stage.choose(name)
+        self._address()
+        self._show_object()
+
+    def _show_object(self) -> None:
+        self._object.clear()
+        self._sheet = None
+        with self._object:
+            if self._selected is None:
+                with ui.element("div").classes("somrs-map-empty"):
+                    ui.icon("touch_app").props('aria-hidden="true"')
+                    ui.label("Choose an object on the plan, or find one by its name. With the plan in focus, Page down goes through them.")
+                self._unsaved()
+                return
+            if self._times.seen is not None:
+                PastSheet(self._desk, self._selected, self._times.seen, self.go)
+                return
+            ways = Ways(
+                go=self.go, change=self.change, remove=self._remove, show=self._plan.show, look=self._times.look,
+                undo=self._undo_version, done=self._done,
+            )  # fmt: skip
+            self._sheet = Sheet(self._desk, self._selected, ways, self._writing)
+
+    def _turn_to(self, version: int | None) -> None:
+        """Show the map as it was at a version; None: as it is."""
+        self._stage.turn_to(version)
+        self._show_object()
+
+    def _found_written(self, names: list[str]) -> None:
+        """The page was loaded again, and something had not been saved."""
+        tell(f"What you wrote for {', '.join(names)} and did not save is still here.")
+        self._show_object()
+
+    def _unsaved(self) -> None:
+        """What was written elsewhere and not saved."""
+        for name in self._writing.names():
+            ui.button(f"{name}: not saved yet", icon="edit", on_click=lambda name=name: self.go(name)).props("flat dense no-caps")
+
+    def _turned(self, event: ValueChangeEventArguments[Any]) -> None:
+        if event.value == CHANGES:
+            ui.timer(0, guarded(self._changes.refresh), once=True)
+        if event.value != ADD:
+            self._adding.stop()
+
+    # Changing the map
+
+    async def change(self, changes: tuple[Change, ...], said: str, expected_version: int | None = None) -> int | None:
+        """Change the map, and say what was done, or why it was not."""
+        try:
+            update = UpdateMap(changes=changes, author=author(), expected_version=expected_version)
+            version = (await self._desk.map.change(update)).version
+        except SomrsError as error:
+            tell(_why(error), bad=True)
+            return None
+        self._done(version)
+        tell(said)
+        return version
+
+    def _done(self, version: int) -> None:
+        self._mine.append(version)
+
+    async def _moved(self, told: dict[str, Any]) -> None:
+        """An object was moved or turned on the plan: it stays there once the map says so."""
+        name = str(told["name"])
+        map, ontology = self._desk.context.map, self._desk.context.ontology
+        if name not in map.objects:
+            self._plan.back(name)
+            tell(f"{name} is not on the map any more: somebody removed or renamed it.", bad=True)
+            return
+        move = Move(name=name, x=told["x"], y=told["y"], turned=told["turned"], target=told["target"])
+        update = UpdateMap(changes=moved(map, ontology, move), author=author(), expected_version=told["version"])
+        try:
+            version = (await self._desk.map.change(update)).version
+        except Refused as error:
+            self._plan.back(name)
+            if any(one.rule == OVERTAKEN for one in error.broken):
+                who = ", ".join(dict.fromkeys(one.subject for one in error.broken))
+                tell(
+                    f"Somebody else changed {who} while you moved {name}. It is where they left it; move it again if you still want to.",
+                    bad=True,
+                )
+            else:
+                tell(f"{name} went back to where it was. {_why(error)}", bad=True)
+        except SomrsError as error:
+            self._plan.back(name)
+            tell(f"{name} went back to where it was. {_why(error)}", bad=True)
+        else:
+            self._done(version)
+            self._plan.settled(name, version)
+
+    async def _added(self, name: str, version: int) -> None:
+        await self._there(version)
+        self.go(name)
+
+    async def _there(self, version: int) -> None:
+        """Wait until a version is known here."""
+        until = asyncio.get_running_loop().time() + SOON
+        while self._desk.context.version < version and asyncio.get_running_loop().time() < until:
+            await asyncio.sleep(0.02)
+
+    async def _remove(self, name: str) -> None:
+        if await remove(self._desk, name, self.change) and self._selected == name:
+            self._select(None)
+
+    async def _remove_guarded(self, name: str) -> None:
+        await guarded(self._remove)(name)
+
+    # Undoing
+
+    async def _undo(self) -> None:
+        """Undo the last change that was made here, or else the last one that is by whoever sits here."""
+        version = self._mine[-1] if self._mine else await self._last_of_mine()
+        if version is None:
+            tell("There is nothing of yours to undo.")
+            return
+        await self._undo_version(version)
+
+    async def _pressed(self, event: KeyEventArguments) -> None:
+        if event.action.keydown and (event.modifiers.ctrl or event.modifiers.meta) and not event.modifiers.shift and event.key == "z":
+            await self._undo_guarded()
+
+    async def _undo_guarded(self) -> None:
+        await guarded(self._undo)()
+
+    async def _last_of_mine(self) -> int | None:
+        found = (await self._desk.map.events(limit=100)).events
+        undone = {event.undoes for event in found}
+        mine = (event for event in found if event.author == author() and event.undoes is None and event.version not in undone)
+        return next((event.version for event in mine if event.changes), None)
+
+    async def _undo_version(self, version: int) -> None:
+        await self._desk.map.undo(version, author())
+        if version in self._mine:
+            self._mine.remove(version)
+        tell(f"Version {version} was undone")
+
+    # What happens
+
+    async def _read(self) -> None:
+        await self._times.begin()
+        await self._finding.begin()
+        self._look()
+
+    async def _learned(self) -> None:
+        self._adding.refresh()
+
+    async def _learned_news(self, news: News) -> None:
+        self._adding.refresh()
+        if self._sheet is not None and not self._sheet.dirty:
+            self._show_object()
+
+    async def _heard(self, news: News) -> None:
+        value = news.value
+        changes = value.changes if isinstance(value, MapNews) and not value.read else ()
+        version = value.version if isinstance(value, MapNews) else self._desk.context.version
+        if self._sheet is not None:
+            await self._sheet.heed(changes, version)
+        self._times.grow()
+        self._look()
+        await self._finding.again()
+        if self._tabs.value == CHANGES:
+            await guarded(self._changes.refresh)()
+
+    def _look(self) -> None:
+        self._count.text = f"{len(self._desk.context.map.objects)} objects"
+
+
+def _why(error: SomrsError) -> str:
+    """Why a change was refused, as people read it."""
+    if isinstance(error, Refused) and error.broken:
+        if any(one.rule == OVERTAKEN for one in error.broken):
+            who = ", ".join(dict.fromkeys(one.subject for one in error.broken))
+            return f"Somebody else changed {who} meanwhile; look at it and try again."
+        return "\n".join(f"{one.subject}: {one.message}" for one in error.broken)
+    return str(error)

@@ -1,0 +1,52 @@
+"""The object that is chosen, as it was at a version of the map: to be read, not to be changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from nicegui import ui
+
+from somrs.api.service import Desk
+from somrs.gui.pages.map.words import shown
+from somrs.gui.shell import guarded
+
+
+class PastSheet:
+    """In the element that is current when it is made. `go` opens another object."""
+
+    def __init__(self, desk: Desk, name: str, version: int, go: Callable[[str | None], None]) -> None:
+        self._desk, self._name, self._version, self._go = desk, name, version, go
+        with ui.element("div").classes("somrs-map-title"):
+            ui.label(name).classes("somrs-title").props('role="heading" aria-level="2"')
+            self._type = ui.label().classes("somrs-soft")
+            ui.space()
+            close = ui.button(icon="close", on_click=lambda: go(None))
+            close.props('flat round dense size=sm aria-label="Close"').tooltip("Close")
+        ui.label(f"As it was at version {version}").classes("somrs-soft")
+        self._body = ui.element("div")
+        ui.timer(0, guarded(self._read), once=True)
+
+    async def _read(self) -> None:
+        seen = await self._desk.map.read(self._version)
+        object = next((one for one in seen.objects if one.name == self._name), None)
+        facts = [fact for fact in seen.facts if self._name in fact.arguments]
+        with self._body:
+            if object is None:
+                ui.label(f"There was no {self._name} on the map then.").props('role="status"')
+                return
+            self._type.text = object.type
+            attributes = self._desk.context.ontology.attributes
+            with ui.element("dl").classes("somrs-map-values").props('aria-label="Attributes"'):
+                for path, value in object.values.items():
+                    with ui.element("dt"):
+                        ui.label(path)
+                    with ui.element("dd"):
+                        ui.label(shown(value, attributes.get(path.rpartition(".")[2])))
+            with ui.element("section").classes("somrs-map-part").props('aria-label="Relations"'):
+                ui.label("Relations").classes("somrs-map-head")
+                with ui.element("ul").classes("somrs-map-facts"):
+                    for fact in facts:
+                        with ui.element("li").classes("somrs-map-fact"):
+                            ui.label(str(fact))
+                if not facts:
+                    ui.label("It was in no relation.").classes("somrs-soft")

@@ -1,0 +1,127 @@
+"""What a new object is proposed to be like: its name, its place, its sizes, and on what it stands."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+from somrs.gui.pages.map.moves import ON, TURNED, X, Y, Z, number, top
+from somrs.ontology.objects import Change, Fact, FactAdded, Map, Object, ObjectAdded
+from somrs.ontology.types import PART_OF, PHYSICAL, Ontology, Value
+
+DIGITS = 3
+"""Of the number in a name such as Jar004."""
+CEILING = 2.2
+"""At what height a camera is hung, m."""
+
+_NUMBERED = re.compile(r"(.*?)(\d+)$")
+
+FORMS: tuple[tuple[str, dict[str, Value]], ...] = (
+    ("Wall", {"Shape.Form": "Box", "Shape.Width": 2.0, "Shape.Depth": 0.1, "Shape.Height": 2.5}),
+    ("Floor", {"Shape.Form": "Box", "Shape.Width": 4.0, "Shape.Depth": 3.0, "Shape.Height": 0.1}),
+    ("Ceiling", {"Shape.Form": "Box", "Shape.Width": 4.0, "Shape.Depth": 3.0, "Shape.Height": 0.1}),
+    ("Passage", {"Shape.Form": "Box", "Shape.Width": 0.1, "Shape.Depth": 0.9, "Shape.Height": 2.1}),
+    ("Window", {"Shape.Form": "Box", "Shape.Width": 0.1, "Shape.Depth": 1.2, "Shape.Height": 1.2}),
+    ("Pillar", {"Shape.Form": "Cylinder", "Shape.Radius": 0.2, "Shape.Height": 2.5}),
+    ("Chair", {"Shape.Form": "Box", "Shape.Width": 0.45, "Shape.Depth": 0.45, "Shape.Height": 0.85}),
+    ("Bin", {"Shape.Form": "Cylinder", "Shape.Radius": 0.18, "Shape.Height": 0.4}),
+    ("Plant", {"Shape.Form": "Cylinder", "Shape.Radius": 0.25, "Shape.Height": 1.2}),
+    ("Shelf", {"Shape.Form": "Box", "Shape.Width": 0.5, "Shape.Depth": 1.2, "Shape.Height": 0.9}),
+    ("Platform", {"Shape.Form": "Box", "Shape.Width": 0.8, "Shape.Depth": 0.8, "Shape.Height": 0.3}),
+    ("Furniture", {"Shape.Form": "Box", "Shape.Width": 0.7, "Shape.Depth": 1.2, "Shape.Height": 0.74}),
+    ("Graspable", {"Shape.Form": "Cylinder", "Shape.Radius": 0.04, "Shape.Height": 0.12}),
+    (PHYSICAL, {"Shape.Form": "Box", "Shape.Width": 0.4, "Shape.Depth": 0.4, "Shape.Height": 0.4}),
+)
+"""What things are like of which neither their type nor another of their kind says it; the first type that fits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spot:
+    """Where on the plan somebody clicked; `target`: on what it would stand, `storey`: on which storey."""
+
+    x: float
+    y: float
+    turned: float = 0.0
+    target: str | None = None
+    storey: str = ""
+
+
+def name_for(type_name: str, map: Map) -> str:
+    """A name that nobody has, counted on from those of its kind."""
+    matches = [match for name in map.of_type(type_name) if (match := _NUMBERED.match(name))]
+    prefixes = Counter(match[1] for match in matches)
+    prefix = prefixes.most_common(1)[0][0] if prefixes else type_name
+    same = [match[2] for match in matches if match[1] == prefix]
+    digits = max((len(one) for one in same), default=DIGITS)
+    number = max((int(one) for one in same), default=0) + 1
+    while (name := f"{prefix}{number:0{digits}d}") in map.objects:
+        number += 1
+    return name
+
+
+def form_for(type_name: str, map: Map, ontology: Ontology) -> dict[str, Value]:
+    """The sizes of a new object, where its type has no default: those of the last of its kind, or usual ones."""
+    if "Shape" not in {path.partition(".")[0] for path in ontology.attributes_of(type_name)}:
+        return {}
+    if ontology.default(type_name, "Shape.Form") is not None or not _must(type_name, "Shape", ontology):
+        return {}
+    for name in reversed([*map.of_type(type_name)]):
+        own = {path: value for path, value in map.objects[name].values.items() if path.startswith("Shape.") and path != "Shape.Outline"}
+        if own.get("Shape.Form") in ("Box", "Cylinder"):
+            return own
+    return dict(next(form for ancestor, form in FORMS if ontology.is_a(type_name, ancestor)))
+
+
+def _must(type_name: str, attribute: str, ontology: Ontology) -> bool:
+    return any(attribute in ontology.types[one].required for one in ontology.ancestors(type_name))
+
+
+def adding(type_name: str, name: str, values: dict[str, Value], spot: Spot | None, map: Map, ontology: Ontology) -> tuple[Change, ...]:
+    """The changes that add an object of the type, where it was clicked, if anywhere."""
+    known = ontology.attributes_of(type_name)
+    facts: list[Fact] = []
+    if spot is not None:
+        floor = _elevation(spot.storey, map, ontology)
+        values = {X: round(float(spot.x), 4), Y: round(float(spot.y), 4), **values}
+        z = _height(type_name, values, floor, ontology)
+        if spot.target is not None and ontology.is_a(type_name, "Graspable"):
+            facts.append(Fact(ON, (name, spot.target)))
+            z = round(top(map, ontology, spot.target), 4)
+        if z != ontology.default(type_name, Z):
+            values[Z] = z
+        if spot.turned and TURNED in known:
+            values[TURNED] = round(spot.turned, 5)
+        if ontology.is_a(type_name, "BuildingElement") and (whole := _whole(type_name, spot, map, ontology)) is not None:
+            facts.append(Fact(PART_OF, (name, whole)))
+    elif (root := next(iter(map.roots()), None)) is not None:
+        facts.append(Fact(PART_OF, (name, root)))  # else it would be nowhere at all
+    kept = {path: value for path, value in values.items() if path in known}
+    return (ObjectAdded(Object(name=name, type=type_name, values=kept)), *(FactAdded(fact) for fact in facts))
+
+
+def _height(type_name: str, values: dict[str, Value], floor: float, ontology: Ontology) -> float:
+    thick = values.get("Shape.Height")
+    if ontology.is_a(type_name, "Floor") and isinstance(thick, int | float):
+        return round(floor - thick, 4)
+    if ontology.is_a(type_name, "Camera"):
+        return floor + CEILING
+    return floor + 0.9 if ontology.is_a(type_name, "Window") else floor
+
+
+def _elevation(storey: str, map: Map, ontology: Ontology) -> float:
+    return (number(map, ontology, storey, "Elevation") if storey in map.objects else None) or 0.0
+
+
+def _whole(type_name: str, spot: Spot, map: Map, ontology: Ontology) -> str | None:
+    """What a wall or a door is made a part of: what the floor there is a part of; a floor, of its storey."""
+    if not ontology.is_a(type_name, "Floor") and spot.target in map.objects and spot.target is not None:
+        floor = spot.target
+        while floor is not None and floor in map.objects and not ontology.is_a(map.objects[floor].type, "AbstractObject"):
+            above = map.whole(floor)
+            if above is None:
+                break
+            floor = above
+        if floor in map.objects and ontology.is_a(map.objects[floor].type, "AbstractObject"):
+            return floor
+    return spot.storey or next(iter(map.roots()), None)

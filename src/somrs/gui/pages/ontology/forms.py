@@ -1,0 +1,172 @@
+"""The form of each kind of definition: which fields there are, and what can be chosen in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from nicegui import ui
+
+from somrs.gui.pages.ontology.drafts import COMPUTED, READ, TABLE
+from somrs.gui.pages.ontology.fields import Fields, line
+from somrs.gui.pages.ontology.sections import ATTRIBUTES, FUNCTIONS, RELATIONS, SERVICES, TYPES
+from somrs.gui.pages.ontology.seen import Seen
+from somrs.gui.pages.ontology.typeform import Make, TypeForm
+from somrs.ontology.services import PROVIDER, Occasion, ServiceKind
+from somrs.ontology.types import ROOT, Kind, Ontology
+
+NAME_HINT = "A letter, then letters, digits, _ or -"
+DEVICE = "Device"
+VALUE_TYPES = ("number", "text", "truth")
+
+KINDS: dict[str | None, str] = {
+    Kind.NUMBER.value: "a number",
+    Kind.TEXT.value: "a text",
+    Kind.TRUTH.value: "yes or no",
+    Kind.ENUMERATION.value: "one of a list",
+    Kind.COMPLEX.value: "made of other attributes",
+}
+SOURCES: dict[str | None, str] = {READ: "reads an attribute", TABLE: "is a table", COMPUTED: "is worked out by SO-MRS"}
+
+
+def build(fields: Fields, seen: Seen, make: Make) -> None:
+    """The form of the draft's kind, into the current element."""
+    ontology = seen.ontology
+    making: dict[str, Callable[[Fields, Ontology], None]] = {
+        ATTRIBUTES.key: _attribute,
+        RELATIONS.key: _relation,
+        FUNCTIONS.key: _function,
+        SERVICES.key: _service,
+    }
+    with line():
+        name = fields.text("name", "Name", hint=NAME_HINT)
+        if fields.draft.name is None:
+            name.props("autofocus")
+        if fields.draft.section_key in (TYPES.key, SERVICES.key):
+            _parent(fields, ontology)
+    if fields.draft.section is TYPES:
+        TypeForm(fields, seen, make)
+    else:
+        making[fields.draft.section_key](fields, ontology)
+    fields.lines("doc", "What it means")
+
+
+def _parent(fields: Fields, ontology: Ontology) -> None:
+    own = fields.draft.name
+    if fields.draft.section is TYPES:
+        if own != ROOT:
+            below = {one for one in ontology.types if own is not None and ontology.is_a(one, own)}
+            fields.choice("parent", "Parent", sorted(ontology.types.keys() - below), hint="What it inherits from")
+    else:
+        nothing: dict[str | None, str] = {None: "none"}
+        fields.choice("parent", "Parent", {**nothing, **{name: name for name in sorted(ontology.services) if name != own}})
+
+
+# Attributes
+
+
+def _attribute(fields: Fields, ontology: Ontology) -> None:
+    def more() -> None:
+        body.clear()
+        with body:
+            match fields.get("kind"):
+                case Kind.NUMBER.value:
+                    with line():
+                        fields.text("unit", "Unit", hint="m, cm, kg, s, m/s, percent, EUR ...", width="middle")
+                        fields.text("minimum", "At least", width="narrow")
+                        fields.text("maximum", "At most", width="narrow")
+                        fields.text("tolerance", "Equal within", width="narrow")
+                case Kind.ENUMERATION.value:
+                    fields.text("values", "Values", hint="With commas between them", width="full")
+                case Kind.COMPLEX.value:
+                    others = sorted(name for name in ontology.attributes if name != fields.draft.name)
+                    fields.several("attributes", "Made of", others)
+
+    fields.choice("kind", "Its values are", KINDS, then=more)
+    body = ui.element("div")
+    more()
+
+
+# Relations and functions
+
+
+def _joined(fields: Fields, path: str, title: str, ontology: Ontology) -> None:
+    types = sorted(ontology.types)
+    fields.rows(path, title, "type", lambda at: _chosen(fields, at, types), lambda: "Object")
+
+
+def _chosen(fields: Fields, path: str, types: list[str]) -> None:
+    fields.choice(path, f"{('First', 'Second', 'Third')[index] if (index := int(path.rpartition('.')[2])) < 3 else 'Next'} type", types)
+
+
+def _relation(fields: Fields, ontology: Ontology) -> None:
+    _joined(fields, "joins", "Joins", ontology)
+    fields.flag("symmetric", "Either way round: A to B is B to A")
+    fields.flag("functional", "An object stands in it to one other at a time")
+    groups = sorted({relation.excludes for relation in ontology.relations.values() if relation.excludes})
+    hint = "An object stands in one relation of a group at a time" + (f"; there is {', '.join(groups)}" if groups else "")
+    fields.text("excludes", "Group of relations that exclude each other", hint=hint, width="full")
+
+
+def _function(fields: Fields, ontology: Ontology) -> None:
+    def more() -> None:
+        body.clear()
+        with body:
+            match fields.get("source"):
+                case "attribute":
+                    paths = sorted(
+                        {path for type in ontology.types for path, one in ontology.attributes_of(type).items() if one.kind is Kind.NUMBER}
+                    )
+                    fields.choice("attribute", "Attribute", paths)
+                case "table":
+                    hint = "By the names of the objects, with a space between two."
+                    fields.rows("values", "Table", "value", value, lambda: {"key": "", "value": ""}, hint)
+
+    def value(path: str) -> None:
+        fields.text(f"{path}.key", "Of")
+        fields.text(f"{path}.value", "Value", width="narrow")
+
+    _joined(fields, "parameters", "Of", ontology)
+    with line():
+        fields.choice("source", "Its value", SOURCES, then=more)
+        fields.text("unit", "Unit", width="middle")
+    body = ui.element("div")
+    more()
+
+
+# Service types
+
+
+def _typed(fields: Fields, ontology: Ontology) -> dict[str, str]:
+    """The types of the variables that a service's formulas have."""
+    device = {PROVIDER: DEVICE} if DEVICE in ontology.types else {}
+    rows = [*fields.get("inputs"), *fields.get("outputs")]
+    return {**device, **{row["name"].strip().removeprefix("?"): row["type"] for row in rows if row["name"].strip() and row["type"]}}
+
+
+def _service(fields: Fields, ontology: Ontology) -> None:
+    types = [*VALUE_TYPES, *sorted(ontology.types)]
+
+    def declared() -> None:
+        for formula in (before, after):
+            formula.field.variables = _typed(fields, ontology)
+
+    def parameter(path: str) -> None:
+        fields.text(f"{path}.name", "Variable", width="middle", then=declared)
+        fields.choice(f"{path}.type", "Type", types, then=declared)
+
+    def handler(path: str) -> None:
+        fields.choice(f"{path}.on", "On", {one.value: one.value for one in Occasion}, width="middle")
+        fields.formula(f"{path}.when", "When (always, if empty)", _typed(fields, ontology))
+        fields.formula(f"{path}.effect", "Bring about", _typed(fields, ontology))
+
+    fields.choice("kind", "Kind", {kind.value: kind.value for kind in ServiceKind})
+    blank = {"name": "", "type": None}
+    fields.rows("inputs", "Inputs", "input", parameter, lambda: dict(blank))
+    fields.rows("outputs", "Outputs", "output", parameter, lambda: dict(blank))
+    before = fields.formula("precondition", "Holds before it", _typed(fields, ontology), hint="What must be so; ?Provider is the device")
+    after = fields.formula("effect", "Holds after it", _typed(fields, ontology))
+    fields.text("cost", "Costs", hint="A number, or a term over the inputs and ?Provider: km(?From, ?To)", width="full")
+    fields.rows(
+        "handlers", "Handlers", "handler", handler, lambda: {"on": Occasion.FAILURE.value, "when": "", "effect": ""},
+        "What is brought about when a step of the type fails, or is to be undone.",
+    )  # fmt: skip

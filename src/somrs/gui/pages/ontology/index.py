@@ -1,0 +1,89 @@
+"""The left side of the page: all definitions of a section as a tree, found by typing."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from nicegui import ui
+from nicegui.events import ValueChangeEventArguments
+
+from somrs.gui.components.fields.tree import Node, Tree
+from somrs.gui.pages.ontology.sections import SECTION, SECTIONS, SERVICES, TYPES, Section
+from somrs.gui.pages.ontology.seen import Seen
+
+Marks = Mapping[tuple[str, str], str]
+"""What is wrong with a definition, by section and name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choices:
+    """What the person can ask of the index."""
+
+    turn: Callable[[Section], None]
+    pick: Callable[[Section, str], None]
+    move: Callable[[Section, str, str], Awaitable[None]]
+    new: Callable[[Section], None]
+
+
+class Index:
+    def __init__(self, seen: Seen, choices: Choices) -> None:
+        self._seen, self._choices = seen, choices
+        self._section = TYPES
+        self._tree: Tree | None = None
+        self._marks: Marks = {}
+        self._drafts: set[str] = set()
+        with ui.element("aside").classes("somrs-sheet somrs-onto-index").props('aria-label="All definitions"'):
+            with ui.tabs(on_change=self._turned).props("dense no-caps inline-label") as self._tabs:
+                for section in SECTIONS:
+                    ui.tab(section.key, label=section.label)
+            self._body = ui.element("div").classes("somrs-onto-index-body")
+            self._new = ui.button("", icon="add", on_click=lambda: choices.new(self._section)).props("flat no-caps")
+            self._new.classes("somrs-onto-new")
+
+    def _turned(self, event: ValueChangeEventArguments[Any]) -> None:
+        section = SECTION[str(event.value)]
+        if section is not self._section:
+            self._choices.turn(section)
+
+    def show(self, section: Section, name: str | None, marks: Marks, drafts: set[str]) -> None:
+        """The section as it is now, with the one that is open."""
+        self._marks = marks
+        nodes = self._nodes(section, marks, drafts)
+        if section is not self._section or self._tree is None:
+            self._section = section
+            self._tabs.value = section.key
+            self._body.clear()
+            with self._body:
+                movable = section in (TYPES, SERVICES)
+                self._tree = Tree(
+                    section.label,
+                    f"Find {section.label.lower()}",
+                    lambda id: self._choices.pick(section, id),
+                    (lambda id, to: self._choices.move(section, id, to)) if movable else None,
+                    nodes,
+                )
+            self._new.text = f"New {section.one}"
+        self._tree.show(nodes)
+        self._tree.select(name)
+
+    def mark_drafts(self, drafts: set[str]) -> None:
+        """Show which have something unsaved."""
+        if self._tree is not None and drafts != self._drafts:
+            self._tree.show(self._nodes(self._section, self._marks, drafts))
+
+    def _nodes(self, section: Section, marks: Marks, drafts: set[str]) -> list[Node]:
+        counts = self._seen.counts() if section is TYPES else {}
+        self._drafts = set(drafts)
+        nodes = []
+        for name, definition in sorted(section.among(self._seen.ontology).items()):
+            node = Node(id=name, label=name, parent=getattr(definition, "parent", None))
+            if count := counts.get(name):
+                node["count"] = count
+            if problem := marks.get((section.key, name)):
+                node["problem"] = problem
+            if f"{section.key}:{name}" in drafts:
+                node["draft"] = True
+            nodes.append(node)
+        return nodes

@@ -1,0 +1,115 @@
+"""Small things that the page is made of: links to definitions, tables, headings."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from typing import Concatenate, ParamSpec, Protocol, TypeVar
+
+from nicegui import Client, ui
+from nicegui.element import Element
+from nicegui.elements.mixins.text_element import TextElement
+
+from somrs.gui.pages.ontology.sections import Section
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+Go = Callable[[Section, str], None]
+
+STAY = "(event) => { if (event.ctrlKey || event.metaKey || event.shiftKey) return; event.preventDefault(); emit(); }"
+"""A link that is followed in the page; with a key held, as browsers do."""
+
+
+class Word(TextElement):
+    """A text in an element of its own: `Word("td", "3 kg")`."""
+
+    def __init__(self, tag: str, text: str = "", classes: str = "") -> None:
+        super().__init__(tag=tag, text=text)
+        if classes:
+            self.classes(classes)
+
+
+def way(go: Go, section: Section, name: str, text: str | None = None) -> None:
+    """A link to a definition."""
+    link = ui.link(text or name, section.link(name)).classes("somrs-onto-way")
+    link.on("click", lambda: go(section, name), js_handler=STAY)
+
+
+def ways(go: Go, section: Section, names: list[str]) -> None:
+    """Links behind one another."""
+    with ui.element("span").classes("somrs-onto-ways"):
+        for name in names:
+            way(go, section, name)
+
+
+@contextmanager
+def chapter(title: str, count: int | None = None) -> Iterator[Element]:
+    """A part of a sheet, under a heading."""
+    with ui.element("section").classes("somrs-onto-chapter").props(f'aria-label="{title}"') as section:
+        with Word("h3", title):
+            if count is not None:
+                Word("span", str(count), "somrs-onto-count")
+        yield section
+
+
+@contextmanager
+def table(*headings: str) -> Iterator[Element]:
+    """A table; what is made inside are its rows."""
+    with ui.element("div").classes("somrs-onto-scroll"), ui.element("table").classes("somrs-onto-table"):
+        with ui.element("thead"), ui.element("tr"):
+            for heading in headings:
+                Word("th", heading).props("scope=col")
+        with ui.element("tbody") as body:
+            yield body
+
+
+@contextmanager
+def row(classes: str = "") -> Iterator[Element]:
+    with ui.element("tr").classes(classes) as made:
+        yield made
+
+
+@contextmanager
+def cell(classes: str = "") -> Iterator[Element]:
+    with ui.element("td").classes(classes) as made:
+        yield made
+
+
+def note(text: str) -> None:
+    ui.label(text).classes("somrs-soft")
+
+
+def icon_button(icon: str, label: str, on_click: Callable[..., object]) -> ui.button:
+    """A button without words, which says to those who do not see it, and to the mouse, what it does."""
+    button = ui.button(icon=icon, on_click=on_click).props(f'flat round dense aria-label="{label}"').classes("somrs-onto-icon")
+    with button:
+        ui.tooltip(label)
+    return button
+
+
+def titled(title: str) -> ui.dialog:
+    """A dialog that says to those who do not see it what it is."""
+    return ui.dialog().props(f'aria-label="{title}"')
+
+
+class OnPage(Protocol):
+    """Something that belongs to one browser's page."""
+
+    @property
+    def client(self) -> Client: ...
+
+
+S = TypeVar("S", bound=OnPage)
+
+
+def lasting(action: Callable[Concatenate[S, P], Awaitable[R]]) -> Callable[Concatenate[S, P], Awaitable[R]]:
+    """The action, done for the page and not for the button that asked for it, which may be gone before it is done."""
+
+    @wraps(action)
+    async def last(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        with self.client:
+            return await action(self, *args, **kwargs)
+
+    return last

@@ -1,0 +1,87 @@
+"""Where a task takes place: the scene, or the floor plan, with whoever is at work and the things that they handle marked, and, on the plan,
+an arrow to where things are wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from nicegui import app, ui
+
+from somrs.entish import Name, Relation
+from somrs.entish.formula import conjuncts
+from somrs.entish.parse import parse
+from somrs.gui.components.floorplan import FloorPlan
+from somrs.gui.components.scene import Scene3D
+from somrs.gui.pages.task_words import device
+from somrs.protocol.messages.clients import TaskView
+from somrs.protocol.messages.frp import State
+
+SPACE, PLAN = "3d", "plan"
+KEPT = "task view"
+"""In the browser's settings: which of the two."""
+
+HEIGHT = "340px"
+
+AFTER = 0.3
+"""Seconds after which the scene is made: all else on the page is there first."""
+
+WORKING = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
+
+
+class Scene:
+    """One of two views, as somebody likes it; that is remembered in this browser."""
+
+    def __init__(self) -> None:
+        self._marks: dict[str, str] = {}
+        self._ways: list[tuple[str, str | tuple[float, float]]] = []
+        self._plan: FloorPlan | None = None
+        self._space: Scene3D | None = None
+        chosen = app.storage.user.get(KEPT, SPACE)
+        self._choice = ui.toggle({SPACE: "3D", PLAN: "Floor plan"}, value=chosen, on_change=self._turn)
+        self._choice.props('no-caps dense unelevated aria-label="View"').classes("somrs-task-scene-choice")
+        self._place = ui.element("div").classes("somrs-task-view").style(f"min-height: {HEIGHT}")
+        ui.timer(AFTER, self._make, once=True)
+
+    def _turn(self) -> None:
+        app.storage.user[KEPT] = self._choice.value
+        self._make()
+
+    def _make(self) -> None:
+        self._place.clear()
+        self._plan = self._space = None
+        with self._place:
+            if self._choice.value == PLAN:
+                self._plan = FloorPlan(mode="view").classes("somrs-task-floor")
+            else:
+                self._space = Scene3D(height=HEIGHT)
+        self._mark()
+
+    def _mark(self) -> None:
+        if self._plan is not None:
+            self._plan.highlight(self._marks)
+            self._plan.point(self._ways)
+        if self._space is not None:
+            self._space.highlight(self._marks)
+
+    def show(self, view: TaskView) -> None:
+        marks = dict(_marks(view))
+        ways = [*_ways(view)] if view.outcome is None else []
+        if (marks, ways) != (self._marks, self._ways):
+            self._marks, self._ways = marks, ways
+            self._mark()
+
+
+def _marks(view: TaskView) -> Iterator[tuple[str, str]]:
+    """Names of objects, with what is to be said of them."""
+    for work in view.work:
+        if work.state in WORKING:
+            yield next(iter(work.inputs.values()), ""), ""
+            yield device(work.service), work.step
+
+
+def _ways(view: TaskView) -> Iterator[tuple[str, str | tuple[float, float]]]:
+    """From things to where the wish wants them."""
+    for part in conjuncts(parse(view.effect)):
+        match part:
+            case Relation(_, (Name(thing), Name(place))):
+                yield thing, place

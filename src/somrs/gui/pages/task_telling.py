@@ -1,0 +1,53 @@
+"""The story of a task on its page: the chapters, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from somrs.gui.components.task.story import Part, StoryBook, Told
+from somrs.gui.icons import clock, lasted
+from somrs.gui.pages.task_story import Chapter, story, summary
+from somrs.gui.panel import Panel
+from somrs.protocol.messages.clients import TaskEvent, TaskView
+
+TONES = {"good": "check_circle", "bad": "cancel", "busy": "pending", "plain": "info"}
+
+
+class Telling:
+    """In `panel`, beside whose title stands how much went wrong."""
+
+    def __init__(self, panel: Panel, task: str) -> None:
+        self._panel = panel
+        self._book = StoryBook(task)
+
+    def show(self, view: TaskView, events: Sequence[TaskEvent]) -> None:
+        chapters = story(view, events)
+        self._panel.note.set_text(summary(chapters))
+        self._book.show([_part(chapter, view.submitted_at) for chapter in chapters])
+
+
+def _part(chapter: Chapter, start: float) -> Part:
+    failure = chapter.number is not None
+    return Part(
+        icon=chapter.icon,
+        title=chapter.title,
+        tone=chapter.tone,
+        text=f"{chapter.step}: {chapter.text}" if failure and chapter.step else chapter.text,
+        left=chapter.left,
+        moment=f"+{lasted(chapter.at - start)}",
+        clock=clock(chapter.at),
+        failure=failure,
+        lines=[
+            Told(
+                rung=line.rung,
+                text=line.text,
+                moment=f"+{lasted(line.at - start)}" if line.rung or line.at != chapter.at else "",
+                clock=clock(line.at),
+            )
+            for line in chapter.lines
+        ],
+        result=chapter.result or "Something is being done about it.",
+        result_tone=chapter.result_tone,
+        result_icon=TONES[chapter.result_tone],
+        took=f"after {lasted(chapter.ended - chapter.at)}" if chapter.ended is not None else "",
+    )

@@ -1,0 +1,195 @@
+"""All tasks that the Task Manager has in mind, newest first, as they go on."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from nicegui import ui
+
+from somrs.api.hub import News
+from somrs.api.questions import OpenQuestions
+from somrs.api.service import Desk
+from somrs.api.tasks import TasksChanged
+from somrs.errors import SomrsError
+from somrs.gui.icons import clock, lasted, listed
+from somrs.gui.news import follow
+from somrs.gui.pages import task
+from somrs.gui.pages.task_words import counted, device, due, gist, key, sign
+from somrs.gui.shell import page
+from somrs.gui.throttle import Soon
+from somrs.gui.unavailable_banner import Silence
+from somrs.protocol.messages.clients import Phase, TaskRow
+from somrs.protocol.messages.people import person
+
+MOST = 200
+"""Tasks that are shown: as many as the Task Manager has in mind when they are over."""
+
+AGAIN = 2.0
+"""Seconds after which a Task Manager that does not answer is asked again."""
+
+ALL, RUNNING = "all", "running"
+
+COLUMNS: list[dict[str, Any]] = [
+    {"name": "far", "label": "How far", "field": "far", "align": "left"},
+    {"name": "effect", "label": "Wish", "field": "effect", "align": "left"},
+    {"name": "stated", "label": "Stated", "field": "at", "align": "left"},
+    {"name": "took", "label": "Time", "field": "seconds", "align": "left"},
+    {"name": "due", "label": "Deadline", "field": "due", "align": "left"},
+    {"name": "priority", "label": "Priority", "field": "priority", "align": "left"},
+]
+
+ROW = """
+<q-tr :props="props" :class="'somrs-task-row somrs-tone-' + props.row.tone">
+  <q-td class="somrs-task-far">
+    <span :class="'somrs-badge somrs-' + props.row.tone">
+      <i class="q-icon material-icons" aria-hidden="true">{{ props.row.icon }}</i>{{ props.row.far }}</span>
+    <div class="somrs-task-bar" role="progressbar" aria-label="Done" aria-valuemin="0" aria-valuemax="100"
+      :aria-valuenow="props.row.percent"><div :style="{width: props.row.percent + '%'}"></div></div>
+    <span class="somrs-soft">{{ props.row.steps }}</span>
+  </q-td>
+  <q-td class="somrs-task-wish">
+    <a class="somrs-formula" :href="props.row.href">{{ props.row.effect }}</a>
+    <div v-if="props.row.asks" class="somrs-badge somrs-busy">
+      <i class="q-icon material-icons" aria-hidden="true">help</i>{{ props.row.asks }} is asked</div>
+    <div v-if="props.row.setbacks" class="somrs-task-note somrs-bad-text">
+      <i class="q-icon material-icons" aria-hidden="true">error</i>{{ props.row.setbacks }}</div>
+    <div v-if="props.row.note" class="somrs-soft somrs-task-note">{{ props.row.note }}</div>
+  </q-td>
+  <q-td class="somrs-task-stated">{{ props.row.stated }}<div class="somrs-soft">{{ props.row.who }}</div></q-td>
+  <q-td class="somrs-task-took">{{ props.row.took }}</q-td>
+  <q-td class="somrs-task-due">{{ props.row.due }}</q-td>
+  <q-td class="somrs-task-priority">{{ props.row.priority }}</q-td>
+</q-tr>
+"""
+
+
+def register(desk: Desk) -> None:
+    task.register(desk)
+
+    @ui.page("/tasks")
+    async def show() -> None:
+        with page("Tasks", "/tasks"):
+            _Tasks(desk)
+
+
+class _Tasks:
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._rows: dict[str, TaskRow] = {}
+        self._asked: frozenset[str] = frozenset()
+        self._change = Soon(self._show)
+        with ui.element("div").classes("somrs-tasks-head"):
+            ui.label("Tasks").classes("somrs-title").props('role="heading" aria-level="1"')
+            self._which = ui.toggle({ALL: "All", RUNNING: "Under way"}, value=ALL, on_change=self._show).props("no-caps dense unelevated")
+            self._wanted = ui.input(placeholder="Find in wishes, people, services", on_change=self._show).props(
+                'dense outlined clearable type=search aria-label="Find"'
+            )
+            self._wanted.classes("somrs-tasks-find")
+            new = ui.button("New task", icon="add_task", on_click=lambda: ui.navigate.to("/define"))
+            new.props("unelevated no-caps color=primary").classes("somrs-tasks-new")
+        Silence(desk, "Task Manager")
+        self._table = ui.table(columns=COLUMNS, rows=[], row_key="task", pagination=25).classes("somrs-tasks somrs-sheet")
+        self._table.props('flat hide-selected-banner :rows-per-page-options="[10, 25, 50, 0]" rows-per-page-label="Tasks per page"')
+        self._table.add_slot("body", ROW)
+        with self._table.add_slot("no-data"):
+            self._none = ui.label("Reading the tasks …").classes("somrs-soft")
+        with ui.element("p").classes("somrs-soft somrs-tasks-foot"):
+            ui.label("Older tasks are in the")
+            ui.link("History", "/history")
+        follow(desk.context.hub, "tasks", self._read, self._hear)
+        follow(desk.context.hub, "questions", self._read_questions, self._hear_questions)
+        ui.timer(1.0, self._tick)
+
+    async def _read(self) -> None:
+        while True:
+            try:
+                found = await self._desk.tasks.list(limit=MOST)
+                break
+            except SomrsError as error:
+                self._none.set_text(f"{error}; asking again")
+                await asyncio.sleep(AGAIN)
+        self._rows = {row.task: row for row in found.rows}
+        self._show()
+
+    async def _hear(self, news: News) -> None:
+        if not isinstance(news.value, TasksChanged):
+            await self._read()
+            return
+        if news.value.anew:
+            self._rows.clear()
+        self._rows |= {row.task: row for row in news.value.rows}
+        self._change()
+
+    async def _read_questions(self) -> None:
+        await self._hear_questions(News(topic="questions", value=await self._desk.questions.open()))
+
+    async def _hear_questions(self, news: News) -> None:
+        if isinstance(news.value, OpenQuestions):
+            self._asked = frozenset(question.person for question in news.value.questions)
+            self._show()
+
+    def _tick(self) -> None:
+        if any(row.phase is not Phase.ENDED for row in self._rows.values()):
+            self._show()
+
+    def _show(self) -> None:
+        rows = sorted(self._rows.values(), key=lambda row: -row.submitted_at)[:MOST]
+        count = Counter(_kind(row) for row in rows)
+        self._which.set_options(
+            {
+                ALL: f"All {len(rows)}",
+                RUNNING: f"Under way {count[RUNNING]}",
+                **{outcome: f"{outcome.capitalize()} {count[outcome]}" for outcome in ("accomplished", "failed", "cancelled")},
+            },
+            value=self._which.value,
+        )
+        now = time.time()
+        self._table.rows = [_told(row, self._asked, now) for row in rows if self._is_wanted(row)]
+        self._none.set_text("No task is like that." if rows else "There are no tasks yet. State one with “New task”.")
+
+    def _is_wanted(self, row: TaskRow) -> bool:
+        words = str(self._wanted.value or "").lower().split()
+        text = f"{row.effect} {person(row.client)} {' '.join(row.services)} {row.explanation} {row.task}".lower()
+        return self._which.value in (ALL, _kind(row)) and all(word in text for word in words)
+
+
+def _kind(row: TaskRow) -> str:
+    return row.outcome.value if row.outcome is not None else RUNNING
+
+
+def _told(row: TaskRow, asked: frozenset[str], now: float) -> dict[str, Any]:
+    """A row as the table shows it."""
+    found = sign(row.phase, row.outcome)
+    seconds = (row.ended_at if row.ended_at is not None else now) - row.submitted_at
+    return {
+        "task": row.task,
+        "href": f"/tasks/{key(row.task)}",
+        "far": found.text,
+        "icon": found.icon,
+        "tone": found.tone,
+        "percent": round(100 * row.fraction),
+        "steps": f"{row.done} of {counted(row.steps, 'step')}" if row.steps else "",
+        "effect": row.effect,
+        "note": " · ".join(_notes(row, asked)),
+        "asks": listed(sorted({device(service) for service in row.services} & asked)),
+        "setbacks": f"{counted(row.setbacks, 'setback')}" if row.setbacks else "",
+        "at": row.submitted_at,
+        "stated": clock(row.submitted_at),
+        "who": person(row.client),
+        "took": lasted(max(0.0, seconds)) + ("" if row.outcome is not None else " so far"),
+        "due": due(row.submitted_at, row.deadline, row.outcome is not None, now) if row.deadline is not None else "–",
+        "priority": row.priority,
+    }
+
+
+def _notes(row: TaskRow, asked: frozenset[str]) -> Iterator[str]:
+    working = [name for name in dict.fromkeys(device(service) for service in row.services) if name not in asked]
+    if row.outcome is None and working:
+        yield f"{listed(working)} at work"
+    if row.explanation:
+        reason = gist(row.explanation.partition("; ")[0])
+        yield reason[:1].upper() + reason[1:]

@@ -1,0 +1,71 @@
+"""The windows' server: the pages, and the API below `/api`. Nothing comes from anywhere else, and it binds the loopback address unless
+told otherwise."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import secrets
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import uvicorn
+from starlette.routing import WebSocketRoute
+
+from somrs.api.rest import application
+from somrs.api.service import Desk, desk_of
+from somrs.client.client import Addresses
+from somrs.deployment.programs import say_ready, until_stopped
+from somrs.runtime.http import QuietServer, bound
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+
+SECRET_FILE = "gui.secret"
+"""In the data folder: what the cookies of browsers are signed with, so that a restart does not forget their settings."""
+
+
+async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> None:
+    """Serve the windows until this process is to end."""
+    os.environ.setdefault("NICEGUI_STORAGE_PATH", str((data / "gui").resolve()))  # read when NiceGUI is imported
+    listening = bound(host, port)
+    async with desk_of(addresses, data, host) as desk, desk.orders.running():
+        config = uvicorn.Config(
+            _application(desk, data), log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
+        )
+        server = QuietServer(config)
+        serving = asyncio.create_task(server.serve(sockets=[listening]))
+        while not server.started and not serving.done():
+            await asyncio.sleep(0.01)
+        say_ready("gui", f"http://{host}:{listening.getsockname()[1]}")
+        await until_stopped()
+        server.should_exit = True
+        with contextlib.suppress(asyncio.CancelledError):
+            await serving
+
+
+def _application(desk: Desk, data: Path) -> FastAPI:
+    from fastapi import FastAPI
+    from nicegui import app, ui
+
+    from somrs.gui.pages import define, fleet, history, map, ontology, start, tasks
+
+    pages = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    pages.mount("/api", application([*desk.operations()], desk.context.hub, [WebSocketRoute("/poses", desk.scene.poses)]))
+    app.add_static_file(local_file=str(resources.files("somrs.gui").joinpath("look.css")), url_path="/look/look.css")
+    for one in (start, map, ontology, define, tasks, fleet, history):
+        one.register(desk)
+    ui.run_with(
+        pages, title="SO-MRS", dark=None, storage_secret=_secret(data), show_welcome_message=False, reconnect_timeout=10.0, language="en-US"
+    )
+    return pages
+
+
+def _secret(data: Path) -> str:
+    file = data / SECRET_FILE
+    if not file.exists():
+        file.touch(mode=0o600)
+        file.write_text(secrets.token_urlsafe(32), encoding="ascii")
+    return file.read_text(encoding="ascii")

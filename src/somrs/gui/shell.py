@@ -1,0 +1,107 @@
+"""What all pages have around them: the way to the others, light and dark, who sits there, and messages."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import wraps
+from typing import Literal, ParamSpec, TypeVar
+
+from nicegui import app, ui
+
+from somrs.client.client import who
+from somrs.errors import SomrsError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A page that one can go to."""
+
+    path: str
+    label: str
+    icon: str
+    window: str
+
+
+PLACES = (
+    Place("/map", "Map", "map", "Repository"),
+    Place("/ontology", "Ontology", "account_tree", "Repository"),
+    Place("/define", "New task", "add_task", "Task Manager"),
+    Place("/tasks", "Tasks", "checklist", "Task Manager"),
+    Place("/fleet", "Fleet", "smart_toy", "Task Manager"),
+    Place("/history", "History", "history", "Task Manager"),
+)
+
+LOOK = "/look/look.css"
+
+
+@contextmanager
+def page(title: str, path: str) -> Iterator[None]:
+    """The frame of a page; what is made inside is its content. `path`: the place that it belongs to."""
+    ui.page_title(f"{title} · SO-MRS")
+    ui.add_head_html(f'<link rel="stylesheet" href="{LOOK}">')
+    dark = ui.dark_mode(value=app.storage.user.get("dark"))
+    with ui.header(elevated=False).classes("somrs-header"), ui.element("nav").classes("somrs-nav").props('aria-label="Pages"'):
+        ui.link("SO-MRS", "/").classes("somrs-home")
+        window = ""
+        for place in PLACES:
+            if place.window != window:
+                ui.label(window := place.window).classes("somrs-window")
+            _way(place, here=place.path == path)
+        ui.space()
+        with ui.link(target="/api/", new_tab=True).classes("somrs-way").props('aria-label="The API"'):
+            ui.icon("api")
+            ui.label("API").classes("somrs-way-label")
+        button = ui.button().props("flat round dense").classes("somrs-turn")
+        button.props(f"icon={_icon(dark.value)} aria-label='Light or dark'").tooltip("Light, dark, or as the system")
+        button.on_click(lambda: _turn(dark, button))
+    with ui.element("main").classes("somrs-main") as content:
+        yield
+    ui.skip_link("Skip to the content", target=content)
+
+
+def _way(place: Place, *, here: bool) -> None:
+    current = ' aria-current="page"' if here else ""
+    with ui.link(target=place.path).classes("somrs-way" + (" somrs-here" if here else "")).props(f'aria-label="{place.label}"{current}'):
+        ui.icon(place.icon)
+        ui.label(place.label).classes("somrs-way-label")
+
+
+def _icon(dark: bool | None) -> str:
+    return {None: "brightness_auto", True: "dark_mode", False: "light_mode"}[dark]
+
+
+def _turn(dark: ui.dark_mode, button: ui.button) -> None:
+    dark.value = {None: False, False: True, True: None}[dark.value]
+    app.storage.user["dark"] = dark.value
+    button.props(f"icon={_icon(dark.value)}")
+
+
+def author() -> str:
+    """Who sits in front of the page, as histories record them: what was said in this browser, or the user of this machine. `person` shows
+    them."""
+    return str(app.storage.user.get("author") or who())
+
+
+def tell(text: str, *, bad: bool = False) -> None:
+    """A message that stays until it is read, when it is a bad one."""
+    kind: Literal["negative", "positive"] = "negative" if bad else "positive"
+    ui.notify(text, type=kind, timeout=0 if bad else 4000, close_button="Close" if bad else False, multi_line=True)
+
+
+def guarded(action: Callable[P, Awaitable[R]]) -> Callable[P, Awaitable[R | None]]:
+    """The action, with what cannot be done told to whoever asked for it; nothing of what they wrote is lost."""
+
+    @wraps(action)
+    async def guard(*args: P.args, **kwargs: P.kwargs) -> R | None:
+        try:
+            return await action(*args, **kwargs)
+        except SomrsError as error:
+            tell(str(error), bad=True)
+            return None
+
+    return guard

@@ -1,0 +1,102 @@
+"""The one signature that joins all parts: `handle(input, now) -> effects`.
+
+A component reads no clock and does no I/O. Its node (`runtime.node`) feeds it inputs and carries the effects out in order.
+Durable effects (`Record`) are on disk before a `Send` behind them leaves.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from msgspec import Struct
+
+from somrs.protocol.messages.envelope import Message
+
+
+class Received(Struct, frozen=True, tag=True):
+    """A message came."""
+
+    message: Message
+
+
+class Rang(Struct, frozen=True, tag=True):
+    """A timer that the component set with `Wake` rang."""
+
+    timer: str
+
+
+class Answered(Struct, frozen=True, tag=True):
+    """The answer to an earlier `Ask`; `value` is what the asked one returns, or the exception it raised."""
+
+    question: str
+    value: object
+
+
+class Trouble(Struct, frozen=True, tag=True):
+    """What went wrong, where a question is answered from or into a journal: there, exceptions are no values."""
+
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+class Undelivered(Struct, frozen=True, tag=True):
+    """A message that nobody acknowledged until its sender gave up."""
+
+    message: Message
+    reason: str
+
+
+class Started(Struct, frozen=True, tag=True):
+    """The node is up at `address`: the first input of every component."""
+
+    address: str
+
+
+Input = Started | Received | Rang | Answered | Undelivered
+
+
+class Send(Struct, frozen=True):
+    """Send this, again and again until the recipient's node acknowledges it or `until` (seconds, the node's clock)."""
+
+    message: Message
+    until: float | None = None
+
+
+class Wake(Struct, frozen=True):
+    """Ring `timer` at `at`; a timer of that name that has not rung is moved. `at` None takes it away."""
+
+    timer: str
+    at: float | None
+
+
+class Ask(Struct, frozen=True):
+    """Have something done that takes time or I/O: `task` is a value that the node knows how to carry out (a planning
+    problem, a device's service, a history to be read). Its result comes back as `Answered(question, ...)`."""
+
+    question: str
+    task: object
+
+
+class Withdraw(Struct, frozen=True):
+    """Stop working on an earlier `Ask`. It is answered all the same, with what it came to."""
+
+    question: str
+
+
+class Record(Struct, frozen=True):
+    """Keep this; it is on disk before any effect behind it is carried out."""
+
+    entry: object
+
+
+Effect = Send | Wake | Ask | Withdraw | Record
+
+
+class Component(Protocol):
+    """A Task Manager, Service Manager, Registry or Repository, without its I/O."""
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        """What to do about the input. `now` is in seconds and never goes back."""
+        ...

@@ -1,0 +1,142 @@
+"""What a component's effects have left under way, and how a component comes back from its journal: the same at every rim.
+
+A rim (`runtime.node`, or `runtime.virtual` on virtual time) carries effects out. What is here says what it has to take up again after a
+restart: `Pending` for the effects, `Journaled` for a component whose inputs are kept. Nothing here reads a clock or a disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from msgspec import Struct
+
+from somrs.kernel.component import Answered, Ask, Component, Effect, Input, Rang, Record, Send, Trouble, Wake, Withdraw
+from somrs.protocol.messages.envelope import ANONYMOUS, Message
+
+DELIVERY_TIME = 30.0
+"""Seconds for which a message without a time limit of its own is sent again."""
+
+FIRST_PAUSE = 0.05
+"""Seconds before a message is sent again the first time; each time twice as long, up to the longest."""
+
+LONGEST_PAUSE = 1.0
+
+WITHDRAWN = Trouble("withdrawn")
+"""The answer to a question that was withdrawn before its component was restarted: nobody works on it any more."""
+
+
+class Entry(Struct, frozen=True, array_like=True):
+    """One input in a journal, and which messages, by number, were delivered since the entry before."""
+
+    number: int
+    at: float
+    event: Input
+    delivered: tuple[int, ...] = ()
+
+
+class Sent(Struct, frozen=True):
+    """A message on its way, and until when it is sent again."""
+
+    message: Message
+    until: float
+
+
+Numbered = tuple[Effect, int]
+"""An effect, and the number of the message, if it sends one that may have to be sent again (0 otherwise)."""
+
+
+@dataclass(slots=True)
+class Pending:
+    """Messages that nobody has acknowledged, timers that have yet to ring, questions that are open.
+
+    Messages are known by numbers that count up, so that the same inputs give the same numbers once more.
+    """
+
+    messages: dict[int, Sent] = field(default_factory=dict)
+    timers: dict[str, float] = field(default_factory=dict)
+    questions: dict[str, object] = field(default_factory=dict)
+    withdrawn: set[str] = field(default_factory=set)
+    """Those among the questions that nobody is to work on any more."""
+    count: int = 0
+
+    def take(self, event: Input) -> None:
+        """An input came; what it is the end of is under way no more."""
+        match event:
+            case Rang(timer):
+                self.timers.pop(timer, None)
+            case Answered(question):
+                self.questions.pop(question, None)
+                self.withdrawn.discard(question)
+
+    def apply(self, effect: Effect, now: float) -> int:
+        """An effect is to be carried out. The number of the message, if it is one that has to arrive; otherwise 0."""
+        match effect:
+            case Send(message, until):
+                if message.header.recipient == ANONYMOUS:
+                    return 0  # whoever waited for it on a connection is gone when this process is
+                self.count += 1
+                self.messages[self.count] = Sent(message, until if until is not None else now + DELIVERY_TIME)
+                return self.count
+            case Wake(timer, None):
+                self.timers.pop(timer, None)
+            case Wake(timer, float() | int() as at):
+                self.timers[timer] = at
+            case Ask(question, task):
+                self.questions[question] = task
+                self.withdrawn.discard(question)
+            case Withdraw(question):
+                if question in self.questions:
+                    self.withdrawn.add(question)
+        return 0
+
+
+@dataclass(slots=True)
+class Journaled:
+    """A component whose every input is in a journal before anything that comes of it is seen outside.
+
+    As a pickle it is the snapshot of a journal; the entries behind it are replayed. `number` and `at` are the last entry's.
+    """
+
+    component: Component
+    pending: Pending = field(default_factory=Pending)
+    number: int = 0
+    at: float = 0.0
+    delivered: list[int] = field(default_factory=list)
+    """Messages that arrived since the last entry. When they are lost with the process, messages are sent twice, which does no harm."""
+
+    def entry(self, event: Input, now: float) -> Entry:
+        """The journal's next entry, for this input. It has to be written before `handle`, or with what comes of it."""
+        if isinstance(event, Answered) and isinstance(event.value, BaseException):
+            event = Answered(event.question, Trouble(str(event.value) or type(event.value).__name__))
+        # A clock that was put back while the process was away must not take the component back.
+        return Entry(self.number + 1, max(self.at, now), event, tuple(self.delivered))
+
+    def handle(self, entry: Entry) -> list[Numbered]:
+        """Have the component handle the input. The effects, which may be seen as soon as the entry is in the journal."""
+        if entry.number != self.number + 1:
+            raise ValueError(f"entry {self.number + 1} is missing before entry {entry.number}")
+        self.number, self.at, self.delivered = entry.number, entry.at, []
+        for number in entry.delivered:
+            self.pending.messages.pop(number, None)
+        self.pending.take(entry.event)
+        effects = self.component.handle(entry.event, entry.at)
+        return [(effect, self.pending.apply(effect, entry.at)) for effect in effects]
+
+    def arrived(self, number: int) -> None:
+        """Somebody acknowledged the message, or it was given up."""
+        if self.pending.messages.pop(number, None) is not None:
+            self.delivered.append(number)
+
+    def replay(self, entries: Iterable[Entry]) -> list[Record]:
+        """Handle again what is in the journal behind the snapshot. Records come out once more: they may not be on disk."""
+        records: list[Record] = []
+        for entry in entries:
+            try:
+                effects = self.handle(entry)
+            except Exception:  # a defect of the component: it met the input so when it came first, too, and went on as it was then
+                if entry.number != self.number:
+                    raise  # the journal itself has a gap
+                continue
+            records += [effect for effect, _ in effects if isinstance(effect, Record)]
+        return records

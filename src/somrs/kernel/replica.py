@@ -1,0 +1,306 @@
+"""A copy of the ontology and the map that follows the Repository's, kept by whoever plans or decides on them.
+
+First it subscribes, then it reads page by page; what changes meanwhile comes as events. Every change says what is, not by how
+much, so that events which a later page already shows may be put on it again: whoever was last still wins. A message that was
+lost shows as a gap between versions. If the gap does not close by itself, everything is read again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from somrs.kernel.component import Effect, Input, Rang, Received, Send, Undelivered, Wake
+from somrs.ontology.naming import Named, Renaming, revised
+from somrs.ontology.objects import Change, Fact, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.types import Definition, Ontology
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import (
+    MapChanged,
+    MapPage,
+    MapSubscribed,
+    OntologyChanged,
+    OntologyPage,
+    ReadMap,
+    ReadOntology,
+    SubscribeMap,
+)
+
+LEASE = 60.0
+"""Seconds that a subscription lasts; it is renewed after a third of them."""
+
+PATIENCE = 5.0
+"""Seconds after which a question without an answer is asked anew."""
+
+GAP_TIME = 1.0
+"""Seconds that messages may overtake each other by, before one that is missing counts as lost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class News:
+    """What came of an input: `effects` to carry out; the `changes` of the map, in order; the `definitions` that are new, and those
+    that were `removed` or have other names now; and what was `renamed`, in order. `read`: the copy was read as a whole; before `changes`,
+    anything may have changed."""
+
+    effects: list[Effect]
+    changes: tuple[Change, ...] = ()
+    definitions: tuple[Definition, ...] = ()
+    removed: tuple[Named, ...] = ()
+    renamed: tuple[Renaming, ...] = ()
+    read: bool = False
+
+    @property
+    def redefined(self) -> bool:
+        """Whether the ontology may be another one than before."""
+        return bool(self.definitions or self.removed or self.read)
+
+
+@dataclass(slots=True, kw_only=True)
+class _Reading:
+    """The pages so far: `first` is the version of the first one, `last` the latest version among them, `changed_at` that in which the
+    ontology changed last before its first page."""
+
+    first: int | None = None
+    last: int = 0
+    changed_at: int | None = None
+    definitions: list[Definition] = field(default_factory=list)
+    objects: list[Object] = field(default_factory=list)
+    facts: list[Fact] = field(default_factory=list)
+    complete: bool = False
+
+
+class Replica:
+    """`ontology`, `map` and `version` are the Repository's as far as is known here; `ready` once they were read.
+
+    The owner hands every input to `handle` first, and carries out the effects. `timer` is the one timer that is used.
+    """
+
+    def __init__(self, owner: str, repository: str, timer: str = "replica") -> None:
+        self.ontology = Ontology()
+        self.map = Map()
+        self.version = -1
+        self._owner, self._repository, self._timer = owner, repository, timer
+        self._source = repository
+        """What the Repository calls itself; it may be known here by another name for the same address."""
+        self._events: dict[int, MapChanged | OntologyChanged] = {}
+        self._announced = -1
+        """The latest version heard of."""
+        self._reading: _Reading | None = None
+        self._asked = 0
+        self._question: str | None = None
+        self._subscription: str | None = None
+        self._subscribed_at = -1
+        self._answer_by: float | None = None
+        self._gap_until: float | None = None
+        self._renew_at = 0.0
+
+    @property
+    def ready(self) -> bool:
+        return self.version >= 0
+
+    def start(self, now: float) -> list[Effect]:
+        """Subscribe; everything else follows from the answer."""
+        return [self._subscribe(now), self._wake()]
+
+    def handle(self, event: Input, now: float) -> News | None:
+        """What came of the input; None when it is no business of the replica."""
+        match event:
+            case Received(message):
+                effects = self._received(message, now)
+            case Undelivered(message):
+                effects = self._undelivered(message, now)
+            case Rang(timer) if timer == self._timer:
+                effects = self._rang(now)
+            case _:
+                effects = None
+        return None if effects is None else self._news(effects, now)
+
+    # Asking
+
+    def _subscribe(self, now: float) -> Send:
+        self._renew_at = now + LEASE / 3
+        self._subscribed_at = self.version
+        send = self._ask(SubscribeMap(lease=LEASE), now)
+        self._subscription = send.message.header.message_id
+        return send
+
+    def _read(self, body: ReadOntology | ReadMap, now: float) -> Send:
+        send = self._ask(body, now)
+        self._question = send.message.header.message_id
+        return send
+
+    def _ask(self, body: Body, now: float) -> Send:
+        # The time is part of the id: what was asked in an earlier life of the owner is another question.
+        self._asked += 1
+        identity = message_id(self._owner, self._repository, self._timer, self._asked, now)
+        header = Header(sender=self._owner, recipient=self._repository, message_id=identity, reply_to=self._owner)
+        self._answer_by = now + PATIENCE
+        return Send(Message(header=header, body=body), until=now + PATIENCE)
+
+    def _begin_reading(self, now: float) -> list[Effect]:
+        self._reading = _Reading()
+        return [self._read(ReadOntology(), now)]
+
+    def _give_up_reading(self, now: float) -> list[Effect]:
+        """Begin anew with the subscription, which tells the version that the Repository is at."""
+        self._reading = self._question = None
+        return [self._subscribe(now)]
+
+    def _rang(self, now: float) -> list[Effect]:
+        if self._answer_by is not None and self._answer_by <= now:
+            return self._give_up_reading(now)
+        if self._gap_until is not None and self._gap_until <= now:
+            return self._begin_reading(now)
+        return [self._subscribe(now)] if self._renew_at <= now else []
+
+    def _undelivered(self, message: Message, now: float) -> list[Effect] | None:
+        ours = isinstance(message.body, SubscribeMap | ReadMap | ReadOntology) and message.header.recipient == self._repository
+        if ours and message.header.message_id in (self._question, self._subscription):
+            self._answer_by = now + GAP_TIME
+        return [] if ours else None
+
+    # Hearing
+
+    def _received(self, message: Message, now: float) -> list[Effect] | None:
+        """What to do at once; whatever follows from having heard more is done by `_news`."""
+        about = message.header.relates_to
+        match message.body:
+            case MapSubscribed(version=version) if about is not None and about == self._subscription:
+                self._source = message.header.sender
+                return self._subscribed(version, now)
+            case OntologyPage() | MapPage() as page if self._reading is not None and about is not None and about == self._question:
+                return self._page(self._reading, page, now)
+            case Fault() if about is not None and about in (self._question, self._subscription):
+                return []  # asked anew when patience is out
+            case _ if message.header.sender not in (self._source, self._repository):
+                return None
+            case MapChanged() as changed:
+                self._heard(changed.event.version, changed)
+                return []
+            case OntologyChanged() as changed:
+                self._heard(changed.version, changed)
+                return []
+            case MapSubscribed() if about is None:
+                # The Repository came up again, or something changed that no message can hold: see where it is.
+                return [self._subscribe(now)]
+            case MapSubscribed() | OntologyPage() | MapPage():
+                return []  # the answer to a question that was given up
+            case _:
+                return None
+
+    def _heard(self, version: int, event: MapChanged | OntologyChanged) -> None:
+        self._events[version] = event
+        self._announced = max(self._announced, version)
+
+    def _subscribed(self, version: int, now: float) -> list[Effect]:
+        self._subscription = None
+        if self._reading is None:
+            self._answer_by = None
+        if version < self._subscribed_at:  # its store was put back or begun anew: what is known here belongs to another map
+            self.version = self._announced = -1
+            self._events.clear()
+            self._reading = None
+        self._announced = max(self._announced, version)
+        return self._begin_reading(now) if not self.ready and self._reading is None else []
+
+    def _page(self, reading: _Reading, page: OntologyPage | MapPage, now: float) -> list[Effect]:
+        self._question = self._answer_by = None
+        if reading.first is None:
+            reading.first = page.version
+        elif page.version < reading.last:
+            return self._give_up_reading(now)
+        reading.last = page.version
+        match page:
+            case OntologyPage(changed_at=changed_at) if reading.changed_at not in (None, changed_at):
+                return self._give_up_reading(now)  # the pages are counted, and what is counted is another list now
+            case OntologyPage():
+                reading.changed_at = page.changed_at
+                reading.definitions += page.definitions.each()
+                return [self._read(ReadOntology(after=page.next) if page.more else ReadMap(), now)]
+            case MapPage():
+                reading.objects += page.objects
+                reading.facts += page.facts
+                if page.more:
+                    return [self._read(ReadMap(after=page.objects[-1].name), now)]
+        reading.complete = True
+        self._announced = max(self._announced, reading.last)
+        return []
+
+    # Following
+
+    def _news(self, effects: list[Effect], now: float) -> News:
+        """Bring the copy as far as what was heard goes."""
+        before = self.version
+        read = self._adopt()
+        changes: list[Change] = []
+        definitions: list[Definition] = []
+        removed: list[Named] = []
+        renamed: list[Renaming] = []
+        while self.ready and (event := self._events.get(self.version + 1)) is not None:
+            self.version += 1
+            happened = event.event if isinstance(event, MapChanged) else event
+            renamed += happened.renamed
+            applied = [*_applicable(self.map, happened.changes)]
+            if applied:
+                self.map = self.map.changed(applied)
+                changes += applied
+            if isinstance(event, OntologyChanged):
+                definitions += event.definitions.each()
+                removed += event.removed
+                self.ontology = revised(self.ontology, event.removed, event.definitions.each())
+        self._forget()
+        self._watch_gap(self.version != before, now)
+        return News(
+            effects=[*effects, self._wake()],
+            changes=tuple(changes),
+            definitions=tuple(definitions),
+            removed=tuple(removed),
+            renamed=tuple(renamed),
+            read=read,
+        )
+
+    def _adopt(self) -> bool:
+        """Take the pages as the copy, if every event is there that leads from the first to the last of them."""
+        reading = self._reading
+        if reading is None or not reading.complete or reading.first is None:
+            return False
+        if any(version not in self._events for version in range(reading.first + 1, reading.last + 1)):
+            return False
+        self.ontology, self.map = Ontology(reading.definitions), Map(reading.objects, reading.facts)
+        self.version = reading.first
+        self._reading = None
+        return True
+
+    def _forget(self) -> None:
+        """Drop the events that neither the copy nor the pages being read need any more."""
+        reached = self.version
+        if self._reading is not None:
+            reached = min(reached, self._reading.first if self._reading.first is not None else -1)
+        self._events = {version: event for version, event in self._events.items() if version > reached}
+
+    def _watch_gap(self, moved: bool, now: float) -> None:
+        behind = self.ready and self._announced > self.version
+        waiting = behind if self._reading is None else self._reading.complete
+        if not waiting:
+            self._gap_until = None
+        elif moved or self._gap_until is None or self._gap_until <= now:
+            self._gap_until = now + GAP_TIME
+
+    def _wake(self) -> Wake:
+        return Wake(self._timer, min(time for time in (self._renew_at, self._answer_by, self._gap_until) if time is not None))
+
+
+def _applicable(map: Map, changes: Iterable[Change]) -> Iterator[Change]:
+    """The changes but for values of objects that are gone: a page may show more than the event that is put on it knew."""
+    there: dict[str, bool] = {}
+    for change in changes:
+        match change:
+            case ObjectAdded(object):
+                there[object.name] = True
+            case ObjectRemoved(name):
+                there[name] = False
+            case ValueSet(name) if not there.get(name, name in map.objects):
+                continue
+        yield change

@@ -1,0 +1,1 @@
+"""Ontologies and maps as YAML files: read, checked, written."""

@@ -1,0 +1,172 @@
+"""Writing ontologies and maps as YAML that `loading.py` reads back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import yaml
+
+from somrs.ontology.files.nodes import Dumper, Lines
+from somrs.ontology.naming import find, named
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.services import ServiceKind, ServiceType
+from somrs.ontology.types import PART_OF, AttributeType, Constraint, FunctionType, ObjectType, Ontology, Part, RelationType, Value
+
+_POSITION = ("PositionX", "PositionY", "PositionZ")
+
+
+def dump_map(map: Map, ontology: Ontology, name: str | None = None) -> str:
+    """The map as YAML text: parts below their wholes, positions and turns in their short forms."""
+    parts: dict[str, list[str]] = {}
+    wholes: dict[str, str] = {}
+    for fact in map.facts(PART_OF):
+        part, whole = fact.arguments
+        if part in map.objects and whole in map.objects and part not in wholes:
+            wholes[part] = whole
+            parts.setdefault(whole, []).append(part)
+    nested: set[str] = set()
+
+    def tree(object: Object) -> dict[str, Any]:
+        body = _object(object, ontology)
+        nested.add(object.name)
+        below = [part for part in parts.get(object.name, ()) if part not in nested]
+        if below:
+            body["parts"] = {part: tree(map.objects[part]) for part in below}
+        return body
+
+    objects = {object.name: tree(object) for object in map.objects.values() if object.name not in wholes}
+    facts = [str(fact) for fact in map.facts() if not (fact.relation == PART_OF and wholes.get(fact.arguments[0]) == fact.arguments[1])]
+    for looped in map.objects.keys() - nested:  # parts of themselves: no tree holds them
+        objects[looped] = _object(map.objects[looped], ontology)
+        facts.append(str(Fact(PART_OF, (looped, wholes[looped]))))
+    return _yaml({"map": name or next(iter(objects), "map"), "objects": objects, **({"facts": Lines(facts)} if facts else {})})
+
+
+def _object(object: Object, ontology: Ontology) -> dict[str, Any]:
+    values = dict(object.values)
+    body: dict[str, Any] = {"type": object.type}
+    if all(_is_number(values.get(path)) for path in _POSITION[:2]):
+        written = _POSITION if _is_number(values.get("PositionZ")) else _POSITION[:2]
+        body["at"] = [_plain(values.pop(path)) for path in written]
+    if _is_number(values.get("RotationZ")):
+        body["turned"] = _plain(values.pop("RotationZ"))
+    return {**body, **_nested(values)}
+
+
+def _nested(values: dict[str, Value]) -> dict[str, Any]:
+    """Paths as trees: `Shape.Height: 1` as `Shape: {Height: 1}`."""
+    tree: dict[str, Any] = {}
+    for path, value in values.items():
+        *outer, last = path.split(".")
+        node = tree
+        for step in outer:
+            inner = node.setdefault(step, {})
+            if not isinstance(inner, dict):  # a value where a part of it has one, too; wrong, but to be read back as it is
+                node, last = tree, path
+                break
+            node = inner
+        if isinstance(node.get(last), dict):
+            node, last = tree, path
+        node[last] = _plain(value)
+    return tree
+
+
+def dump_ontology(ontology: Ontology, without: Ontology | None = None, name: str | None = None, *, whole: bool = False) -> str:
+    """The ontology as YAML text, leaving out what `without` has already, unless it is to be the `whole`; what it has otherwise, or not,
+    is said not to be taken over from there."""
+    text: dict[str, Any] = {"ontology": name} if name else {}
+    if without is not None and (other := [*_otherwise(ontology, without)]):
+        text["without"] = other
+    for section, entry in (
+        ("attributes", _attribute),
+        ("relations", _relation),
+        ("functions", _function),
+        ("types", _type),
+        ("services", _service),
+    ):
+        known = getattr(without, section) if without is not None and not whole else {}
+        entries = {d.name: entry(d) for d in getattr(ontology, section).values() if known.get(d.name) != d}
+        if entries:
+            text[section] = entries
+    return _yaml(text)
+
+
+def _otherwise(ontology: Ontology, other: Ontology) -> Iterator[str]:
+    """What the other has that this one has otherwise, or not at all."""
+    for definition in other:
+        what = named(definition)
+        if find(ontology, what) != definition:
+            yield f"{what.section} {what.name}"
+
+
+def _attribute(attribute: AttributeType) -> dict[str, Any]:
+    return {"kind": attribute.kind.value, **_fields(attribute, "unit", "tolerance", "minimum", "maximum", "values", "attributes", "doc")}
+
+
+def _relation(relation: RelationType) -> dict[str, Any]:
+    return _fields(relation, "joins", "symmetric", "functional", "excludes", "doc")
+
+
+def _function(function: FunctionType) -> dict[str, Any]:
+    return _fields(function, "parameters", "attribute", "values", "unit", "doc")
+
+
+def _type(type: ObjectType) -> dict[str, Any]:
+    body = _fields(type, "parent", "attributes", "required", "driver", "doc")
+    if type.parts:
+        body["parts"] = [_part(part) for part in type.parts]
+    if type.constraints:
+        body["constraints"] = [_constraint(constraint) for constraint in type.constraints]
+    if type.defaults:
+        body["defaults"] = _nested(type.defaults)
+    return body
+
+
+def _part(part: Part) -> dict[str, Any]:
+    return {"type": part.type, "minimum": part.minimum, **_fields(part, "maximum")}
+
+
+def _constraint(constraint: Constraint) -> dict[str, Any]:
+    return _fields(constraint, "attribute", "minimum", "maximum", "values", "formula", "doc")
+
+
+def _service(service: ServiceType) -> dict[str, Any]:
+    body: dict[str, Any] = {"kind": service.kind.value} if service.kind is not ServiceKind.PHYSICAL else {}
+    for side in ("inputs", "outputs"):
+        if getattr(service, side):
+            body[side] = {parameter.name: parameter.type for parameter in getattr(service, side)}
+    handlers = [{"on": handler.on.value, **_fields(handler, "when", "effect")} for handler in service.handlers]
+    return {
+        **body,
+        **_fields(service, "parent", "precondition", "effect", "cost"),
+        **({"handlers": handlers} if handlers else {}),
+        **_fields(service, "doc"),
+    }
+
+
+def _fields(definition: Any, *names: str) -> dict[str, Any]:
+    """What differs from a definition's plain default: nothing, false, 0 and the empty list are not written, except limits of 0."""
+    found: dict[str, Any] = {}
+    for name in names:
+        value = getattr(definition, name)
+        if value or (value == 0 and name in ("minimum", "maximum") and value is not None):
+            found[name] = _plain(value)
+    return found
+
+
+def _is_number(value: Value | None) -> bool:
+    return isinstance(value, float | int) and not isinstance(value, bool)
+
+
+def _plain(value: Any) -> Any:
+    """Whole numbers without a point; they are read back as the same numbers."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 1e15 else value
+
+
+def _yaml(data: dict[str, Any]) -> str:
+    return yaml.dump(data, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=140, default_flow_style=None)

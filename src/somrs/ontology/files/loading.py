@@ -1,0 +1,360 @@
+"""Reading ontologies and maps from YAML files. Their structure is in `schema.py`, writing them in `dump.py`.
+
+Every problem is found at once and says its file and line; what follows only from another problem is left out.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path as FilePath
+from typing import Any
+
+from pydantic import ValidationError
+
+from somrs.entish import Name, Relation
+from somrs.entish.parse import nearest, parse
+from somrs.errors import FormulaError, ModelError, Problem
+from somrs.ontology.conformance import Violation, violations
+from somrs.ontology.consistency import ontology_violations
+from somrs.ontology.dependency_index import lost
+from somrs.ontology.files.nodes import Path, Source
+from somrs.ontology.files.structure import definition, flat, structure_problems
+from somrs.ontology.naming import Named, Section, revised
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.schema import ENTRIES, RESERVED
+from somrs.ontology.types import PART_OF, AttributeType, Definition, Kind, Ontology, Value
+from somrs.ontology.units import converted
+
+NAME = re.compile(r"[^\W\d]\w*(?:-\w+)*")
+MAP_KEYS = frozenset(("map", "objects", "facts"))
+"""The keys of a file that say what there is."""
+
+_FACT = re.compile(rf"({NAME.pattern})\s+({NAME.pattern})\s+({NAME.pattern})")
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)\s*")
+_POSITION = ("PositionX", "PositionY", "PositionZ")
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """What files hold: the ontology with everything they build on, and their map, if they have one."""
+
+    ontology: Ontology
+    map: Map | None
+
+
+@lru_cache(maxsize=1)
+def upper() -> Ontology:
+    """The ontology that every other one builds on."""
+    text = resources.files("somrs.ontology").joinpath("data/upper.yaml").read_text("utf-8")
+    return _Reading(Ontology()).finish([Source("upper.yaml", text)]).ontology
+
+
+def load(paths: Iterable[str | FilePath], base: Ontology | None = None) -> Loaded:
+    """Read the files and those they use. Raises ModelError with all that is wrong."""
+    reading = _Reading(base if base is not None else upper())
+    return reading.finish(reading.sources([FilePath(path) for path in paths]))
+
+
+def load_text(text: str, file: str = "text", base: Ontology | None = None) -> Loaded:
+    """Like `load`, for one file's text that may not lie in a file."""
+    return _Reading(base if base is not None else upper()).finish([Source(file, text)])
+
+
+def load_definitions(text: str, file: str, base: Ontology) -> Ontology:
+    """The base with the definitions of a file's text added, or in place of those of the same names, and without what it says is not there.
+    A map in it is left out. Raises ModelError with all that is wrong."""
+    source = Source(file, text)
+    if isinstance(source.data, dict):
+        for key in MAP_KEYS & source.data.keys():
+            del source.data[key]
+    return _Reading(base, replacing=True).finish([source]).ontology
+
+
+@dataclass(slots=True)
+class _Place:
+    """Where an object, a fact or a definition was read."""
+
+    source: Source
+    path: Path
+
+    def line(self, inner: str = "") -> int | None:
+        """The line of the key that `inner` names, or of as much of it as is written."""
+        keys = self.source.keys(self.path)
+        if inner in keys:
+            return self.source.line((*self.path, inner))
+        steps = tuple(int(step) if step.isdigit() else step for step in inner.split(".")) if inner else ()
+        short = {"RotationZ": "turned", **dict.fromkeys(_POSITION, "at")}.get(inner)
+        return self.source.line((*self.path, *((short,) if short in keys and short is not None else steps)))
+
+
+@dataclass(slots=True)
+class _Reading:
+    """One `load` under way."""
+
+    base: Ontology
+    replacing: bool = False
+    """Whether definitions may take the place of others in the base."""
+    problems: list[Problem] = field(default_factory=list)
+    broken: set[str] = field(default_factory=set)
+    """Names whose definition has a problem already; what others say about them is not reported."""
+    half_read: set[str] = field(default_factory=set)
+    """Objects of which a value could not be read; what they lack is not reported."""
+    definitions: dict[str, Definition] = field(default_factory=dict)
+    places: dict[str, _Place] = field(default_factory=dict)
+    """By section and name: `objects Jar002`, `types Jar`, `facts Jar002 isOn Cupboard001`."""
+    objects: dict[str, Object] = field(default_factory=dict)
+    facts: dict[Fact, None] = field(default_factory=dict)
+    has_map: bool = False
+    map_file: Source | None = None
+
+    def sources(self, paths: list[FilePath]) -> list[Source]:
+        """The files, each once, those that a file uses before it."""
+        found: list[Source] = []
+        seen: set[FilePath] = set()
+
+        def visit(path: FilePath, shown: str, user: tuple[Source, Path] | None) -> None:
+            real = path.resolve()
+            if real in seen:
+                return
+            seen.add(real)
+            try:
+                source = Source(shown, path.read_text("utf-8-sig"))
+            except (OSError, UnicodeDecodeError) as error:
+                reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+                file, line = (user[0].file, user[0].line(user[1])) if user else (shown, None)
+                message = f"{shown} cannot be read: {reason}; mend the path or the file"
+                self.problems.append(Problem(file=file, line=line, subject="file", rule="file", message=message))
+                return
+            uses = source.data.get("uses") if isinstance(source.data, dict) else None
+            for index, used in enumerate(uses if isinstance(uses, list) else ()):
+                if isinstance(used, str):
+                    visit(path.parent / used, str(FilePath(shown).parent / used), (source, ("uses", index)))
+            found.append(source)
+
+        for path in paths:
+            visit(path, str(path), None)
+        return found
+
+    def finish(self, sources: list[Source]) -> Loaded:
+        """Everything the sources say, checked."""
+        good = [source for source in sources if self._structure(source)]
+        given = self.base
+        for source in good:
+            self._without(source)
+        for source in good:
+            self._definitions(source)
+        ontology = self.base.extended(self.definitions.values())
+        # What the base has is in order, unless something of it is gone; what replaces something is looked at by whoever has the map, too.
+        concerned = self.definitions.values() if self.replacing or self.base is given else None
+        for violation in ontology_violations(ontology, concerned):
+            self._report(violation)
+        for violation in lost(given, ontology):
+            self._report(violation)
+        for source in good:
+            self._map(source, ontology)
+        map = Map(self.objects.values(), self.facts)
+        if self.has_map:
+            for violation in violations(map, ontology):
+                self._report(violation)
+        if self.problems:
+            order = {source.file: index for index, source in enumerate(sources)}
+            raise ModelError(sorted(dict.fromkeys(self.problems), key=lambda p: (order.get(p.file, -1), p.line or 0)))
+        return Loaded(ontology, map if self.has_map else None)
+
+    def _report(self, violation: Violation) -> None:
+        """Put the violation on its line, unless it only follows from a problem that is known already."""
+        said = f"{violation.subject} {violation.message}"
+        if not self.broken.isdisjoint(re.findall(r"\w[\w-]*", said)):
+            return
+        if violation.rule == "root" and self.broken:
+            return  # one of the broken objects may be the root
+        if violation.subject in self.half_read and violation.rule in ("required", "constraint") and not violation.path:
+            return
+        place = next(
+            (self.places[key] for key in (f"{violation.section} {violation.subject}", f"facts {violation.subject}") if key in self.places),
+            None,
+        )
+        if place is None:
+            source = self.map_file if violation.section == "objects" else None
+            file, line = (source.file, source.line(("objects",))) if source is not None else ("ontology", None)
+        else:
+            file, line = place.source.file, place.line(violation.path)
+        self.problems.append(Problem(file=file, line=line, subject=violation.subject, rule=violation.rule, message=violation.message))
+
+    # Structure
+
+    def _structure(self, source: Source) -> bool:
+        problems, broken = structure_problems(source)
+        self.problems.extend(problems)
+        self.broken |= broken
+        return isinstance(source.data, dict)
+
+    # Ontologies
+
+    def _without(self, source: Source) -> None:
+        """Leave out of the base what the source does not want, or defines anew."""
+        entries = source.data.get("without")
+        for index, text in enumerate(entries if isinstance(entries, list) else ()):
+            section, _, name = str(text).partition(" ")
+            place = _Place(source, ("without", index))
+            if section not in ENTRIES:
+                message = f"{text!r} names no definition; write a section and a name, such as types Jar"
+                self._problem(place, "without", "structure", message)
+            elif name not in getattr(self.base, section):
+                hint = nearest(name, getattr(self.base, section)) or "leave it out here"
+                self._problem(place, name, "unknown-name", f"is not among the {section} that are there; {hint}")
+            else:
+                what = Named(section=Section(section), name=name)
+                self.base = revised(self.base, (what,), ())
+                self.places.setdefault(f"{section} {name}", place)
+
+    def _definitions(self, source: Source) -> None:
+        for section, model in ENTRIES.items():
+            entries = source.data.get(section)
+            for name, body in entries.items() if isinstance(entries, dict) else ():
+                place = _Place(source, (section, name))
+                if not self._named(name, place):
+                    continue
+                try:
+                    entry = model.model_validate(body)
+                except ValidationError:
+                    continue  # reported with the structure
+                defaults = ((path, self._default(name, place, path, value)) for path, value in flat(getattr(entry, "defaults", {})))
+                self._define(section, definition(name, entry, {path: value for path, value in defaults if value is not None}), place)
+
+    def _define(self, section: str, definition: Definition, place: _Place) -> None:
+        name, key = definition.name, f"{section} {definition.name}"
+        there = getattr(self.base, section).get(name)
+        if key in self.definitions:
+            other = self.places[key]
+            message = f"is defined in {other.source.file}:{other.line()} already; give this one another name"
+            self._problem(place, name, "duplicate", message)
+        elif there is not None and there != definition and not self.replacing:
+            message = (
+                f"is in the ontology already and means something else there; give this one another name, or write {key} under without:"
+            )
+            self._problem(place, name, "duplicate", message)
+        else:
+            self.definitions[key] = definition
+            self.places[key] = place
+
+    def _default(self, subject: str, place: _Place, path: str, value: Any) -> Value | None:
+        """A type's default in the attribute's unit."""
+        name = path.rpartition(".")[2]
+        known = self.definitions.get(f"attributes {name}", self.base.attributes.get(name))
+        attribute = known if isinstance(known, AttributeType) else None
+        return self._value(subject, place, attribute, path, value, f"defaults.{path}")
+
+    # Maps
+
+    def _map(self, source: Source, ontology: Ontology) -> None:
+        if not MAP_KEYS & source.data.keys():
+            return
+        self.has_map = True
+        self.map_file = self.map_file or source
+        objects, facts = source.data.get("objects"), source.data.get("facts")
+        kinds: dict[str, Mapping[str, AttributeType]] = {}
+        if isinstance(objects, dict):
+            for name, body in objects.items():
+                self._object(source, ontology, kinds, name, body, ("objects", name), None)
+        for index, text in enumerate(facts if isinstance(facts, list) else ()):
+            if isinstance(text, str):
+                self._fact(text, _Place(source, ("facts", index)))
+
+    def _object(
+        self,
+        source: Source,
+        ontology: Ontology,
+        kinds: dict[str, Mapping[str, AttributeType]],
+        name: Any,
+        body: Any,
+        path: Path,
+        whole: str | None,
+    ) -> None:
+        place = _Place(source, path)
+        if not self._named(name, place) or not isinstance(body, dict):
+            return
+        if name in self.objects:
+            other = self.places[f"objects {name}"]
+            message = f"is the name of another object in {other.source.file}:{other.line()}; names are unique in a map"
+            self._problem(place, name, "duplicate", message)
+        elif isinstance(type_name := body.get("type"), str):
+            if type_name not in kinds:
+                kinds[type_name] = ontology.attributes_of(type_name)
+            self.places[f"objects {name}"] = place
+            self.objects[name] = Object(name=name, type=type_name, values=self._values(name, body, kinds[type_name], place))
+            if whole is not None:
+                self.facts[Fact(PART_OF, (name, whole))] = None
+        parts = body.get("parts")
+        if isinstance(parts, dict):
+            for part, inner in parts.items():
+                self._object(source, ontology, kinds, part, inner, (*path, "parts", part), name)
+
+    def _values(self, name: str, body: dict[str, Any], kinds: Mapping[str, AttributeType], place: _Place) -> dict[str, Value]:
+        values: dict[str, Value] = {}
+        written = [(path, value, path) for path, value in flat({key: value for key, value in body.items() if key not in RESERVED})]
+        if isinstance(at := body.get("at"), list):
+            written = [*((path, value, f"at.{index}") for index, (path, value) in enumerate(zip(_POSITION, at, strict=False))), *written]
+        if (turned := body.get("turned")) is not None:
+            written = [*written, ("RotationZ", turned, "turned")]
+        for path, value, key in written:
+            if path in values:
+                self._problem(place, name, "duplicate", f"{path} is given twice; keep one of the two", key)
+            elif (read := self._value(name, place, kinds.get(path), path, value, key)) is not None:
+                values[path] = read
+        if len(values) < len(written):
+            self.half_read.add(name)
+        return values
+
+    def _value(self, subject: str, place: _Place, attribute: AttributeType | None, path: str, value: Any, key: str) -> Value | None:
+        """The value as written, a number in the attribute's unit; None after a problem. Its kind is the conformance check's business."""
+        if isinstance(value, bool | float) or (isinstance(value, str) and (attribute is None or attribute.kind is not Kind.NUMBER)):
+            return value
+        if not isinstance(value, str) or attribute is None:
+            what = "a list" if isinstance(value, list) else "empty"
+            self._problem(place, subject, "value", f"{path} is {what}; write a number, a text, or true or false", key)
+            return None
+        unit = f" in {attribute.unit}" if attribute.unit else ""
+        match = _QUANTITY.fullmatch(value)
+        if match is None or attribute.unit is None:
+            self._problem(place, subject, "value", f"{path} is a number{unit}, not {value!r}", key)
+            return None
+        number = converted(float(match[1]), match[2], attribute.unit)
+        if number is None:
+            self._problem(place, subject, "unit", f"{path} is a number{unit}, and {value!r} cannot be expressed in it", key)
+        return number
+
+    def _fact(self, text: str, place: _Place) -> None:
+        match = _FACT.fullmatch(text.strip())
+        if match is not None:
+            fact = Fact(match[2], (match[1], match[3]))
+        else:
+            try:
+                atom = parse(text)
+            except FormulaError as error:
+                self._problem(place, "facts", "formula", str(error))
+                return
+            if not isinstance(atom, Relation) or any(not isinstance(argument, Name) for argument in atom.arguments):
+                message = f"{text!r} is not a fact; a fact is one relation between named objects: Jar002 isOn Cupboard001"
+                self._problem(place, "facts", "formula", message)
+                return
+            fact = Fact(atom.relation, tuple(argument.name for argument in atom.arguments))
+        if fact in self.facts:
+            self._problem(place, str(fact), "duplicate", "is said already; leave this one out")
+        self.facts[fact] = None
+        self.places.setdefault(f"facts {fact}", place)
+
+    def _named(self, name: Any, place: _Place) -> bool:
+        if isinstance(name, str) and NAME.fullmatch(name) and name not in ("AND", "OR", "NOT", "TRUE", "FALSE"):
+            return True
+        message = "is no name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
+        self._problem(place, str(name), "name", message)
+        self.broken.add(str(name))
+        return False
+
+    def _problem(self, place: _Place, subject: str, rule: str, message: str, inner: str = "") -> None:
+        self.problems.append(Problem(file=place.source.file, line=place.line(inner), subject=subject, rule=rule, message=message))

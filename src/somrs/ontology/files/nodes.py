@@ -1,0 +1,165 @@
+"""From YAML text to plain values, and back to the lines they stand on. What the values mean is `loading.py`'s business.
+
+YAML is read by its 1.2 core rules: only `true` and `false` are truths (`Off`, `No` and `y` are names), `1e-3` is a number, dates are text.
+Aliases are refused: a few lines of them can stand for gigabytes, and types with defaults say better what objects have in common.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import yaml
+
+from somrs.errors import Problem
+
+Path = tuple[str | int, ...]
+
+DEPTH = 200
+"""How deeply brackets may be nested; the C parser recurses."""
+
+_RESOLVERS: list[tuple[str, str, str]] = [
+    ("tag:yaml.org,2002:bool", r"^(?:true|True|TRUE|false|False|FALSE)$", "tTfF"),
+    ("tag:yaml.org,2002:int", r"^[-+]?[0-9]+$", "-+0123456789"),
+    (
+        "tag:yaml.org,2002:float",
+        r"^(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$",
+        "-+.0123456789",
+    ),
+    ("tag:yaml.org,2002:null", r"^(?:~|null|Null|NULL|)$", "~nN"),
+]
+
+
+class _Loader(yaml.CSafeLoader):
+    yaml_implicit_resolvers: dict[Any, Any] = {}  # PyYAML's way: a class attribute
+
+
+class Dumper(yaml.CSafeDumper):
+    """Writes what `read` reads: quotes exactly the texts that would be read as something else."""
+
+    yaml_implicit_resolvers: dict[Any, Any] = {}
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+class Lines(list[Any]):
+    """A list of which each item is written on a line of its own."""
+
+
+Dumper.add_representer(Lines, lambda dumper, lines: dumper.represent_sequence("tag:yaml.org,2002:seq", lines, flow_style=False))
+
+for _tag, _pattern, _first in _RESOLVERS:
+    for _class in (_Loader, Dumper):
+        _class.add_implicit_resolver(_tag, re.compile(_pattern), [*_first, ""] if _tag.endswith("null") else list(_first))
+
+# The number a plain scalar stands for; PyYAML's own constructors read 1.1's octal and base-60 numbers.
+_Loader.add_constructor("tag:yaml.org,2002:int", lambda _, node: float(node.value))
+_Loader.add_constructor("tag:yaml.org,2002:float", lambda _, node: float(re.sub(r"^([-+]?)\.(inf|nan)$", r"\1\2", node.value.lower())))
+
+
+class Source:
+    """One YAML file as read: its values, its problems, and the line of every value."""
+
+    def __init__(self, file: str, text: str) -> None:
+        self.file = file
+        self.data: Any = None
+        self.problems: list[Problem] = []
+        self._root: yaml.Node | None = None
+        self._indexes: dict[int, dict[str, tuple[int, yaml.Node]]] = {}
+        if _depth(text) > DEPTH:
+            self._problem(None, "syntax", f"more than {DEPTH} brackets inside each other; nothing that a map needs is so deep")
+            return
+        try:
+            loader = _Loader(text)
+            try:
+                self._root = loader.get_single_node()
+                if self._root is not None and self._clean(self._root):
+                    self.data = loader.construct_document(self._root)
+            finally:
+                loader.dispose()
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            self._problem(mark.line + 1 if mark else None, "syntax", f"this is not YAML: {error.problem or error.context}")
+        except (yaml.YAMLError, ValueError, RecursionError) as error:
+            self._problem(None, "syntax", f"this is not YAML: {error}")
+
+    def line(self, path: Path) -> int | None:
+        """The line where the path's key or item stands; of a path that leads nowhere, of as much of it as there is."""
+        node, line = self._root, 1 if self._root is not None else None
+        for step in path:
+            if isinstance(node, yaml.MappingNode):
+                entry = self._entries(node).get(str(step))
+                if entry is None:
+                    break
+                line, node = entry
+            elif isinstance(node, yaml.SequenceNode) and isinstance(step, int) and step < len(node.value):
+                node = node.value[step]
+                line = node.start_mark.line + 1
+            else:
+                break
+        return line
+
+    def keys(self, path: Path) -> set[str]:
+        """The keys of the mapping at the path."""
+        node = self._root
+        for step in path:
+            entry = self._entries(node).get(str(step)) if isinstance(node, yaml.MappingNode) else None
+            if entry is None:
+                return set()
+            node = entry[1]
+        return set(self._entries(node)) if isinstance(node, yaml.MappingNode) else set()
+
+    def _entries(self, node: yaml.MappingNode) -> dict[str, tuple[int, yaml.Node]]:
+        """By key: its line and its value."""
+        if id(node) not in self._indexes:
+            entries = {key.value: (key.start_mark.line + 1, value) for key, value in node.value if isinstance(key, yaml.ScalarNode)}
+            self._indexes[id(node)] = entries
+        return self._indexes[id(node)]
+
+    def _problem(self, line: int | None, rule: str, message: str, subject: str = "file") -> None:
+        self.problems.append(Problem(file=self.file, line=line, subject=subject, rule=rule, message=message))
+
+    def _clean(self, root: yaml.Node) -> bool:
+        """Report aliases and keys written twice; YAML itself would let the last one win. False when the values cannot be built."""
+        seen: set[int] = set()
+        aliased = False
+        stack = [root]
+        while stack:
+            node = stack.pop()
+            if id(node) in seen:
+                line = node.start_mark.line + 1
+                self._problem(line, "alias", "YAML aliases (&name, *name) are not used here; write it out, or give the type defaults")
+                aliased = True
+                continue
+            if not isinstance(node, yaml.CollectionNode):
+                continue
+            seen.add(id(node))
+            if isinstance(node, yaml.MappingNode):
+                for twice, first in _repeated(node):
+                    message = f"{twice.value} is already written in line {first}; keep one of the two"
+                    self._problem(twice.start_mark.line + 1, "duplicate", message, subject=twice.value)
+                stack.extend(value for _, value in node.value)
+            else:
+                stack.extend(node.value)
+        return not aliased
+
+
+def _repeated(node: yaml.MappingNode) -> Iterator[tuple[yaml.ScalarNode, int]]:
+    first: dict[str, int] = {}
+    for key, _ in node.value:
+        if isinstance(key, yaml.ScalarNode):
+            if key.value in first:
+                yield key, first[key.value]
+            else:
+                first[key.value] = key.start_mark.line + 1
+
+
+def _depth(text: str) -> int:
+    """At most how many flow collections are open at once; brackets in texts and comments count too, which is harmless."""
+    depth = deepest = 0
+    for bracket in re.findall(r"[\[\]{}]", text):
+        depth = depth + 1 if bracket in "[{" else max(depth - 1, 0)
+        deepest = max(deepest, depth)
+    return deepest

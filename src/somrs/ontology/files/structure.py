@@ -1,0 +1,129 @@
+"""Is a file built as `schema.py` says, and what do its entries define? What the names in it mean is `loading.py`'s business."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from somrs.entish import Number
+from somrs.entish.parse import nearest
+from somrs.errors import Problem
+from somrs.ontology.files.nodes import Path, Source
+from somrs.ontology.schema import ENTRIES, AttributeEntry, File, FunctionEntry, ObjectEntry, RelationEntry, ServiceEntry, TypeEntry
+from somrs.ontology.services import Handler, Parameter, ServiceType
+from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, ObjectType, Part, RelationType, Value
+
+
+def structure_problems(source: Source) -> tuple[list[Problem], set[str]]:
+    """What is wrong with the file, and the names of the definitions and objects that cannot be used because of it."""
+    if source.problems and source.data is None:
+        return source.problems, set()
+    if not isinstance(source.data, dict):
+        message = f"a file is a list of keys ({', '.join(File.model_fields)}) with values"
+        return [*source.problems, Problem(file=source.file, line=1, subject="file", rule="structure", message=message)], set()
+    found: dict[tuple[int | None, str], Problem] = {}
+    broken: set[str] = set()
+    try:
+        File.model_validate(source.data)
+    except ValidationError as error:
+        for detail in error.errors(include_url=False):
+            path: Path = tuple(detail["loc"])
+            while path and not _leads(source.data, path) and detail["type"] != "missing":
+                path = path[:-1]  # pydantic adds the alternatives that it tried
+            owner = _owner(path)
+            if owner is not None:
+                broken.add(owner)
+            subject, line = owner or (str(path[0]) if path else "file"), source.line(path)
+            problem = Problem(file=source.file, line=line, subject=subject, rule="structure", message=_message(path, detail))
+            found.setdefault((line, str(path) if detail["type"] in ("missing", "extra_forbidden") else subject), problem)
+    return [*source.problems, *found.values()], broken
+
+
+def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Definition:
+    """What an entry defines; `defaults` are those of a type, in the units of their attributes."""
+    match entry:
+        case AttributeEntry():
+            return AttributeType(
+                **{**entry.model_dump(), "name": name, "values": tuple(entry.values), "attributes": tuple(entry.attributes)}
+            )
+        case RelationEntry():
+            return RelationType(**{**entry.model_dump(), "name": name, "joins": tuple(entry.joins)})
+        case FunctionEntry():
+            return FunctionType(**{**entry.model_dump(), "name": name, "parameters": tuple(entry.parameters)})
+        case ServiceEntry():
+            inputs, outputs = (tuple(Parameter(name=n, type=t) for n, t in side.items()) for side in (entry.inputs, entry.outputs))
+            handlers = tuple(Handler(**handler.model_dump()) for handler in entry.handlers)
+            cost = str(Number(entry.cost)) if isinstance(entry.cost, float) else entry.cost
+            given = {**entry.model_dump(), "name": name, "inputs": inputs, "outputs": outputs, "handlers": handlers, "cost": cost}
+            return ServiceType(**given)
+        case TypeEntry():
+            return ObjectType(
+                **{
+                    **entry.model_dump(),
+                    "name": name,
+                    "attributes": tuple(entry.attributes),
+                    "required": tuple(entry.required),
+                    "parts": tuple(
+                        Part(type=part.type, minimum=int(part.minimum), maximum=None if part.maximum is None else int(part.maximum))
+                        for part in entry.parts
+                    ),
+                    "constraints": tuple(Constraint(**{**c.model_dump(), "values": tuple(c.values)}) for c in entry.constraints),
+                    "defaults": defaults,
+                }
+            )
+    raise TypeError(f"{type(entry).__name__} defines nothing")
+
+
+def flat(values: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Nested attributes by path: `Shape: {Height: 1}` and `Shape.Height: 1` are the same."""
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _leads(data: Any, path: Path) -> bool:
+    for step in path:
+        there = step in data if isinstance(data, dict) else isinstance(data, list) and isinstance(step, int) and step < len(data)
+        if not there:
+            return False
+        data = data[step]
+    return True
+
+
+def _owner(path: Path) -> str | None:
+    """The name of the definition or object that a path leads into."""
+    if len(path) < 2 or path[0] not in (*ENTRIES, "objects"):
+        return None
+    if path[0] != "objects":
+        return str(path[1])
+    owner, rest = path[1], path[2:]
+    while len(rest) >= 2 and rest[0] == "parts":
+        owner, rest = rest[1], rest[2:]
+    return str(owner)
+
+
+def _message(path: Path, detail: Any) -> str:
+    key = str(path[-1]) if path else "the file"
+    if detail["type"] == "extra_forbidden":
+        model: Any = File if len(path) == 1 else ENTRIES.get(str(path[0]), ObjectEntry)
+        known = [*model.model_fields]
+        return f"unknown key {key}; {nearest(key, known) or 'there are ' + ', '.join(known)}"
+    if detail["type"] == "missing":
+        return f"{key} is missing; write {key}: and its value"
+    shown = repr(detail["input"])
+    if detail["type"] in ("dict_type", "model_type"):
+        return f"{key} should be keys with values ({key}: {{...}}), not {shown}"
+    said = (
+        str(detail["msg"])
+        .replace("List should have", "a list with")
+        .replace(" after validation", "")
+        .removeprefix("Input should be ")
+        .removeprefix("a valid ")
+    )
+    said = re.sub(r", not \d+$", "", said)
+    return f"{key} should be {said}, not {shown if len(shown) < 60 else shown[:57] + '...'}"

@@ -1,0 +1,1 @@
+"""A planning task written for other solvers: SAS+, satisfiability, linear equations."""

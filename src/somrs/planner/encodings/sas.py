@@ -1,0 +1,117 @@
+"""A task as text for Fast Downward's search (its translator output format, version 3): engines need no more of us.
+
+https://www.fast-downward.org/latest/documentation/translator-output-format/
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from somrs.planner.grounding.finite import Assignment, FiniteTask, Operation
+
+if TYPE_CHECKING:  # a process that only reads tasks is to start quickly
+    from somrs.planner.grounding.task import Move, Task
+
+
+def written(task: FiniteTask) -> str:
+    """The task. Its operators are named by the place of their moves, and the device, so that no name needs escaping."""
+    return "\n".join(_lines(task)) + "\n"
+
+
+def read(names: list[str], task: Task) -> list[Move]:
+    """The moves that an engine named, without one that only says that the goal is reached."""
+    moves = [task.moves[int(name.split()[0])] for name in names]
+    return [move for move in moves if move.action.operator.service is not None]
+
+
+def _lines(task: FiniteTask) -> Iterator[str]:
+    yield from ("begin_version", "3", "end_version", "begin_metric", "1", "end_metric", str(len(task.names)))
+    predicates = {name: n for n, name in enumerate(dict.fromkeys(fact.partition("(")[0] for names in task.names for fact in names))}
+    for variable, names in enumerate(task.names):
+        yield from ("begin_variable", f"var{variable}", "-1", str(len(names)))
+        for value, name in enumerate(names[:-1]):
+            # Landmark heuristics group facts by their predicate.
+            yield f"Atom p{predicates[name.partition('(')[0]]}(v{variable}, v{value})"
+        yield from (names[-1], "end_variable")
+    yield str(len(task.exclusive))
+    for group in task.exclusive:
+        yield from ("begin_mutex_group", *_counted(group), "end_mutex_group")
+    yield from ("begin_state", *map(str, task.initial), "end_state")
+    yield from ("begin_goal", *_counted(task.goal), "end_goal", str(len(task.operations)))
+    for operation in task.operations:
+        name = f"{operation.move} {operation.device}"
+        yield from ("begin_operator", name, *_needs_and_effects(operation), str(operation.cost), "end_operator")
+    yield "0"
+
+
+def _counted(assignments: Sequence[Assignment]) -> Iterator[str]:
+    yield str(len(assignments))
+    yield from (f"{variable} {value}" for variable, value in assignments)
+
+
+def _needs_and_effects(operation: Operation) -> Iterator[str]:
+    plain = {variable for conditions, variable, _ in operation.effects if not conditions}
+    needs = dict(operation.needs)
+    yield from _counted([need for need in operation.needs if need[0] not in plain])
+    yield str(len(operation.effects))
+    for conditions, variable, value in operation.effects:
+        shown = "".join(f"{other} {wanted} " for other, wanted in conditions)
+        before = needs.get(variable, -1) if variable in plain else -1
+        yield f"{len(conditions)} {shown}{variable} {before} {value}"
+
+
+def parsed(text: str) -> FiniteTask:
+    """The task that was written; of variables' values, only how many there are."""
+    lines = iter(text.splitlines())
+
+    def numbers() -> list[int]:
+        return [int(word) for word in next(lines).split()]
+
+    def section(first: str) -> None:
+        for line in lines:
+            if line == first:
+                return
+
+    def assignments(count: int) -> tuple[Assignment, ...]:
+        pairs = [numbers() for _ in range(count)]
+        return tuple((variable, value) for variable, value in pairs)
+
+    section("end_metric")
+    names = []
+    for _ in range(int(next(lines))):
+        next(lines), next(lines), next(lines)
+        names.append(tuple(next(lines) for _ in range(int(next(lines)))))
+        next(lines)
+    exclusive = []
+    for _ in range(int(next(lines))):
+        next(lines)
+        exclusive.append(assignments(int(next(lines))))
+        next(lines)
+    section("begin_state")
+    initial = tuple(int(next(lines)) for _ in names)
+    section("begin_goal")
+    goal = assignments(int(next(lines)))
+    next(lines)
+    operations = [_operation(lines) for _ in range(int(next(lines)))]
+    return FiniteTask(names=tuple(names), initial=initial, goal=goal, operations=tuple(operations), exclusive=tuple(exclusive))
+
+
+def _operation(lines: Iterator[str]) -> Operation:
+    next(lines)
+    move, device = map(int, next(lines).split())
+    needs: list[Assignment] = []
+    for _ in range(int(next(lines))):
+        variable, value = map(int, next(lines).split())
+        needs.append((variable, value))
+    effects = []
+    for _ in range(int(next(lines))):
+        count, *rest = map(int, next(lines).split())
+        conditions = tuple(zip(rest[: 2 * count : 2], rest[1 : 2 * count : 2], strict=True))
+        variable, before, value = rest[2 * count :]
+        if before >= 0:
+            needs.append((variable, before))
+        effects.append((conditions, variable, value))
+    cost = int(next(lines))
+    next(lines)
+    return Operation(move=move, cost=cost, needs=tuple(needs), effects=tuple(effects), device=device)

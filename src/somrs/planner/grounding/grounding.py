@@ -1,0 +1,358 @@
+"""From operators to actions: everything that can become true if nothing ever became false again, fact by fact.
+
+Facts that follow from the map alone are settled here; what is left depends only on what services change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import islice
+
+from somrs.entish import Attribute, Comparison, Name, Not, Number, Relation, Term, Text, Truth, Variable
+from somrs.entish.formula import Constant, Literal, substitute, substitute_term, variables
+from somrs.ontology.services import PROVIDER
+from somrs.ontology.types import AttributeType, Kind
+from somrs.ontology.units import converted
+from somrs.ontology.values import attribute_at, constant, measure
+from somrs.planner.grounding.relevance import Demand
+from somrs.planner.model.facts import Facts
+from somrs.planner.model.operators import GOAL, SOME, Argument, Fact, Forbidden, Operator, Pattern, Test
+from somrs.planner.model.world import Bound, World, as_term
+
+ACTIONS = 100_000
+"""More actions than this are not searched through."""
+EFFORT = 10_000_000
+"""More facts than this are not looked at, unless less is allowed: that takes about ten seconds."""
+PLACES = 16
+"""So many objects are tried where any of a type will do, when planning narrowly: those where such things stand now, and
+others of their types."""
+MOST_LOOKED_AT = 500
+"""So many objects that stand in a place are looked at, to find those."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Action:
+    """An operator with all its variables bound."""
+
+    operator: Operator
+    bound: Bound
+    needs: tuple[Fact, ...]
+    adds: tuple[Fact, ...]
+    removes: tuple[Fact, ...]
+    counts: tuple[Literal, ...] = ()
+    sets: tuple[tuple[Attribute, Term], ...] = ()
+
+    @property
+    def provider(self) -> str | None:
+        """The device that has to do it, if the service type's formulas speak of one."""
+        provider = self.bound.get(PROVIDER)
+        return provider if isinstance(provider, str) else None
+
+
+class TooLarge(Exception):
+    """There is more to look at than is allowed; which says nothing of whether there is a plan."""
+
+
+class Grounding:
+    """The actions that are demanded and reachable, and the facts they lead to. Making it raises TooLarge."""
+
+    def __init__(
+        self, world: World, demanded: list[Demand], *, narrow: bool = False, effort: int = EFFORT, most: int | None = None
+    ) -> None:
+        self.world = world
+        self.narrow = narrow
+        self.guessed = False
+        """Whether a service could be given values that nobody named, and was not."""
+        self._effort = effort
+        self._most = ACTIONS if most is None else most
+        self.facts = Facts(world)
+        self.actions: list[Action] = []
+        self._seen: set[tuple[Operator, tuple[Argument, ...]]] = set()
+        self._waiting: list[Fact] = []
+        self._run(demanded)
+
+    @property
+    def reached(self) -> bool:
+        return GOAL in self.facts.new
+
+    def _run(self, demanded: list[Demand]) -> None:
+        # The needs that a fact may meet, by its predicate and one argument, if one is known (its place, and what it is).
+        by_need: dict[tuple[str, int, Argument], list[tuple[Demand, Bound, Pattern]]] = {}
+        for demand in demanded:
+            bound = dict(demand.values)
+            for need in dict.fromkeys(demand.operator.needs):
+                known = [self._argument(term, bound) for term in need[1]]
+                place = next((place for place, argument in enumerate(known) if argument is not None), -1)
+                by_need.setdefault((need[0], place, known[place] or "" if place >= 0 else ""), []).append((demand, bound, need))
+            self._extend(demand, bound, None)
+        while self._waiting:
+            fact = self._waiting.pop()
+            if not self.facts.add(fact):
+                continue
+            for arguments in self._orders(*fact):
+                for place, argument in ((-1, ""), *enumerate(arguments)):
+                    for demand, bound, need in by_need.get((fact[0], place, argument), ()):
+                        matched = self._match(demand, need, arguments, bound)
+                        if matched is not None:
+                            self._extend(demand, matched, need)
+
+    def _orders(self, predicate: str, arguments: tuple[Argument, ...]) -> tuple[tuple[Argument, ...], ...]:
+        return (arguments, arguments[::-1]) if self.world.known.symmetric(predicate) else (arguments,)
+
+    def _extend(self, demand: Demand, bound: Bound, met: Pattern | None) -> None:
+        operator = demand.operator
+        conditions: list[Pattern | Literal | Test] = [need for need in operator.needs if need != met]
+        conditions += [*operator.static, *operator.tests]
+        for complete in self._complete(demand, conditions, bound):
+            self._add(operator, complete)
+
+    def _complete(self, demand: Demand, conditions: list[Pattern | Literal | Test], bound: Bound) -> Iterator[Bound]:
+        """The bindings that meet the conditions, taking next the condition that leaves the fewest possibilities."""
+        left: list[Pattern | Literal | Test] = []
+        for condition in conditions:
+            ready = self._ready(demand.operator, condition, bound)
+            if ready is None:
+                left.append(condition)
+            elif not ready:
+                return
+        best: tuple[int, Pattern | Literal] | None = None
+        for condition in left:
+            if not isinstance(condition, Test):
+                count = self._count(condition, bound)
+                if count is not None and (best is None or count < best[0]):
+                    best = count, condition
+        if best is not None:
+            rest = [condition for condition in left if condition is not best[1]]
+            for arguments in self._possibilities(best[1], bound):
+                matched = self._match(demand, best[1], arguments, bound)
+                if matched is not None:
+                    yield from self._complete(demand, rest, matched)
+            return
+        for condition in left:
+            if isinstance(condition, Comparison) and self._defines(condition, bound):
+                for more in self.world.answers(condition, bound):
+                    yield from self._complete(demand, [c for c in left if c is not condition], more)
+                return
+        name = next((name for name in demand.operator.variables if name not in bound), None)
+        if name is None:
+            if not left:
+                yield bound
+            return
+        for value in self._domain(demand, name):
+            yield from self._complete(demand, left, {**bound, name: value})
+
+    def _ready(self, operator: Operator, condition: Pattern | Literal | Test, bound: Bound) -> bool | None:
+        """Whether the condition is met; None while its variables are not all bound."""
+        match condition:
+            case Test(comparison):
+                return self.world.passes(condition, bound) if all(name in bound for name in variables(comparison)) else None
+            case Not():
+                # a variable behind NOT that nothing else binds stands for any object
+                more = any(name in operator.variables and name not in bound for name in variables(condition))
+                return None if more else self.world.settles(condition, bound)
+            case Relation() | Comparison():
+                return self.world.settles(condition, bound) if all(name in bound for name in variables(condition)) else None
+            case (predicate, arguments):
+                known = [self._argument(argument, bound) for argument in arguments]
+                if any(argument is None for argument in known):
+                    return None
+                return self.world.canonical((predicate, tuple(a for a in known if a is not None))) in self.facts
+
+    def _argument(self, term: Argument | Term, bound: Bound) -> Argument | None:
+        if isinstance(term, Variable):
+            return bound.get(term.name)
+        assert isinstance(term, str | Name | Number | Text | Truth)
+        return term
+
+    def _known(self, condition: Pattern | Literal, bound: Bound) -> tuple[str, list[Argument | None]] | None:
+        """The predicate or relation, and its arguments as far as they are known; None of a comparison."""
+        match condition:
+            case Relation(relation, arguments):
+                return relation, [argument.name if isinstance(argument, Name) else bound.get(argument.name) for argument in arguments]
+            case (str(predicate), arguments):
+                return predicate, [self._argument(argument, bound) for argument in arguments]
+        return None
+
+    def _count(self, condition: Pattern | Literal, bound: Bound) -> int | None:
+        """About how many possibilities there are; None of a comparison."""
+        about = self._known(condition, bound)
+        if about is None:
+            return None
+        predicate, known = about
+        count = self.world.count if isinstance(condition, Relation) else self.facts.count
+        backwards = count(predicate, known[::-1]) if self.world.known.symmetric(predicate) else 0
+        return count(predicate, known) + backwards
+
+    def _possibilities(self, condition: Pattern | Literal, bound: Bound) -> list[tuple[Argument, ...]]:
+        about = self._known(condition, bound)
+        if about is None:
+            return []
+        predicate, known = about
+        like = self.world.like if isinstance(condition, Relation) else self.facts.like
+        if self.world.known.symmetric(predicate):
+            return list(dict.fromkeys([*like(predicate, known), *(arguments[::-1] for arguments in like(predicate, known[::-1]))]))
+        return like(predicate, known)
+
+    def _match(self, demand: Demand, condition: Pattern | Literal, arguments: tuple[Argument, ...], bound: Bound) -> Bound | None:
+        """What a fact binds of a condition, or None when it does not fit."""
+        self._effort -= 1
+        if self._effort < 0:
+            raise TooLarge(f"there are too many ways to use services, {_named(demand.operator)} among them")
+        wanted = condition.arguments if isinstance(condition, Relation) else condition[1]  # type: ignore[index]
+        if len(wanted) != len(arguments):
+            return None
+        matched = dict(bound)
+        for term, argument in zip(wanted, arguments, strict=True):
+            if isinstance(term, Variable):
+                if term.name in matched:
+                    if matched[term.name] != argument:
+                        return None
+                elif self._admits(demand, term.name, argument):
+                    matched[term.name] = argument
+                else:
+                    return None
+            elif (term.name if isinstance(term, Name) and isinstance(argument, str) else term) != argument:
+                return None
+        return matched
+
+    def _admits(self, demand: Demand, name: str, value: Argument) -> bool:
+        types = self._types(demand, name)
+        return self.world.is_a(value, types)
+
+    def _types(self, demand: Demand, name: str) -> frozenset[str]:
+        types = demand.operator.types.get(name, frozenset())
+        for other, kinds in demand.kinds:
+            if other == name:
+                return types | kinds
+        return types
+
+    def _defines(self, comparison: Comparison, bound: Bound) -> bool:
+        """Whether `?w = term` gives ?w its value."""
+        unbound = [name for name in variables(comparison) if name not in bound]
+        sides = (comparison.left, comparison.right)
+        return comparison.operator == "=" and len(unbound) == 1 and any(isinstance(s, Variable) and s.name == unbound[0] for s in sides)
+
+    def _domain(self, demand: Demand, name: str) -> list[Argument]:
+        types = self._types(demand, name)
+        if "truth" in types:
+            return [Truth(True), Truth(False)]
+        if types & {"number", "text"}:
+            self.guessed = True
+            return []  # a value that the goal does not give could be anything
+        if not self.narrow or name == PROVIDER:
+            return [*self.world.domain(types)]
+        objects = self.world.map.objects
+        usual = list(islice(self._usual(demand.operator, name, types), PLACES))
+        kinds = {objects[place].type for place in usual}
+        likely: dict[Argument, None] = dict.fromkeys(usual)
+        alike = (place for kind in kinds for place in self.world.map.of_type(kind) if self.world.is_a(place, types))
+        likely.update(dict.fromkeys(islice(alike if kinds else self.world.domain(types), PLACES)))
+        return list(likely)[:PLACES]
+
+    def _usual(self, operator: Operator, name: str, types: frozenset[str]) -> Iterator[str]:
+        """The objects that stand in that place now, in the facts that the operator adds: where things are put as a rule."""
+        for predicate, terms in operator.adds:
+            for place, term in enumerate(terms):
+                if isinstance(term, Variable) and term.name == name and not predicate.startswith("."):
+                    standing = islice(self.world.map.standing(predicate, place), MOST_LOOKED_AT)
+                    yield from (other for other in standing if other in self.world.map.objects and self.world.is_a(other, types))
+
+    # Actions
+
+    def _add(self, operator: Operator, bound: Bound) -> None:
+        key = operator, tuple(bound[name] for name in operator.variables)
+        if key in self._seen:
+            return
+        self._seen.add(key)
+        adds = [self._effect(pattern, bound) for pattern in operator.adds]
+        if any(fact is None for fact in adds):
+            return
+        self.actions.append(action := self._action(operator, bound, [fact for fact in adds if fact is not None]))
+        if len(self.actions) > self._most:
+            raise TooLarge(f"there are more than {self._most} ways to use services, the last one of them {_named(operator)}")
+        for predicate, arguments in action.adds:
+            self._waiting.append((predicate, arguments))
+            if predicate in self.world.ontology.relations:
+                self._waiting.append((predicate + SOME, arguments[:1]))
+
+    def _action(self, operator: Operator, bound: Bound, adds: list[Fact]) -> Action:
+        def ground(pattern: Pattern) -> Fact:
+            arguments = tuple(argument for term in pattern[1] if (argument := self._argument(term, bound)) is not None)
+            return self.world.canonical((pattern[0], arguments))
+
+        needs = tuple(dict.fromkeys(map(ground, operator.needs)))
+        given = {name: as_term(value) for name, value in bound.items()} if operator.counts or operator.sets else {}
+        counts = tuple(substitute(literal, given) for literal in operator.counts)
+        sets = tuple((substitute_term(target, given), substitute_term(source, given)) for target, source in operator.sets)
+        return Action(operator, bound, needs, tuple(dict.fromkeys(adds)), tuple(map(ground, operator.removes)), counts, sets)  # type: ignore[arg-type]
+
+    def _effect(self, pattern: Pattern, bound: Bound) -> Fact | None:
+        """The fact that the effect makes; None for one that makes no sense (a thing in its own place, a value that is none)."""
+        predicate, terms = pattern
+        if predicate.startswith("."):
+            owner = self._argument(terms[0], bound)
+            attribute = attribute_at(predicate[1:], self.world.ontology)
+            value = self._value(terms[1], attribute, bound)
+            fits = isinstance(owner, str) and value is not None and self.world.has(owner, predicate[1:])
+            return (predicate, (owner, value)) if fits and owner is not None and value is not None else None
+        arguments = tuple(argument for term in terms if (argument := self._argument(term, bound)) is not None)
+        if any(argument not in self.world.map.objects for argument in arguments):
+            return None
+        if len(set(arguments)) < len(arguments) and not self._with_itself(predicate):
+            return None
+        return self.world.canonical((predicate, arguments))
+
+    def _with_itself(self, predicate: str) -> bool:
+        """Whether an object may stand in the relation to itself: no place is its own, nor is anything beside itself."""
+        relation = self.world.ontology.relations.get(predicate)
+        return relation is not None and not (relation.functional or relation.symmetric or relation.excludes)
+
+    def _value(self, term: Argument | Term, attribute: AttributeType | None, bound: Bound) -> Constant | None:
+        """What the attribute will be, as the map will have it."""
+        terms: Mapping[str, Term] = {name: as_term(value) for name, value in bound.items()}
+        measured = measure(term, self.world.map, self.world.ontology, terms) if not isinstance(term, str) else None
+        if measured is None or attribute is None:
+            return None
+        match attribute.kind, measured.constant:
+            case Kind.NUMBER, Number(value, unit):
+                number = value if unit is None or attribute.unit is None else converted(value, unit, attribute.unit)
+                within = number is not None and _at_least(number, attribute.minimum) and _at_least(attribute.maximum, number)
+                return constant(number, attribute) if number is not None and within else None
+            case Kind.TRUTH, Truth() as truth:
+                return truth
+            case Kind.TEXT, Text() as text:
+                return text
+            case Kind.ENUMERATION, (Name(word) | Text(word)):
+                return Name(word) if not attribute.values or word in attribute.values else None
+        return None
+
+    def forbidden(self, action: Action) -> list[Fact]:
+        """The facts, of all that can come about, that must not hold when the action starts."""
+        return [fact for forbidden in action.operator.forbids for fact in self._forbidden_by(forbidden, action)]
+
+    def _forbidden_by(self, forbidden: Forbidden, action: Action) -> Iterator[Fact]:
+        predicate, terms = forbidden.pattern
+        hidden = forbidden.test.hidden if forbidden.test is not None else {}
+        for arguments in self._possibilities(forbidden.pattern, action.bound):
+            matched: Bound = dict(action.bound)
+            for term, argument in zip(terms, arguments, strict=True):
+                if isinstance(term, Variable):
+                    if matched.setdefault(term.name, argument) != argument:
+                        break
+                    types = action.operator.types.get(term.name, frozenset())
+                    if term.name not in hidden and not self.world.is_of(argument, types):
+                        break
+                elif term != argument:
+                    break
+            else:
+                if forbidden.test is None or self.world.passes(forbidden.test, matched):
+                    yield self.world.canonical((predicate, arguments))
+
+
+def _named(operator: Operator) -> str:
+    return operator.service.name if operator.service is not None else "the task's own wish"
+
+
+def _at_least(number: float | None, least: float | None) -> bool:
+    return number is None or least is None or number >= least

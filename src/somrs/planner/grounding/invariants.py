@@ -1,0 +1,143 @@
+"""Facts of which at most one holds at a time, found in the actions, where the ontology does not say so of a relation.
+
+A candidate is a set of relations, each with the places whose objects they share: `at(crate, .)`, `in(crate, .)` and
+`lifting(., ., crate)`. It is balanced if each action that adds such a fact takes away another one that it needed. One that is
+not is tried with one more relation (Helmert 2009, "Concise finite-domain representations for PDDL planning tasks"); here any
+number of a fact's arguments may be free, for with agents in the facts there often are two: who lifts, and with what.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import combinations, permutations
+
+from somrs.planner.grounding.grounding import Action
+from somrs.planner.grounding.task import Task
+from somrs.planner.model.operators import SOME, Argument, Fact, Operator
+
+CANDIDATES = 500
+"""So many are looked at."""
+SHARED = 3
+"""So many objects at most do the facts of one group share."""
+RELATIONS = 5
+"""So many relations at most are in one candidate."""
+
+Part = tuple[str, tuple[int, ...]]
+"""A relation, and the places of the shared objects in it."""
+Candidate = frozenset[Part]
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """What of an action's effects matters: the facts added that it did not need, and those needed that it takes away."""
+
+    added: tuple[Fact, ...]
+    taken: tuple[Fact, ...]
+
+
+def groups(task: Task) -> list[tuple[Fact, ...]]:
+    """Sets of facts of the task, of each of which one holds at most, at any time."""
+    facts: dict[str, list[Fact]] = {}
+    for fact in task.place:
+        if _counted(fact[0], task):
+            facts.setdefault(fact[0], []).append(fact)
+    found: dict[tuple[Fact, ...], None] = {}
+    for candidate in _balanced(list(_changes(task)), facts):
+        instances: dict[tuple[Argument, ...], list[Fact]] = {}
+        for predicate, places in sorted(candidate):
+            for fact in facts.get(predicate, ()):
+                instances.setdefault(_shared(fact, places), []).append(fact)
+        for group in instances.values():
+            if len(group) > 1 and sum(_holds(fact, task) for fact in group) <= 1:
+                found[tuple(group)] = None
+    return list(found)
+
+
+def _counted(predicate: str, task: Task) -> bool:
+    """Not attributes, which have one value anyway; nor facts that come about with others, or that have two ways of writing."""
+    return predicate in task.known.ontology.relations and not predicate.endswith(SOME) and not task.known.symmetric(predicate)
+
+
+def _holds(fact: Fact, task: Task) -> bool:
+    variable, value = task.place[fact]
+    return task.initial[variable] == value
+
+
+def _changes(task: Task) -> Iterator[_Change]:
+    """What actions do, of all that do the same to other objects only one: those of an operator whose variables stand for the
+    same object where theirs do."""
+    seen: set[tuple[Operator, tuple[int, ...]]] = set()
+    constants: dict[Operator, list[Argument]] = {}
+    for move in task.moves:
+        action = move.action
+        operator = action.operator
+        if operator not in constants:
+            patterns = (*operator.needs, *operator.adds, *operator.removes)
+            constants[operator] = [term for _, terms in patterns for term in terms if isinstance(term, str)]
+        arguments = [*(action.bound[name] for name in operator.variables), *constants[operator]]
+        first: dict[Argument, int] = {}
+        alike = tuple(first.setdefault(argument, place) for place, argument in enumerate(arguments))
+        if (operator, alike) not in seen:
+            seen.add((operator, alike))
+            yield _change(action, task)
+
+
+def _change(action: Action, task: Task) -> _Change:
+    replaced = {task.known.variable_of(fact): fact for fact in action.adds if task.known.variable_of(fact) is not None}
+    gone = [fact for fact in action.needs if replaced.get(task.known.variable_of(fact), fact) != fact]
+    taken = [fact for fact in dict.fromkeys((*action.removes, *gone)) if fact in action.needs and fact not in action.adds]
+    added = [fact for fact in action.adds if fact not in action.needs]
+    return _Change(
+        tuple(fact for fact in added if _counted(fact[0], task)),
+        tuple(fact for fact in taken if _counted(fact[0], task)),
+    )
+
+
+def _balanced(changes: list[_Change], facts: dict[str, list[Fact]]) -> Iterator[Candidate]:
+    """The candidates that no action adds a fact to without taking one away."""
+    waiting: deque[Candidate] = deque()
+    for predicate in sorted(facts):
+        for count in range(min(SHARED, len(facts[predicate][0][1])) + 1):
+            waiting.extend(frozenset({(predicate, places)}) for places in combinations(range(len(facts[predicate][0][1])), count))
+    seen = set(waiting)
+    while waiting:
+        candidate = waiting.popleft()
+        unbalanced = next((found for change in changes if (found := _unbalanced(candidate, change)) is not None), None)
+        if unbalanced is None:
+            yield candidate
+            continue
+        for part in unbalanced if len(candidate) < RELATIONS else ():
+            larger = candidate | {part}
+            if larger not in seen and len(seen) < CANDIDATES:
+                seen.add(larger)
+                waiting.append(larger)
+
+
+def _unbalanced(candidate: Candidate, change: _Change) -> list[Part] | None:
+    """None if the action leaves as many of the facts as there were, or fewer; else what the candidate may lack."""
+    added: dict[tuple[Argument, ...], int] = {}
+    for shared in _members(candidate, change.added):
+        added[shared] = added.get(shared, 0) + 1
+    for shared, count in added.items():
+        if count > 1:
+            return []  # no further relation makes up for two facts at once
+        if shared not in _members(candidate, change.taken):
+            return [part for fact in change.taken for part in _parts(fact, shared) if all(part[0] != known for known, _ in candidate)]
+    return None
+
+
+def _members(candidate: Candidate, facts: Iterable[Fact]) -> list[tuple[Argument, ...]]:
+    return [_shared(fact, places) for fact in facts for predicate, places in candidate if predicate == fact[0]]
+
+
+def _shared(fact: Fact, places: tuple[int, ...]) -> tuple[Argument, ...]:
+    return tuple(fact[1][place] for place in places)
+
+
+def _parts(fact: Fact, shared: tuple[Argument, ...]) -> Iterator[Part]:
+    """The ways in which the fact can be one of those that share the objects."""
+    for places in permutations(range(len(fact[1])), len(shared)):
+        if _shared(fact, places) == shared:
+            yield fact[0], places

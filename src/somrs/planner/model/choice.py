@@ -1,0 +1,145 @@
+"""Which device does what, where the plan need not say: steps that belong together are done by one device, whichever it is.
+
+A search binds every service that speaks of its provider to a device, and takes whichever comes first. Here it is found out where another
+would do as well; arrangement then chooses by terms, the same device for all steps that say so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TypeVar
+
+from msgspec import structs
+
+from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relation, Term, Variable
+from somrs.entish.formula import Arithmetic, Literal, conjunction, conjuncts, names, terms
+from somrs.entish.parse import parse
+from somrs.ontology.services import PROVIDER, ServiceType
+from somrs.ontology.truth import holds
+from somrs.ontology.types import Ontology
+from somrs.planner.model.causal import touches
+from somrs.planner.model.plan import NoPlan, Plan, Step
+from somrs.planner.model.problem import Problem
+
+Found = TypeVar("Found", bound=Plan | NoPlan | None)
+
+
+def opened(problem: Problem, found: Found) -> Found | Plan:
+    """What was found; a plan with `same` and `alike` for the steps that other devices could do as well."""
+    return _opened(found, problem) if isinstance(found, Plan) else found
+
+
+def _opened(plan: Plan, problem: Problem) -> Plan:
+    offers = {available.service_type.name: available for available in problem.services}
+    said: dict[str, tuple[str, tuple[str, ...]]] = {}
+    for number, group in enumerate(_groups(plan), 1):
+        provider = group[0].provider
+        assert provider is not None, "a group is bound to a device"
+        able = set[str].intersection(*(set(offers[step.service_type].providers) for step in group)) - problem.excluded - {provider}
+        types = [offers[step.service_type].service_type for step in group]
+        if able and not _is_special(provider, group, types, problem):
+            needed = _needed(provider, group, plan, problem.ontology)
+            if needed is not None:
+                alike = [
+                    one for one in sorted(able) if all(holds(_for(part, provider, one), problem.map, problem.ontology) for part in needed)
+                ]
+                said.update({step.id: (f"device{number}", tuple(alike)) for step in group if alike})
+    if not said:
+        return plan
+    steps = (structs.replace(step, same=said[step.id][0], alike=said[step.id][1]) if step.id in said else step for step in plan.steps)
+    return Plan(tuple(steps), plan.links)
+
+
+def by(step: Step, provider: str) -> Step:
+    """The step done by that device, one of those `alike`."""
+    if step.provider is None:
+        return step
+    precondition = _for(step.precondition, step.provider, provider) if step.precondition is not None else None
+    return structs.replace(step, precondition=precondition, effect=_for(step.effect, step.provider, provider), provider=provider, alike=())
+
+
+def _groups(plan: Plan) -> Iterator[list[Step]]:
+    """The steps of one device that belong together, because one brings about what another needs of the device."""
+    group_of = {step.id: [step] for step in plan.steps if step.provider is not None}
+    for link in plan.links:
+        one, other = plan.step(link.before), plan.step(link.after)
+        if one.provider is not None and one.provider == other.provider and one.provider in names(parse(link.fact)):
+            first, second = group_of[one.id], group_of[other.id]
+            if first is not second:
+                first += second
+                group_of.update({step.id: first for step in second})
+    seen: set[int] = set()
+    for group in group_of.values():
+        if id(group) not in seen:
+            seen.add(id(group))
+            yield group
+
+
+def _is_special(provider: str, group: Sequence[Step], types: Sequence[ServiceType], problem: Problem) -> bool:
+    """Whether it has to be this device: the wish or an input names it, or what is done changes it, or is made of its values."""
+    if provider in names(problem.goal) or any(provider in names(term) for step in group for term in step.inputs.values()):
+        return True
+    if any(_changes(part, provider, problem.ontology) for step in group for part in conjuncts(step.effect)):
+        return True
+    values = (term for type in types for term in terms(parse(type.effect)) if isinstance(term, Attribute | Call))
+    return any(PROVIDER in _of(term) for term in values)
+
+
+def _of(term: Term) -> Iterator[str]:
+    return (inner.name for inner in terms(term) if isinstance(inner, Variable))
+
+
+def _changes(effect: Formula, name: str, ontology: Ontology) -> bool:
+    """Whether the effect is about the object itself."""
+    match effect.atom if isinstance(effect, Not) else effect:
+        case Relation(relation, arguments):
+            known = ontology.relations.get(relation)
+            return Name(name) in (arguments if known is not None and known.symmetric else arguments[:1])
+        case _ as other:
+            return name in names(other)
+
+
+def _needed(provider: str, group: Sequence[Step], plan: Plan, ontology: Ontology) -> list[Literal] | None:
+    """What the group needs of the device and does not bring about itself; None when any step of the plan may change that."""
+    ids = {step.id for step in group}
+    found: list[Literal] = []
+    for step in group:
+        brought = {link.fact for link in plan.links_to(step.id) if link.before in ids and not link.keeps}
+        for part in conjuncts(step.precondition) if step.precondition is not None else ():
+            if provider not in names(part) or str(part) in brought:
+                continue
+            anyone = _replaced(part, provider, Variable(PROVIDER))
+            if any(touches(effect, anyone, ontology) for other in plan.steps for effect in conjuncts(other.effect)):
+                return None
+            found.append(part)  # type: ignore[arg-type]  # conjuncts of a conjunction of literals
+    return found
+
+
+def _for(formula: Formula, provider: str, other: str) -> Formula:
+    return conjunction(*(_replaced(part, provider, Name(other)) for part in conjuncts(formula)))
+
+
+def _replaced(literal: Formula, name: str, by: Name | Variable) -> Literal:
+    """The literal with another term in the place of the name."""
+
+    def term(old: Term) -> Term:
+        match old:
+            case Name() if old.name == name:
+                return by
+            case Attribute(of, path):
+                return Attribute(term(of), path)  # type: ignore[arg-type]  # a name or variable, as before
+            case Call(function, arguments):
+                return Call(function, tuple(map(term, arguments)))
+            case Arithmetic(left, operator, right):
+                return Arithmetic(term(left), operator, term(right))
+            case _:
+                return old
+
+    match literal:
+        case Not(atom):
+            return Not(_replaced(atom, name, by))  # type: ignore[arg-type]  # an atom, as before
+        case Relation(relation, arguments):
+            return Relation(relation, tuple(map(term, arguments)))  # type: ignore[arg-type]
+        case Comparison(left, operator, right):
+            return Comparison(term(left), operator, term(right))
+    raise AssertionError(f"{literal} is no literal")

@@ -1,0 +1,47 @@
+"""A growing set of facts: what holds now, which is looked up on the map when it is asked for, and what can come about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from somrs.planner.model.operators import Argument, Fact
+from somrs.planner.model.world import World
+
+
+class Facts:
+    """Facts found by predicate and any one argument."""
+
+    def __init__(self, world: World) -> None:
+        self.new: dict[Fact, None] = {}
+        """What does not hold now."""
+        self._world = world
+        self._by_predicate: dict[str, list[tuple[Argument, ...]]] = {}
+        self._by_argument: dict[tuple[str, int, Argument], list[tuple[Argument, ...]]] = {}
+
+    def __contains__(self, fact: Fact) -> bool:
+        return fact in self.new or self._world.so(fact)
+
+    def add(self, fact: Fact) -> bool:
+        """Whether the fact is new."""
+        if fact in self:
+            return False
+        self.new[fact] = None
+        predicate, arguments = fact
+        self._by_predicate.setdefault(predicate, []).append(arguments)
+        for place, argument in enumerate(arguments):
+            self._by_argument.setdefault((predicate, place, argument), []).append(arguments)
+        return True
+
+    def count(self, predicate: str, known: Sequence[Argument | None]) -> int:
+        """About how many facts `like` would look at."""
+        return self._world.count(predicate, known) + len(self._come(predicate, known))
+
+    def like(self, predicate: str, known: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:
+        """The arguments of facts that may have the known ones, of which at least one was looked at."""
+        come = self._come(predicate, known)
+        so = self._world.like(predicate, known)
+        return [*so, *come] if come else so
+
+    def _come(self, predicate: str, known: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:
+        lists = [self._by_argument.get((predicate, place, value), []) for place, value in enumerate(known) if value is not None]
+        return min(lists, key=len) if lists else self._by_predicate.get(predicate, [])

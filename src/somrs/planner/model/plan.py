@@ -1,0 +1,179 @@
+"""Abstract plans: service types with their inputs, and the causal links between them (paper, "SO-MRS architecture": Planner).
+
+An abstract plan is a directed acyclic graph. How plans are found is in `planning.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cached_property
+from heapq import heappop, heappush
+
+from msgspec import Struct
+
+from somrs.entish import Formula, Name, Term
+from somrs.entish.formula import Substitution, substitute, variables
+from somrs.entish.parse import parse
+from somrs.ontology.effects import applied, settled
+from somrs.ontology.objects import Map
+from somrs.ontology.services import PROVIDER
+from somrs.ontology.truth import holds
+from somrs.planner.model.problem import Problem
+
+
+class Step(Struct, frozen=True):
+    """One use of a service type.
+
+    `inputs` are by the service type's input names. `provider` is the device that has to do it, when the service type's
+    formulas speak of `?Provider`; otherwise None: any provider will do. Those `alike` could do it as well, if one of them does all steps
+    that say the `same`. `precondition` and `effect` have no variables left.
+    """
+
+    id: str
+    service_type: str
+    inputs: dict[str, Term]
+    effect: Formula
+    precondition: Formula | None = None
+    provider: str | None = None
+    same: str | None = None
+    alike: tuple[str, ...] = ()
+
+    @property
+    def bindings(self) -> Substitution:
+        """The inputs and, if the plan names one, the provider: what to substitute in the service type's formulas."""
+        return self.inputs if self.provider is None else {**self.inputs, PROVIDER: Name(self.provider)}
+
+    def __str__(self) -> str:
+        said = ", ".join(f"{name}: {term}" for name, term in self.inputs.items())
+        devices = " or ".join((self.provider, *self.alike)) if self.provider is not None else ""
+        return f"{self.service_type}({said})" + (f" by {devices}" if devices else "")
+
+
+class Link(Struct, frozen=True):
+    """Step `after` comes after step `before`, because `before` brings `fact` about; or, when `keeps`, because `after` would
+    undo `fact`, which `before` (or a step that must be over by then) still needs or has yet to see undone and restored."""
+
+    before: str
+    after: str
+    fact: str
+    keeps: bool = False
+
+
+class Plan(Struct, frozen=True, dict=True, tag=True):
+    """The steps in an order in which they can be done one by one, and the links that say which order is needed."""
+
+    steps: tuple[Step, ...] = ()
+    links: tuple[Link, ...] = ()
+
+    @cached_property
+    def _by_id(self) -> Mapping[str, Step]:
+        return {step.id: step for step in self.steps}
+
+    @cached_property
+    def _to(self) -> Mapping[str, list[Link]]:
+        found: dict[str, list[Link]] = {}
+        for link in self.links:
+            found.setdefault(link.after, []).append(link)
+        return found
+
+    @cached_property
+    def _from(self) -> Mapping[str, list[Link]]:
+        found: dict[str, list[Link]] = {}
+        for link in self.links:
+            found.setdefault(link.before, []).append(link)
+        return found
+
+    def step(self, id: str) -> Step:
+        return self._by_id[id]
+
+    def links_to(self, id: str) -> Sequence[Link]:
+        """The links that say what has to be done before this step."""
+        return self._to.get(id, ())
+
+    def before(self, id: str) -> tuple[str, ...]:
+        """The ids of the steps that have to be done before this one, as far as the links say so directly."""
+        return tuple(dict.fromkeys(link.before for link in self._to.get(id, ())))
+
+    def after(self, id: str) -> tuple[str, ...]:
+        """The ids of the steps that wait for this one directly."""
+        return tuple(dict.fromkeys(link.after for link in self._from.get(id, ())))
+
+    def topological(self) -> tuple[Step, ...]:
+        """The steps, each after all that it waits for. Steps that wait for nothing among the rest keep the plan's order."""
+        place = {step.id: number for number, step in enumerate(self.steps)}
+        waits_for = {step.id: len(self.before(step.id)) for step in self.steps}
+        ready = [place[id] for id, count in waits_for.items() if count == 0]
+        order: list[Step] = []
+        while ready:
+            step = self.steps[heappop(ready)]
+            order.append(step)
+            for next_ in self.after(step.id):
+                waits_for[next_] -= 1
+                if waits_for[next_] == 0:
+                    heappush(ready, place[next_])
+        if len(order) < len(self.steps):
+            raise ValueError(f"the plan's links run in a circle among {sorted(id for id, count in waits_for.items() if count)}")
+        return tuple(order)
+
+    def ready(self, done: Collection[str]) -> tuple[Step, ...]:
+        """The steps that can start when those in `done` are over; those are not among them."""
+        return tuple(step for step in self.steps if step.id not in done and all(before in done for before in self.before(step.id)))
+
+    def __str__(self) -> str:
+        def line(step: Step) -> str:
+            waits = ", ".join(f"{link.before} ({link.fact})" for link in self.links_to(step.id))
+            return f"{step.id}: {step}" + (f" after {waits}" if waits else "")
+
+        return "\n".join(map(line, self.steps)) if self.steps else "nothing to do"
+
+
+class NoPlan(Struct, frozen=True, tag=True):
+    """Why there is no plan.
+
+    `explanation` is for people. `unreachable` are the parts of the goal that no service on offer can bring about,
+    `missing` the facts that would make a difference, `unoffered` the service types that would help if anybody offered them.
+    """
+
+    explanation: str
+    unreachable: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    unoffered: tuple[str, ...] = ()
+    undecided: bool = False
+    """Whether there may be a plan all the same: it was too much to look through, or cannot be expressed."""
+
+
+def validate(plan: Plan, problem: Problem) -> list[str]:
+    """What is wrong with the plan, by doing its steps on the map one by one in topological order; empty when all is well."""
+    wrong: list[str] = []
+    map = problem.map
+    known = {available.service_type.name: available.service_type for available in problem.services}
+    for step in plan.topological():
+        if step.service_type not in known:
+            wrong.append(f"{step.id}: nobody offers {step.service_type}")
+            continue
+        if step.precondition is not None and not holds(step.precondition, map, problem.ontology):
+            wrong.append(f"{step.id}: {step} needs {step.precondition}, which does not hold by then")
+        promised = substitute(parse(known[step.service_type].effect), step.bindings)
+        if not variables(promised) and step.effect != settled(promised, map, problem.ontology):
+            wrong.append(f"{step.id}: {step.effect} is not what {step} brings about")
+        map = after(step, map, problem)
+    if not holds(problem.goal, map, problem.ontology):
+        wrong.append(f"after all steps {problem.goal} does not hold")
+    return wrong
+
+
+def after(step: Step, map: Map, problem: Problem) -> Map:
+    """The map once the step is done."""
+    return applied(step.effect, map, problem.ontology)
+
+
+def linearisations(plan: Plan) -> Iterator[tuple[Step, ...]]:
+    """Every order in which the steps can be done one by one."""
+
+    def extend(done: tuple[Step, ...]) -> Iterator[tuple[Step, ...]]:
+        if len(done) == len(plan.steps):
+            yield done
+        for step in plan.ready({step.id for step in done}):
+            yield from extend((*done, step))
+
+    return extend(())

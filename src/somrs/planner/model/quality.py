@@ -1,0 +1,47 @@
+"""Which of several plans is best: the cheapest, or the one that is done first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from somrs.ontology.services import PROVIDER
+from somrs.planner.model.plan import Plan
+from somrs.planner.model.problem import Problem
+from somrs.planner.model.world import World, as_argument
+
+
+def best(problem: Problem, plans: Iterable[Plan]) -> Plan:
+    """By cost, then by time; where the problem is in a hurry, the other way round. Of equals the first."""
+
+    def preference(plan: Plan) -> tuple[float, float]:
+        costs, ends = cost(plan, problem), span(plan)
+        return (ends, costs) if problem.hurry else (costs, ends)
+
+    return min(plans, key=preference)
+
+
+def cost(plan: Plan, problem: Problem) -> float:
+    """What the plan's steps cost together, as far as can be told before anybody is asked."""
+    world = World(problem)
+    services = {available.service_type.name: available.service_type for available in problem.services}
+    total = 0.0
+    for step in plan.steps:
+        bound = {name: as_argument(term) for name, term in step.inputs.items()}
+        if step.provider is not None:
+            bound[PROVIDER] = step.provider
+        total += world.cost(services[step.service_type], bound)
+    return total
+
+
+def span(plan: Plan) -> int:
+    """After how many steps' time everything is done, if each step takes as long, begins as soon as its links let it, and a device that
+    has to do a step does one at a time."""
+    ends: dict[str, int] = {}
+    free: dict[str, int] = {}
+    for step in plan.topological():
+        start = max((ends[before] for before in plan.before(step.id)), default=0)
+        if step.provider is not None:
+            start = max(start, free.get(step.provider, 0))
+            free[step.provider] = start + 1
+        ends[step.id] = start + 1
+    return max(ends.values(), default=0)

@@ -1,0 +1,165 @@
+"""A task with counters as numeric PDDL 2.1 (Fox and Long 2003) for an engine that reads that: ground, so that names are numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from somrs.entish import Arithmetic, Comparison, Name, Not, Number, Term, Variable
+from somrs.ontology.units import converted
+from somrs.ontology.values import ROUNDING
+from somrs.planner.grounding.task import Assignment, Move, Task
+from somrs.planner.model.operators import Inexpressible
+from somrs.planner.search.counting import Condition, Counters, Setting
+
+INDENT = "\n  "
+
+
+class NumericTask:
+    """The domain and the problem. The moves are actions named by their place in `task.moves`; the goal's only reach the goal."""
+
+    def __init__(self, task: Task, counters: Counters) -> None:
+        self._task, self._counters = task, counters
+        self.domain = self._domain()
+        self.problem = self._problem()
+
+    def read(self, names: list[str]) -> list[Move]:
+        """The moves that an engine named, without the last one, which only says that the goal is reached."""
+        moves = [self._task.moves[int(name.lower().removeprefix("a"))] for name in names]
+        return [move for move in moves if move.action.operator.service is not None]
+
+    def _domain(self) -> str:
+        atoms = " ".join(_atom((variable, value)) for variable, values in enumerate(self._task.values) for value in range(len(values)))
+        functions = " ".join(f"(n{number})" for number in range(len(self._counters.names)))
+        actions = "\n".join(self._action(number, move) for number, move in enumerate(self._task.moves))
+        head = "(define (domain d) (:requirements :strips :numeric-fluents :conditional-effects)"
+        return f"{head}\n(:predicates (reached) {atoms})\n(:functions {functions})\n{actions})\n"
+
+    def _problem(self) -> str:
+        facts = " ".join(map(_atom, enumerate(self._task.initial)))
+        numbers = " ".join(f"(= (n{n}) {_plain(value or 0.0)})" for n, value in enumerate(self._counters.initial))
+        return f"(define (problem p) (:domain d)\n(:init {facts} {numbers})\n(:goal (reached)))\n"
+
+    def _action(self, number: int, move: Move) -> str:
+        needs = [*map(_atom, move.needs)]
+        for condition in self._counters.conditions[move]:
+            needs.extend(self._condition(condition))
+        effects = [part for effect in move.effects for part in self._effect(move, *effect)]
+        for setting in self._counters.settings[move]:
+            value = self._expression(setting.source, self._counters.unit(setting.sets))
+            needs.extend(self._range(setting, value))
+            effects.append(f"(assign (n{setting.sets}) {value})")
+        if move.action.operator.service is None:
+            effects = ["(reached)"]
+        return f"(:action a{number} :parameters () :precondition (and {' '.join(needs)}){INDENT}:effect (and {' '.join(effects)}))"
+
+    def _effect(self, move: Move, conditions: tuple[Assignment, ...], variable: int, value: int) -> Iterator[str]:
+        """A variable gets a value; it has its old one no more, whichever that was."""
+        known = dict((*move.needs, *conditions)).get(variable)
+        old = [known] if known is not None else range(len(self._task.values[variable]))
+        made = [_atom((variable, value)), *(f"(not {_atom((variable, other))})" for other in old if other != value)]
+        if conditions:
+            yield f"(when (and {' '.join(map(_atom, conditions))}) (and {' '.join(made)}))"
+        else:
+            yield from made
+
+    def _condition(self, condition: Condition) -> Iterator[str]:
+        if isinstance(condition.literal, Not):
+            atom = condition.literal.atom
+            assert isinstance(atom, Comparison), "counters are compared"
+            opposite = {"<": ">=", "<=": ">", ">": "<=", ">=": "<", "!=": "="}.get(atom.operator)
+            if opposite is None:
+                raise Inexpressible(condition.literal, "an engine does not take that two numbers differ")
+            yield from self._comparison(Comparison(atom.left, opposite, atom.right), condition)
+        else:
+            assert isinstance(condition.literal, Comparison), "counters are compared"
+            yield from self._comparison(condition.literal, condition)
+
+    def _comparison(self, comparison: Comparison, condition: Condition) -> Iterator[str]:
+        """Two numbers within tolerance are the same, as everywhere."""
+        counter = condition.reads[0]
+        left = self._expression(comparison.left, self._counters.unit(counter))
+        right = self._expression(comparison.right, self._counters.unit(counter))
+        attribute = self._counters.attributes[counter]
+        slack = _plain((attribute.tolerance if attribute is not None else 0.0) + ROUNDING)
+        match comparison.operator:
+            case "=":
+                yield f"(>= {left} (- {right} {slack}))"
+                yield f"(<= {left} (+ {right} {slack}))"
+            case ">=":
+                yield f"(>= {left} (- {right} {slack}))"
+            case "<=":
+                yield f"(<= {left} (+ {right} {slack}))"
+            case ">":
+                yield f"(> {left} (+ {right} {slack}))"
+            case "<":
+                yield f"(< {left} (- {right} {slack}))"
+            case _:
+                raise Inexpressible(comparison, "an engine does not take that two numbers differ")
+
+    def _range(self, setting: Setting, value: str) -> Iterator[str]:
+        attribute = self._counters.attributes[setting.sets]
+        if setting.reads and attribute is not None:
+            if attribute.minimum is not None:
+                yield f"(>= {value} {_plain(attribute.minimum)})"
+            if attribute.maximum is not None:
+                yield f"(<= {value} {_plain(attribute.maximum)})"
+
+    def _expression(self, term: Term, unit: str | None) -> str:
+        """The term as a number of the unit."""
+        match term:
+            case Variable(name):
+                counter = self._counters.names.index(name)
+                return _scaled(f"(n{counter})", self._counters.unit(counter), unit, term)
+            case Arithmetic(left, "*", right):
+                return self._product(left, right, unit)
+            case Arithmetic(left, sign, right):
+                return f"({sign} {self._expression(left, unit)} {self._expression(right, unit)})"
+            case Number(value, None):
+                return _plain(value)
+            case Name():
+                raise Inexpressible(term, "it is no number")
+        measured = self._counters.measured(term)
+        if measured is None:
+            raise Inexpressible(term, "it has no value")
+        return _converted(measured, unit, term)
+
+    def _product(self, left: Term, right: Term, unit: str | None) -> str:
+        """One factor is a constant, as far as engines can calculate."""
+        for factor, other in ((left, right), (right, left)):
+            constant = self._counters.measured(factor)
+            if constant is not None:
+                whole = self._counters.measured(other)
+                if whole is not None:
+                    product = self._counters.measured(Arithmetic(left, "*", right))
+                    assert product is not None, "both factors are known"
+                    return _converted(product, unit, left)
+                if constant.unit is None:
+                    return f"(* {_plain(constant.value)} {self._expression(other, unit)})"
+        raise Inexpressible(Arithmetic(left, "*", right), "an engine does not multiply two numbers that change, or with units")
+
+
+def _atom(assignment: Assignment) -> str:
+    return f"(v{assignment[0]}-{assignment[1]})"
+
+
+def _plain(number: float) -> str:
+    """A number as PDDL has it: without an exponent."""
+    return f"{number:.12f}".rstrip("0").rstrip(".")
+
+
+def _converted(number: Number, unit: str | None, term: Term) -> str:
+    if number.unit is None or unit is None:
+        return _plain(number.value)
+    value = converted(number.value, number.unit, unit)
+    if value is None:
+        raise Inexpressible(term, f"{number.unit} and {unit} do not measure the same thing")
+    return _plain(value)
+
+
+def _scaled(text: str, unit: str | None, wanted: str | None, term: Term) -> str:
+    if unit is None or wanted is None or unit == wanted:
+        return text
+    none, one = converted(0.0, unit, wanted), converted(1.0, unit, wanted)
+    if none != 0 or one is None:
+        raise Inexpressible(term, f"{unit} and {wanted} differ by more than a factor")
+    return f"(* {_plain(one)} {text})"

@@ -1,0 +1,71 @@
+"""pytyr (https://github.com/planning-and-learning/tyr) in a process of its own, for tasks with counters:
+`python -m somrs.planner_service.engine_counters`.
+
+It is under the GPL: it is imported in that process only, and everything but hard counting works without it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+from datetime import timedelta
+from typing import Any
+
+from somrs.errors import RemoteError
+
+GRACE = 5.0
+"""Seconds on top of the limit for the process to start and to write its answer."""
+
+
+def there() -> bool:
+    """Whether the `numbers` extra is installed."""
+    return importlib.util.find_spec("pytyr") is not None
+
+
+def tyr(domain: str, problem: str, seconds: float) -> list[str] | None:
+    """The names of the actions of a plan; None when there is no plan. Raises RemoteError when there is no answer in time."""
+    command = [sys.executable, "-m", "somrs.planner_service.engine_counters", str(seconds)]
+    try:
+        asked = json.dumps([domain, problem])
+        done = subprocess.run(command, input=asked, capture_output=True, text=True, timeout=seconds + GRACE, check=False)
+    except subprocess.TimeoutExpired:
+        raise RemoteError(_none_in(seconds)) from None
+    if done.returncode:
+        raise RemoteError(f"pytyr ended with code {done.returncode}: {done.stderr[-500:]}")
+    answer: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    if answer["status"] == "SOLVED":
+        return [str(name) for name in answer["plan"]]
+    if answer["status"] in ("UNSOLVABLE", "EXHAUSTED"):
+        return None
+    raise RemoteError(_none_in(seconds))
+
+
+def _none_in(seconds: float) -> str:
+    return f"no plan with these numbers was found in {seconds:g} s, nor that there is none"
+
+
+def _solve(domain: str, problem: str, seconds: float) -> dict[str, object]:
+    """Lazy greedy best-first search with the relaxed plan's length as estimate, and its actions first."""
+    import pytyr.formalism.planning as formalism
+    from pypddl.formalism import ParserOptions
+    from pytyr.planning import SearchBudget, lifted
+    from pytyr.planning.lifted import gbfs_lazy
+    from pyyggdrasil.execution import ExecutionContext
+
+    options, context = ParserOptions(), ExecutionContext(1)
+    task = lifted.Task(formalism.Parser(domain, None, options).parse_task(problem, None, options))
+    axioms = lifted.AxiomEvaluatorFactory().create(task, context)
+    states = lifted.StateRepositoryFactory().create(task)
+    successors = lifted.SuccessorGeneratorFactory().create(task, context)
+    how = gbfs_lazy.Options()
+    how.search_budget = SearchBudget(max_time=timedelta(seconds=seconds))
+    found = gbfs_lazy.find_solution(task, states, axioms, successors, lifted.FFRPGHeuristic.create(task, context), how)
+    names = str(found.plan).replace("(", " ").replace(")", " ").split() if found.plan is not None else []
+    return {"status": found.status.name, "plan": names}
+
+
+if __name__ == "__main__":
+    asked: list[str] = json.load(sys.stdin)
+    print(json.dumps(_solve(asked[0], asked[1], float(sys.argv[1]))))

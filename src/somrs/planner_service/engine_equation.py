@@ -1,0 +1,63 @@
+"""A process that shows that there is no plan, where counting shows it (`planner/encodings/equation.py`), with the solver HiGHS of SciPy.
+
+`python -m somrs.planner_service.engine_equation TASK`: ends with code 11 when there is none, and with 1 when there may be one.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from scipy.optimize import linprog
+from scipy.sparse import csr_array
+
+from somrs.planner.encodings.equation import Equation, companions, equation
+from somrs.planner.encodings.sas import parsed
+from somrs.planner.grounding.finite import FiniteTask, relevant
+
+UNSOLVABLE = 11
+"""As Fast Downward's exit code for the same."""
+INFEASIBLE = 2
+"""SciPy's status for a problem without a solution."""
+
+
+def main(task: str) -> int:
+    given = parsed(Path(task).read_text(encoding="ascii"))
+    return UNSOLVABLE if any(map(unsatisfiable, equations(given))) else 1
+
+
+def equations(task: FiniteTask) -> Iterator[Equation]:
+    """That of the task; then, with pairs of variables, those of its parts: what takes a minute as a whole takes a second in parts."""
+    yield equation(task)
+    if companions(task):
+        for part in parts(task):
+            if pairs := companions(part):
+                yield equation(part, pairs)
+
+
+def parts(task: FiniteTask) -> Iterable[FiniteTask]:
+    """What the parts of the goal depend on: one for all that depend on the same."""
+    found: dict[tuple[tuple[str, ...], ...], FiniteTask] = {}
+    for variable, value in task.goal:
+        if task.initial[variable] != value:
+            part = relevant(replace(task, goal=((variable, value),)))
+            same = found.get(part.names)
+            found[part.names] = replace(part, goal=(*same.goal, *part.goal)) if same else part
+    return found.values()
+
+
+def unsatisfiable(wanted: Equation) -> bool:
+    """Whether no numbers of times satisfy it. As few times as possible are asked for: so the solver can begin with none at all,
+    and is many times as fast as when any number will do."""
+    if not wanted.cases:
+        return max(wanted.least) > 0
+    rows, columns, changes = ([term[place] for term in wanted.terms] for place in range(3))
+    matrix = csr_array((changes, (rows, columns)), shape=(len(wanted.least), len(wanted.cases)), dtype=float)
+    found = linprog([1.0] * len(wanted.cases), A_ub=-matrix, b_ub=[-least for least in wanted.least], method="highs")
+    return bool(found.status == INFEASIBLE)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

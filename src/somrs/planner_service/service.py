@@ -1,0 +1,25 @@
+"""Who answers a Task Manager's questions for a plan: memory, a short match, or the planner's process."""
+
+from __future__ import annotations
+
+from somrs.planner.memory import Memory
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.problem import Problem
+from somrs.planner.planning import quick
+from somrs.planner_service.process import PlannerProcess
+
+
+class Planner:
+    """Answers at once what takes a few milliseconds, and leaves what takes a search to a process of its own."""
+
+    def __init__(self, process: PlannerProcess) -> None:
+        self._process = process
+        self._memory = Memory()
+
+    async def plan(self, problem: Problem) -> Plan | NoPlan:
+        """Raises what the planner raises."""
+        found = quick(problem) or self._memory.recall(problem)
+        if found is None:
+            found = await self._process.plan(problem)
+            self._memory.keep(problem, found)
+        return found

@@ -1,0 +1,101 @@
+"""Draws the tables of `states.py`: `python -m somrs.protocol.frp.diagram docs/frp-states.md` writes the page, without an argument
+it is printed. Mermaid, which GitHub and most documentation tools show as a picture.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from somrs.protocol.frp import states
+from somrs.protocol.frp.states import Entry, Kind, Said, Sends, Table
+from somrs.protocol.messages.frp import Cancel, End, Progress, Query, State
+
+PAGE = Path("docs/frp-states.md")
+
+_HEAD = """# The states of the Failure Recovery Protocol
+
+Made from the tables in `src/somrs/protocol/frp/states.py` by `python -m somrs.protocol.frp.diagram docs/frp-states.md`. What the protocol
+is for, and how to read it, is in [frp.md](frp.md).
+
+`?Execute` is a message that comes, `!Completed` one that is sent of one's own accord, `?Stop !Stopped` one that comes and is
+answered at once. In the tables, `→ State` moves, `again` is "already done: answer again" and `·` is "too late: ignore".
+"""
+
+
+def page() -> str:
+    """The whole page."""
+    return "\n".join(
+        [
+            _HEAD,
+            "## The participant",
+            "",
+            "Left out of the picture: End and Cancel, which lead from every state to Ended, and Query, which changes nothing.",
+            "",
+            *mermaid(states.PARTICIPANT, states.PARTICIPANT_SENDS, {}, frozenset((End, Cancel, Query))),
+            "",
+            *grid(states.PARTICIPANT, states.TO_PARTICIPANT),
+            "",
+            "## The coordinator's view of a participant",
+            "",
+            "`silent` is the coordinator's own move, when it has waited too long.",
+            "",
+            *mermaid(states.COORDINATOR, states.COORDINATOR_SENDS, states.GIVES_UP, frozenset()),
+            "",
+            *grid(states.COORDINATOR, states.TO_COORDINATOR),
+            "",
+        ]
+    )
+
+
+def mermaid(table: Table, sends: Sends, silent: dict[State, State], without: frozenset[Said]) -> Iterator[str]:
+    """The state diagram: one arrow for each pair of states, with all that leads from the one to the other."""
+    arrows: dict[tuple[State, State], list[str]] = {}
+    for state, after_sending in sends.items():
+        for message, after in after_sending.items():
+            if message is not Progress:
+                arrows.setdefault((state, after), []).append(f"!{message.__name__}")
+    for state, row in table.items():
+        for message, entry in row.items():
+            if entry.kind is Kind.MOVES and entry.next is not state and message not in without:
+                answer = f" !{entry.send.__name__}" if entry.send else ""
+                arrows.setdefault((state, entry.next), []).append(f"?{message.__name__}{answer}")
+    for state, after in silent.items():
+        arrows.setdefault((state, after), []).append("silent")
+    yield "```mermaid"
+    yield "stateDiagram-v2"
+    yield "    direction TB"
+    yield f"    [*] --> {State.NEW}"
+    for (state, after), labels in arrows.items():
+        yield f"    {state} --> {after}: {', '.join(labels)}"
+    yield f"    {State.ENDED} --> [*]"
+    yield "```"
+
+
+def grid(table: Table, messages: tuple[Said, ...]) -> Iterator[str]:
+    """The whole table: a row for each state, a column for each message."""
+    yield f"| | {' | '.join(message.__name__ for message in messages)} |"
+    yield f"|---|{'---|' * len(messages)}"
+    for state, row in table.items():
+        yield f"| **{state}** | {' | '.join(_cell(state, row[message]) for message in messages)} |"
+
+
+def _cell(state: State, entry: Entry) -> str:
+    answer = f" !{entry.send.__name__}" if entry.send else ""
+    if entry.kind is Kind.LATE:
+        return f"·{answer}"
+    if entry.kind is Kind.ALREADY:
+        return f"again{answer}"
+    return f"→ {entry.next}{answer}" if entry.next is not state else "news"
+
+
+def main(arguments: list[str]) -> None:
+    if arguments:
+        Path(arguments[0]).write_text(page(), encoding="utf-8")
+    else:
+        print(page(), end="")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

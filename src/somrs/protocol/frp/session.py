@@ -1,0 +1,397 @@
+"""One side's view of one participant: plays the tables of `states.py`, gives messages their ids, and remembers what it said.
+
+A session reads no clock and sends nothing: `receive` tells what a message meant and which messages answer it, `send` makes
+a message. A session is a value with setters: `kept` is a copy for the journal, and one read back goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from msgspec import Struct, structs
+
+from somrs.errors import UsageError, WireError
+from somrs.protocol.frp import states
+from somrs.protocol.frp.states import Entry, Kind
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
+from somrs.protocol.messages.frp import (
+    Accept,
+    Arrange,
+    Cancel,
+    Compensate,
+    Compensated,
+    Completed,
+    End,
+    Execute,
+    Failed,
+    Fault,
+    Outcome,
+    Progress,
+    Query,
+    Refuse,
+    State,
+    Status,
+    Stop,
+    Stopped,
+    Stranded,
+    Terms,
+)
+
+FrpBody = (
+    Arrange | Terms | Refuse | Accept | Cancel | Execute | Progress | Completed | Failed | Stop | Stopped | Compensate | Compensated
+    | Stranded | Query | Status | End | Fault
+)  # fmt: skip
+CoordinatorBody = Arrange | Accept | Cancel | Execute | Stop | Compensate | Query | End | Fault
+ParticipantBody = Terms | Refuse | Progress | Completed | Failed | Stopped | Compensated | Stranded | Status | Fault
+
+B = TypeVar("B")
+
+NOT_ALLOWED = "frp:NotAllowed"
+"""The fault code of a message that its sender may not send now."""
+
+# What a message is an answer to: the latest of these that was heard.
+_ANSWERS: dict[str, tuple[str, ...]] = {
+    "Terms": ("Arrange",),
+    "Refuse": ("Arrange",),
+    "Progress": ("Compensate", "Stop", "Execute"),
+    "Completed": ("Execute",),
+    "Failed": ("Execute", "Accept"),
+    "Stopped": ("Stop", "Execute"),
+    "Compensated": ("Compensate",),
+    "Stranded": ("Compensate",),
+    "Accept": ("Terms",),
+    "Cancel": ("Terms",),
+    "Execute": ("Terms",),
+    "Compensate": ("Completed", "Failed", "Stopped"),
+}
+# Monitoring: may come often, changes no contract, so neither ids nor contents are kept.
+_FLEETING = frozenset(("Progress", "Query", "Status", "Fault"))
+
+
+def participant_id(service: str, step: str, attempt: int = 1) -> str:
+    """The id of one service instance in one step: `Robot1.TransferObject#s1`, and `...#s1.2` the second time."""
+    return f"{service}#{step}" if attempt == 1 else f"{service}#{step}.{attempt}"
+
+
+def service_of(participant: str) -> str:
+    """The name of the service in a participant's id."""
+    return participant.rpartition("#")[0]
+
+
+class Said(Struct, frozen=True, kw_only=True):
+    """The last message of its type in one direction, and the state in which it was said."""
+
+    id: str
+    body: FrpBody
+    relates_to: str | None = None
+    state: State = State.NEW
+
+
+class Heard(Struct, frozen=True, kw_only=True):
+    """What a message meant: whether it moved the session, from where to where, and what has to be sent in answer."""
+
+    kind: Kind
+    before: State
+    state: State
+    answers: tuple[Message, ...] = ()
+
+    @property
+    def moved(self) -> bool:
+        return self.kind is Kind.MOVES
+
+
+class _Session(Struct, kw_only=True):
+    """What both sides keep: who is who, the state, and what was said and heard last of each type."""
+
+    transaction: str
+    participant: str
+    me: str
+    peer: str
+    state: State = State.NEW
+    reason: str = ""
+    """Why it ended: refused, expired, cancelled, ended; or in the words of whoever ended it."""
+    number: int = 0
+    """How many messages with a place in the contract were sent."""
+    said: dict[str, Said] = {}
+    heard: dict[str, Said] = {}
+
+    def _check(self, message: Message) -> None:
+        header = message.header
+        if (header.transaction, header.participant) != (self.transaction, self.participant):
+            raise UsageError(
+                f"{type(message.body).__name__} is for {header.participant} in {header.transaction}, "
+                f"and this is the session of {self.participant} in {self.transaction}: look sessions up by these two ids"
+            )
+
+    def _write(self, side: str, body: FrpBody, relates_to: str | None = None) -> Message:
+        """A new message. Ids are made of the transaction, the participant, the side, a number and the type."""
+        name = type(body).__name__
+        if relates_to is None:
+            for kind in _ANSWERS.get(name, ()):
+                if (heard := self.heard.get(kind)) is not None:
+                    relates_to = heard.id
+                    break
+        if name in _FLEETING:
+            # Counted apart, so that a restart from a journal without them gives no id to two different messages.
+            identity = self._fleeting_id(side, name, relates_to)
+        else:
+            self.number += 1
+            identity = message_id(self.transaction, self.participant, side, self.number, name)
+        said = Said(id=identity, body=body, relates_to=relates_to, state=self.state)
+        self.said = {**self.said, name: said}
+        return self._message(said)
+
+    def _fleeting_id(self, side: str, name: str, relates_to: str | None) -> str:
+        before = self.said[name].id if name in self.said else ""
+        return message_id(self.transaction, self.participant, side, self.number, name, relates_to, before)
+
+    def _message(self, said: Said) -> Message:
+        return Message(
+            header=Header(
+                sender=self.me,
+                recipient=self.peer,
+                message_id=said.id,
+                relates_to=said.relates_to,
+                reply_to=self.me,
+                transaction=self.transaction,
+                participant=self.participant,
+            ),
+            body=said.body,
+        )
+
+    def _again(self, *kinds: str) -> tuple[Message, ...]:
+        """The messages of these types as they were said, if they were."""
+        return tuple(self._message(self.said[kind]) for kind in kinds if kind in self.said)
+
+    def _listen(self, message: Message, entry: Entry) -> Entry:
+        """Note the message, and move. What was heard before moves nothing a second time."""
+        name, identity = type(message.body).__name__, message.header.message_id
+        known = name in self.heard and self.heard[name].id == identity
+        if known and entry.kind is Kind.MOVES and name not in _FLEETING:
+            return Entry(Kind.LATE, self.state)
+        if entry.kind is Kind.MOVES and (name not in _FLEETING or name == "Fault"):
+            assert isinstance(message.body, FrpBody)
+            self.heard = {**self.heard, name: Said(id=identity, body=message.body, relates_to=message.header.relates_to, state=self.state)}
+        if entry.kind is Kind.MOVES:
+            self.state = entry.next
+        return entry
+
+    def kept(self) -> _Session:
+        """A copy that stays as it is."""
+        return structs.replace(self)
+
+
+class ParticipantSession(_Session, tag="participant", kw_only=True):
+    """A service's view of its part in one step of one transaction."""
+
+    @classmethod
+    def opened_by(cls, message: Message, me: str) -> ParticipantSession:
+        """A new session for the first message of a participant, whichever it is; `receive` it next."""
+        header = message.header
+        if header.transaction is None or header.participant is None:
+            raise WireError(NOT_ALLOWED, f"{type(message.body).__name__} needs a transaction and a participant in its header")
+        return cls(transaction=header.transaction, participant=header.participant, me=me, peer=_answer_to(header))
+
+    def kept(self) -> ParticipantSession:
+        return structs.replace(self)
+
+    @property
+    def order(self) -> Arrange | None:
+        """What was asked for."""
+        return _body(self.heard, Arrange)
+
+    @property
+    def terms(self) -> Terms | None:
+        """What was offered."""
+        return _body(self.said, Terms)
+
+    @property
+    def last_message(self) -> str | None:
+        kept = [said.id for name, said in self.said.items() if name not in _FLEETING]
+        return kept[-1] if kept else None
+
+    def receive(self, message: Message) -> Heard:
+        """What the message means. A message that a coordinator may not send is answered with a Fault, or ignored."""
+        self._check(message)
+        if not isinstance(message.body, Query | Fault):  # anyone may ask, and is answered; that makes nobody the coordinator
+            self.peer = _answer_to(message.header)
+        before, kind = self.state, type(message.body)
+        entry = states.PARTICIPANT[before].get(kind)
+        if entry is None:
+            return self._fault(message, f"{kind.__name__} is not for a participant")
+        if entry.next in states.WORKING | {State.COMMITTED} and (wrong := self._not_accepted(message)):
+            return self._fault(message, wrong)
+        if entry.next is State.COMPENSATING and "Execute" not in self.heard:
+            entry = states.PARTICIPANT[State.COMMITTED][Compensate]  # a Stop came before the Execute: there is nothing to undo
+        entry = self._listen(message, entry)
+        if entry.kind is Kind.MOVES and entry.next is State.ENDED:
+            self.reason = message.body.reason if isinstance(message.body, Cancel) else "ended"
+        return Heard(kind=entry.kind, before=before, state=self.state, answers=self._answers(message, entry))
+
+    def send(self, body: ParticipantBody) -> Message:
+        """Say something of one's own accord, and move. Raises UsageError for what the state does not allow."""
+        kind = type(body)
+        allowed = states.PARTICIPANT_SENDS.get(self.state, {})
+        if kind not in allowed:
+            raise _not_now(self, kind, allowed)
+        message = self._write("participant", body)
+        self.state = allowed[kind]
+        if isinstance(body, Refuse):
+            self.reason = body.reason
+        return message
+
+    def last_report(self) -> tuple[Message, ...]:
+        """The report that the coordinator may not have got before a restart, to be sent again as it was."""
+        spoken = {State.OFFERED: "Terms", State.ENDED: "Refuse"}
+        return self._again(spoken.get(self.state, self.state.value))
+
+    def _not_accepted(self, message: Message) -> str:
+        """Why an Accept or Execute is not for what this participant offered; empty when it is."""
+        terms = self.said.get("Terms")
+        wanted = message.body.terms if isinstance(message.body, Accept) else message.header.relates_to
+        if isinstance(message.body, Accept | Execute) and self.state is State.OFFERED and terms is not None and wanted != terms.id:
+            return f"{type(message.body).__name__} names the terms {wanted}, and {terms.id} were offered"
+        return ""
+
+    def _answers(self, message: Message, entry: Entry) -> tuple[Message, ...]:
+        if entry.send is None:
+            return ()
+        name = entry.send.__name__
+        asked = type(message.body).__name__
+        related = message.header.message_id
+        bodies: dict[str, ParticipantBody] = {
+            "Status": Status(state=self.state, last_message=self.last_message),
+            "Fault": Fault(code=NOT_ALLOWED, text=f"{asked} does not fit the state {self.state.value}"),
+            "Failed": Failed(description=f"there is no contract here, so {asked} started nothing"),
+            "Stopped": Stopped(),
+            "Stranded": Stranded(description="nothing was done under this contract that could be undone", tried=False),
+        }
+        if entry.kind is Kind.ALREADY and name not in _FLEETING:
+            return self._again(name)
+        answer = self._write("participant", bodies[name], related)
+        if entry.send is Status:
+            answer = structs.replace(answer, header=structs.replace(answer.header, recipient=message.header.reply_to))
+        return (answer,)
+
+    def _fault(self, message: Message, text: str) -> Heard:
+        if isinstance(message.body, Fault):
+            return Heard(kind=Kind.LATE, before=self.state, state=self.state)
+        fault = self._write("participant", Fault(code=NOT_ALLOWED, text=text), message.header.message_id)
+        return Heard(kind=Kind.LATE, before=self.state, state=self.state, answers=(fault,))
+
+
+class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
+    """A Task Manager's view of one participant. `me` and `peer` are the addresses of the two nodes."""
+
+    def kept(self) -> CoordinatorSession:
+        return structs.replace(self)
+
+    @property
+    def order(self) -> Arrange | None:
+        return _body(self.said, Arrange)
+
+    @property
+    def terms(self) -> Terms | None:
+        """What the service offered."""
+        return _body(self.heard, Terms)
+
+    @property
+    def terms_id(self) -> str | None:
+        """What an Accept has to name."""
+        return self.heard["Terms"].id if "Terms" in self.heard else None
+
+    def receive(self, message: Message) -> Heard:
+        """What the message means: it moved the session, asks for an answer that was given already, or came too late."""
+        self._check(message)
+        before, kind = self.state, type(message.body)
+        entry = states.COORDINATOR[before].get(kind)
+        if entry is None or self._belongs_elsewhere(message):
+            return Heard(kind=Kind.LATE, before=before, state=before)
+        if self._forgotten(message):
+            entry = states.COORDINATOR[before][Stranded if before is State.COMPENSATING else Failed]
+        entry = self._listen(message, entry)
+        if entry.kind is Kind.MOVES and entry.next is State.ENDED:
+            self.reason = message.body.reason if isinstance(message.body, Refuse) else self.reason or "ended"
+        return Heard(kind=entry.kind, before=before, state=self.state, answers=self._answers(entry))
+
+    def send(self, body: CoordinatorBody) -> Message:
+        """Say something of one's own accord, and move. Raises UsageError for what the state does not allow."""
+        kind = type(body)
+        if isinstance(body, Query) and self.state is not State.NEW:
+            return self._write("coordinator", body)
+        allowed = states.COORDINATOR_SENDS.get(self.state, {})
+        if kind not in allowed:
+            raise _not_now(self, kind, allowed)
+        if isinstance(body, Accept) and body.terms != self.terms_id:
+            raise UsageError(f"{self.participant} offered the terms {self.terms_id}, and {body.terms} would be accepted")
+        message = self._write("coordinator", body)
+        self.state = allowed[kind]
+        if isinstance(body, Cancel):
+            self.reason = body.reason
+        elif isinstance(body, End):
+            self.reason = "ended"
+        return message
+
+    def accept(self) -> Message:
+        """Accept the terms that were offered."""
+        if self.terms_id is None:
+            raise _not_now(self, Accept, states.COORDINATOR_SENDS.get(self.state, {}))
+        return self.send(Accept(terms=self.terms_id))
+
+    def give_up(self) -> bool:
+        """It has been silent for too long. Whether that changes anything: only one with a contract becomes Unreachable."""
+        if self.state not in states.GIVES_UP:
+            return False
+        self.state = states.GIVES_UP[self.state]
+        return True
+
+    def _belongs_elsewhere(self, message: Message) -> bool:
+        """An answer to something that was never said here, or a Fault about what changes no contract."""
+        related, body = message.header.relates_to, message.body
+        if isinstance(body, Terms | Refuse) and related is not None and "Arrange" in self.said:
+            return related != self.said["Arrange"].id
+        if isinstance(body, Fault):
+            binding = ("Arrange", "Accept", "Execute", "Compensate")
+            return related not in {self.said[kind].id for kind in binding if kind in self.said}
+        return False
+
+    def _forgotten(self, message: Message) -> bool:
+        """It says that it knows nothing, in answer to a question that was asked after it made its contract."""
+        query = self.said.get("Query")
+        return (
+            isinstance(message.body, Status)
+            and message.body.state is State.NEW
+            and self.state in states.CONTRACTED
+            and query is not None
+            and query.id == message.header.relates_to
+            and query.state in states.CONTRACTED
+        )
+
+    def _answers(self, entry: Entry) -> tuple[Message, ...]:
+        if entry.send is None:
+            return ()
+        if entry.kind is Kind.ALREADY:
+            return self._again("End") or self._again("Cancel")
+        bodies: dict[str, CoordinatorBody] = {
+            "Cancel": Cancel(reason="no such service is wanted here"),
+            "End": End(outcome=Outcome.CANCELLED),
+            "Stop": Stop(reason="it had been silent for too long, and its step may be another's by now"),
+        }
+        name = entry.send.__name__
+        return self._again(name) or (self._write("coordinator", bodies[name]),)
+
+
+def _answer_to(header: Header) -> str:
+    return header.sender if header.reply_to == ANONYMOUS else header.reply_to
+
+
+def _body(messages: dict[str, Said], kind: type[B]) -> B | None:
+    said = messages.get(kind.__name__)
+    return said.body if said is not None and isinstance(said.body, kind) else None
+
+
+def _not_now(session: _Session, kind: type[object], allowed: dict[type[object], State]) -> UsageError:
+    can = ", ".join(one.__name__ for one in allowed) or "nothing"
+    return UsageError(
+        f"{session.participant} in {session.transaction} is {session.state.value}: {kind.__name__} cannot be said now, but {can}"
+    )

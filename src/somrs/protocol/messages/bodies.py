@@ -1,0 +1,66 @@
+"""The closed set of message bodies, by protocol."""
+
+from __future__ import annotations
+
+from somrs.protocol.messages import clients, directory, frp, knowledge
+
+FrpBody = (
+    frp.Arrange | frp.Terms | frp.Refuse | frp.Accept | frp.Cancel | frp.Execute | frp.Progress | frp.Completed
+    | frp.Failed | frp.Stop | frp.Stopped | frp.Compensate | frp.Compensated | frp.Stranded | frp.Query | frp.Status
+    | frp.End | frp.Fault
+)  # fmt: skip
+DirectoryBody = (
+    directory.Publish | directory.Published | directory.Renew | directory.Retract | directory.Retracted
+    | directory.Discover | directory.Discovered | directory.SubscribeServices | directory.ServicesSubscribed
+    | directory.ServicesJoined | directory.ServicesLeft
+)  # fmt: skip
+KnowledgeBody = (
+    knowledge.ReadOntology | knowledge.OntologyPage | knowledge.Define | knowledge.Defined | knowledge.ReadMap
+    | knowledge.MapPage | knowledge.QueryMap | knowledge.Rows | knowledge.UpdateMap | knowledge.Updated
+    | knowledge.Rejected | knowledge.ReadHistory | knowledge.History | knowledge.SubscribeMap | knowledge.MapSubscribed
+    | knowledge.MapChanged | knowledge.OntologyChanged | knowledge.RenameObject | knowledge.Undo | knowledge.Consider
+    | knowledge.Considered | knowledge.ReadEvents | knowledge.Events
+)  # fmt: skip
+ClientBody = (
+    clients.Submit | clients.Submitted | clients.TaskRejected | clients.CancelTask | clients.Cancelling
+    | clients.ReadTasks | clients.Tasks | clients.WatchTask | clients.TaskNews | clients.Preview | clients.Previewed
+    | clients.ReadRecords | clients.Records | clients.WatchTasks | clients.TasksNews | clients.ReadMessages | clients.Messages
+)  # fmt: skip
+Body = FrpBody | DirectoryBody | KnowledgeBody | ClientBody
+
+REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
+    directory.Publish: (directory.Published,),
+    directory.Renew: (directory.Published,),
+    directory.Retract: (directory.Retracted,),
+    directory.Discover: (directory.Discovered,),
+    directory.SubscribeServices: (directory.ServicesSubscribed,),
+    knowledge.ReadOntology: (knowledge.OntologyPage,),
+    knowledge.Define: (knowledge.Defined, knowledge.Rejected),
+    knowledge.ReadMap: (knowledge.MapPage,),
+    knowledge.QueryMap: (knowledge.Rows,),
+    knowledge.UpdateMap: (knowledge.Updated, knowledge.Rejected),
+    knowledge.RenameObject: (knowledge.Updated, knowledge.Rejected),
+    knowledge.Undo: (knowledge.Updated, knowledge.Rejected),
+    knowledge.Consider: (knowledge.Considered,),
+    knowledge.ReadHistory: (knowledge.History,),
+    knowledge.ReadEvents: (knowledge.Events,),
+    knowledge.SubscribeMap: (knowledge.MapSubscribed,),
+    clients.Submit: (clients.Submitted, clients.TaskRejected),
+    clients.CancelTask: (clients.Cancelling,),
+    clients.ReadTasks: (clients.Tasks,),
+    clients.WatchTask: (clients.TaskNews,),
+    clients.Preview: (clients.Previewed,),
+    clients.ReadRecords: (clients.Records,),
+    clients.WatchTasks: (clients.TasksNews,),
+    clients.ReadMessages: (clients.Messages,),
+    frp.Query: (frp.Status,),
+}
+"""What is always answered, and by what; a Fault besides. All else is one-way."""
+
+REPORTS: dict[type[Body], tuple[type[Body], ...]] = {
+    frp.Arrange: (frp.Terms, frp.Refuse),
+    frp.Execute: (frp.Completed, frp.Failed, frp.Stopped, frp.Refuse),
+    frp.Stop: (frp.Stopped, frp.Completed, frp.Failed),
+    frp.Compensate: (frp.Compensated, frp.Stranded),
+}
+"""What a coordinator tells a participant to do, and how the participant may say what came of it."""

@@ -1,0 +1,76 @@
+"""A message: a header, the same for all, and a body. The bodies are in `frp.py`, `directory.py`, `knowledge.py`, `clients.py`."""
+
+from __future__ import annotations
+
+import uuid
+from hashlib import sha1
+
+from msgspec import Struct
+
+from somrs.protocol.messages.bodies import Body
+
+VERSION = "1.0"
+"""The version of the protocol, in every header."""
+
+ANONYMOUS = "http://www.w3.org/2005/08/addressing/anonymous"
+"""WS-Addressing 1.0 Core, 2.1: reply on the connection that the message came on."""
+
+_NAMESPACE = uuid.UUID("6f1c9f0e-5a58-5b5e-9a36-50e4c0a0f5f1").bytes
+_VARIANT = {digit: "89ab"[int(digit, 16) % 4] for digit in "0123456789abcdef"}
+
+
+class Header(Struct, frozen=True, kw_only=True):
+    """Who says it to whom, and what it belongs to (paper, "Protocol for failure handling and recovery").
+
+    Addresses are URLs. `transaction` and `participant` are set in messages of the Failure Recovery Protocol only; they are
+    what messages are correlated by, together with `relates_to`.
+    """
+
+    sender: str
+    recipient: str
+    message_id: str
+    relates_to: str | None = None
+    reply_to: str = ANONYMOUS
+    transaction: str | None = None
+    participant: str | None = None
+    version: str = VERSION
+
+
+class Message(Struct, frozen=True, kw_only=True):
+    header: Header
+    body: Body
+
+
+def message_id(*parts: object) -> str:
+    """A deterministic id: the same parts give the same id, so that a message sent again is the same message."""
+    text = "/".join(map(str, parts))
+    found = sha1(_NAMESPACE + text.encode(), usedforsecurity=False).hexdigest()
+    # RFC 9562, 5.5: as `uuid.uuid5` does it, which makes an object of it first, and takes several times as long.
+    return f"urn:uuid:{found[:8]}-{found[8:12]}-5{found[13:16]}-{_VARIANT[found[16]]}{found[17:20]}-{found[20:32]}"
+
+
+def normalised_id(text: str) -> str:
+    """`uuid:X` and `urn:uuid:X`, in either case, are one id."""
+    bare = text.strip()
+    lowered = bare.lower()
+    for prefix in ("urn:uuid:", "uuid:"):
+        if lowered.startswith(prefix):
+            return f"urn:uuid:{lowered.removeprefix(prefix)}"
+    return bare
+
+
+def reply(to: Message, body: Body, sender: str) -> Message:
+    """The answer to a message: to its ReplyTo, related to it, in the same transaction."""
+    header = to.header
+    return Message(
+        header=Header(
+            sender=sender,
+            recipient=header.reply_to,
+            message_id=message_id(header.message_id, "reply", type(body).__name__),
+            relates_to=header.message_id,
+            reply_to=sender,
+            transaction=header.transaction,
+            participant=header.participant,
+        ),
+        body=body,
+    )

@@ -1,0 +1,375 @@
+"""Messages as SOAP 1.2 envelopes with WS-Addressing 1.0 headers, and back; hardened against whatever comes.
+
+What WS-Addressing has a place for is in the SOAP header. The transaction, the participant and the version of the protocol are
+the first elements of a body of the Failure Recovery Protocol, where stacks that were generated from the WSDL can set them.
+An answer that refuses is a SOAP Fault with the answer in its Detail, as stacks expect of what a WSDL declares as a fault.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from lxml import etree
+from msgspec import Struct
+
+from somrs.errors import WireError
+from somrs.protocol.messages import clients, frp, knowledge
+from somrs.protocol.messages.bodies import REQUESTS, ClientBody, DirectoryBody, FrpBody, KnowledgeBody
+from somrs.protocol.messages.envelope import ANONYMOUS, VERSION, Header, Message, message_id, normalised_id
+from somrs.protocol.soap.document import MOST_BYTES, SENDER, parse
+from somrs.protocol.soap.xml import PREFIX, Element, escaped, escaped_attribute, fields_writer, struct_reader, union_of
+
+ENV = "http://www.w3.org/2003/05/soap-envelope"
+WSA = "http://www.w3.org/2005/08/addressing"
+FRP = "urn:so-mrs:frp:1.0"
+DIRECTORY = "urn:so-mrs:directory:1.0"
+KNOWLEDGE = "urn:so-mrs:knowledge:1.0"
+CLIENTS = "urn:so-mrs:clients:1.0"
+XML = "http://www.w3.org/XML/1998/namespace"
+
+MOST_REASON = 4000
+"""The most characters of a Fault's reason."""
+
+MOST_MISSED, MOST_NAME = 20, 500
+"""The most header blocks that a Fault names as not understood, and the most characters of such a name."""
+
+MEDIA_TYPE = "application/soap+xml"
+RECEIVER = "env:Receiver"
+INVALID_HEADER = "wsa:InvalidAddressingHeader"
+CARDINALITY = "wsa:InvalidCardinality"
+NO_ADDRESS = "wsa:MissingAddressInEPR"
+HEADER_REQUIRED = "wsa:MessageAddressingHeaderRequired"
+ACTION_NOT_SUPPORTED = "wsa:ActionNotSupported"
+ACTION_MISMATCH = "wsa:ActionMismatch"
+
+NAMESPACES: dict[str, tuple[type[Struct], ...]] = {
+    FRP: tuple(kind for kind in union_of(FrpBody) if kind is not frp.Fault),
+    DIRECTORY: union_of(DirectoryBody),
+    KNOWLEDGE: union_of(KnowledgeBody),
+    CLIENTS: union_of(ClientBody),
+}
+"""The namespace of each protocol, with its bodies. A Fault is SOAP's own."""
+
+SESSION = ("Transaction", "Participant", "Version")
+"""The elements before the fields of a body of the Failure Recovery Protocol."""
+
+REFUSALS = frozenset(kind for answers in REQUESTS.values() for kind in answers[1:])
+"""The answers that refuse what a request asks for."""
+
+FAULT_ACTION = f"{WSA}/fault"
+_NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
+_TO_US = (None, "", f"{ENV}/role/next", f"{ENV}/role/ultimateReceiver")
+_PREFIXES = {"env": ENV, "wsa": WSA, "frp": FRP}
+_SOAP_CODES = ("Sender", "Receiver", "VersionMismatch", "MustUnderstand", "DataEncodingUnknown")
+# WS-Addressing 1.0 SOAP Binding, 6.4.1: these say more precisely what is invalid in a header.
+_BENEATH_INVALID_HEADER = (CARDINALITY, ACTION_MISMATCH, NO_ADDRESS, "wsa:InvalidAddress", "wsa:InvalidEPR", "wsa:DuplicateMessageID")
+_ADDRESSING = ("To", "From", "ReplyTo", "FaultTo", "Action", "MessageID", "RelatesTo")
+_ADDRESSING_TAGS = {f"{{{WSA}}}{name}": name for name in _ADDRESSING}
+_SESSION_TAGS = {f"{{{FRP}}}{name}": name for name in SESSION}
+_SESSION = frozenset(_SESSION_TAGS)
+_ENVELOPE = f"{{{ENV}}}Envelope"
+_ROLE, _MUST_UNDERSTAND = f"{{{ENV}}}role", f"{{{ENV}}}mustUnderstand"
+
+
+class Place(NamedTuple):
+    """Where a body is at home: its namespace and its class."""
+
+    namespace: str
+    kind: type[Struct]
+
+
+_BY_TAG = {f"{{{namespace}}}{kind.__name__}": Place(namespace, kind) for namespace, kinds in NAMESPACES.items() for kind in kinds}
+_NAMESPACE_OF = {kind: namespace for namespace, kinds in NAMESPACES.items() for kind in kinds}
+
+
+def namespace_of(kind: type[Struct]) -> str:
+    """The namespace of a body that is no Fault."""
+    return _NAMESPACE_OF[kind]
+
+
+def action(kind: type[Struct]) -> str:
+    """The WS-Addressing action of a type of message."""
+    return FAULT_ACTION if kind is frp.Fault else f"{_NAMESPACE_OF[kind]}:{kind.__name__}"
+
+
+# Writing
+
+
+def encode(message: Message) -> bytes:
+    """The message as a SOAP envelope. Raises WireError for what cannot be carried."""
+    header, body = message.header, message.body
+    kind = type(body)
+    namespace = _NAMESPACE_OF.get(kind)
+    document = [_start(namespace)]
+    _address(document, header, action(kind))
+    document.append(_BETWEEN)
+    if isinstance(body, frp.Fault):
+        session: list[str] = []
+        if header.transaction is not None:
+            _write_session(session, "frp:", header)
+        _write_fault(document, body, session)
+    else:
+        content: list[str] = []
+        name = f"{PREFIX}{kind.__name__}"
+        content.append(f"<{name}>")
+        if namespace == FRP:
+            _write_session(content, PREFIX, header)
+        fields_writer(kind)(content, body)
+        content.append(f"</{name}>")
+        if kind in REFUSALS:
+            _write_fault(document, frp.Fault(code=SENDER, text=_reason(body)), content)
+        else:
+            document += content
+    return _bytes(document)
+
+
+_BETWEEN = "</env:Header><env:Body>"
+_END = "</env:Body></env:Envelope>"
+
+
+def _start(namespace: str | None = None) -> str:
+    ours = f' xmlns:m="{namespace}"' if namespace else ""
+    return f"<?xml version='1.0' encoding='utf-8'?>\n<env:Envelope xmlns:env=\"{ENV}\" xmlns:wsa=\"{WSA}\"{ours}><env:Header>"
+
+
+def _bytes(document: list[str]) -> bytes:
+    document.append(_END)
+    written = "".join(document).encode()
+    if len(written) > MOST_BYTES:
+        raise WireError(SENDER, f"the message has {len(written)} bytes, and {MOST_BYTES} are the most")
+    return written
+
+
+def _element(name: str, text: str) -> str:
+    try:
+        return f"<{name}>{escaped(text)}</{name}>"
+    except ValueError:
+        raise WireError(SENDER, f"{name.partition(':')[2]} has a character that XML cannot carry") from None
+
+
+def _address(document: list[str], header: Header, action: str) -> None:
+    document.append(_element("wsa:To", header.recipient))
+    if header.sender != ANONYMOUS:
+        document.append(f"<wsa:From>{_element('wsa:Address', header.sender)}</wsa:From>")
+    if header.reply_to != ANONYMOUS:
+        document.append(f"<wsa:ReplyTo>{_element('wsa:Address', header.reply_to)}</wsa:ReplyTo>")
+    document += (_element("wsa:Action", action), _element("wsa:MessageID", header.message_id))
+    if header.relates_to is not None:
+        document.append(_element("wsa:RelatesTo", header.relates_to))
+
+
+def _write_session(document: list[str], prefix: str, header: Header) -> None:
+    for name, value in zip(SESSION, (header.transaction, header.participant, header.version), strict=True):
+        if value is not None:
+            document.append(_element(f"{prefix}{name}", value))
+
+
+def _reason(body: Struct) -> str:
+    """What a refusal says, for stacks that show no more than the Reason."""
+    match body:
+        case knowledge.Rejected(problems=problems):
+            return "\n".join(problems)
+        case clients.TaskRejected(problem=problem):
+            return problem
+        case _:
+            return type(body).__name__
+
+
+def _write_fault(document: list[str], fault: frp.Fault, detail: list[str]) -> None:
+    """SOAP 1.2 part 1, 5.4. A code of another namespace is a subcode of env:Sender, or of what WS-Addressing has it beneath."""
+    prefix, name = _code(fault.code)
+    codes = [f"env:{name}"] if prefix == "env" else [SENDER, f"{prefix}:{name}"]
+    if codes[-1] in _BENEATH_INVALID_HEADER:
+        codes.insert(1, INVALID_HEADER)
+    document.append(f'<env:Fault xmlns:frp="{FRP}"><env:Code>')
+    document.append("<env:Subcode>".join(f"<env:Value>{code}</env:Value>" for code in codes))
+    document.append("</env:Subcode>" * (len(codes) - 1))
+    # A reason may quote the bytes that were wrong; what XML cannot carry of them is replaced.
+    text = escaped(_NOT_XML.sub("?", fault.text)[:MOST_REASON])
+    document.append(f'</env:Code><env:Reason><env:Text xml:lang="en">{text}</env:Text></env:Reason>')
+    if detail:
+        document += ("<env:Detail>", *detail, "</env:Detail>")
+    document.append("</env:Fault>")
+
+
+def _code(code: str) -> tuple[str, str]:
+    """The prefix and the name of a fault code. A name alone is one of SOAP's, or else one of WS-Addressing's."""
+    prefix, separator, name = code.rpartition(":")
+    if not separator:
+        prefix = "env" if name in _SOAP_CODES else "wsa"
+    if prefix in _PREFIXES and name.isidentifier() and (prefix != "env" or name in _SOAP_CODES):
+        return prefix, name
+    return "env", "Sender"
+
+
+def fault(error: WireError, relates_to: str | None = None) -> bytes:
+    """The SOAP Fault that tells a sender what was wrong with its message. For its headers see SOAP 1.2 part 1, 5.4.7 and 5.4.8."""
+    document = [_start(), _element("wsa:Action", FAULT_ACTION)]
+    if relates_to is not None:
+        document.append(_element("wsa:RelatesTo", relates_to))
+    if error.code == "env:VersionMismatch":
+        document.append('<env:Upgrade><env:SupportedEnvelope qname="env:Envelope"/></env:Upgrade>')
+    for tag in error.headers:
+        block = etree.QName(tag)
+        prefix = "xml" if block.namespace == XML else "h"  # XML's own namespace has no other prefix
+        names = f' xmlns:h="{escaped_attribute(block.namespace)}"' if block.namespace and prefix == "h" else ""
+        name = f"{prefix}:{block.localname}" if block.namespace else block.localname
+        document.append(f'<env:NotUnderstood{names} qname="{name}"/>')
+    document.append(_BETWEEN)
+    _write_fault(document, frp.Fault(code=error.code, text=error.text), [])
+    return _bytes(document)
+
+
+# Reading
+
+
+def decode(document: bytes) -> Message:
+    """The message in a SOAP envelope. Raises WireError, and nothing else, whatever the bytes are."""
+    root = parse(document)
+    header, body = _parts(root)
+    found = _headers(header)
+    content = list(body)
+    if len(content) != 1:
+        raise WireError(SENDER, f"the Body has {len(content)} elements, and one was expected")
+    element = content[0]
+    if element.tag == f"{{{ENV}}}Fault":
+        return _read_fault(element, found)
+    place = _place(element, found)
+    session = _session(element) if place.namespace == FRP else {}
+    if session.get("Version", VERSION) != VERSION:
+        raise WireError("frp:UnknownVersion", f"version {session['Version'][:20]} of the protocol is unknown; {VERSION} is spoken here")
+    if place.namespace == FRP and not (session.get("Transaction") and session.get("Participant")):
+        raise WireError(SENDER, f"{place.kind.__name__}: Transaction and Participant must be in it, and not empty")
+    value = struct_reader(place.kind, place.namespace, _SESSION if place.namespace == FRP else frozenset())(element)
+    return Message(header=_header(found, session), body=value)
+
+
+def _place(element: Element, found: dict[str, str]) -> Place:
+    """Which message it is, when its headers fit it."""
+    place = _BY_TAG.get(str(element.tag))
+    if place is None:
+        namespace = etree.QName(element).namespace or ""
+        if namespace.startswith("urn:so-mrs:frp:") and namespace != FRP:
+            raise WireError("frp:UnknownVersion", f"{_short(namespace)} is an unknown version of the protocol; {FRP} is spoken here")
+        raise WireError(ACTION_NOT_SUPPORTED, f"{_short(element.tag)} is no message that is known here")
+    if "Action" not in found:
+        raise WireError(HEADER_REQUIRED, "the header wsa:Action is missing")
+    if found["Action"] != action(place.kind):
+        raise WireError(
+            ACTION_MISMATCH, f"the Action is {_short(found['Action'])}, and the Body a {place.kind.__name__}: {action(place.kind)}"
+        )
+    if "MessageID" not in found:
+        raise WireError(HEADER_REQUIRED, "the header wsa:MessageID is missing")
+    return place
+
+
+def _short(text: object) -> str:
+    return str(text)[:120]
+
+
+def _parts(root: Element) -> tuple[Element | None, Element]:
+    if root.tag != _ENVELOPE:
+        name = etree.QName(root)
+        if name.localname == "Envelope":
+            raise WireError("env:VersionMismatch", f"SOAP 1.2 is spoken here, and this is an envelope of {_short(name.namespace)}")
+        raise WireError(SENDER, f"a SOAP Envelope was expected, and this is {_short(root.tag)}")
+    children = list(root)
+    header = children[0] if children and children[0].tag == f"{{{ENV}}}Header" else None
+    rest = children[1:] if header is not None else children
+    if len(rest) != 1 or rest[0].tag != f"{{{ENV}}}Body":
+        raise WireError(SENDER, "an Envelope holds one Body, behind at most one Header")
+    return header, rest[0]
+
+
+def _headers(header: Element | None) -> dict[str, str]:
+    """The WS-Addressing headers by name; addresses of endpoint references as such."""
+    found: dict[str, str] = {}
+    missed: list[str] = []
+    for block in header if header is not None else ():
+        if block.get(_ROLE) not in _TO_US:
+            continue
+        name = _ADDRESSING_TAGS.get(block.tag)
+        if name is None:
+            if block.get(_MUST_UNDERSTAND, "false").strip() in ("true", "1"):
+                missed.append(str(block.tag))
+            continue
+        if name in ("To", "Action", "MessageID"):
+            value = _uri(block)
+        elif name in ("From", "ReplyTo", "FaultTo"):
+            value = _address_of(block)
+        elif block.get("RelationshipType", f"{WSA}/reply") == f"{WSA}/reply":
+            value = _uri(block)
+        else:
+            continue
+        if name in found:
+            raise WireError(CARDINALITY, f"the header wsa:{name} is there more than once")
+        if not value:
+            raise WireError(INVALID_HEADER, f"the header wsa:{name} is empty")
+        found[name] = value
+    if missed:
+        named = tuple(tag for tag in missed if len(tag) <= MOST_NAME)[:MOST_MISSED]
+        raise WireError("env:MustUnderstand", f"the header {_short(missed[0])} is not understood here", named)
+    return found
+
+
+def _address_of(reference: Element) -> str:
+    """The address in an endpoint reference: there is exactly one."""
+    addresses = [child for child in reference if child.tag == f"{{{WSA}}}Address"]
+    if len(addresses) > 1 or (not addresses and len(reference)):
+        code = CARDINALITY if addresses else NO_ADDRESS
+        raise WireError(code, f"the header wsa:{etree.QName(reference).localname} has {len(addresses)} addresses, and one was expected")
+    return _uri(addresses[0]) if addresses else ""
+
+
+def _uri(element: Element) -> str:
+    if len(element):
+        raise WireError(INVALID_HEADER, f"elements are in wsa:{etree.QName(element).localname}, where a URI was expected")
+    return (element.text or "").strip()
+
+
+def _session(body: Element) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for child in body:
+        if (name := _SESSION_TAGS.get(child.tag)) is not None:
+            if name in found:
+                raise WireError(SENDER, f"{name} is there twice")
+            found[name] = (child.text or "").strip()
+    return found
+
+
+def _header(found: dict[str, str], session: dict[str, str]) -> Header:
+    return Header(
+        sender=found.get("From", ANONYMOUS),
+        recipient=found.get("To", ANONYMOUS),
+        message_id=normalised_id(found.get("MessageID") or message_id("fault", found.get("RelatesTo"))),
+        relates_to=normalised_id(found["RelatesTo"]) if "RelatesTo" in found else None,
+        reply_to=found.get("ReplyTo", ANONYMOUS),
+        transaction=normalised_id(session["Transaction"]) if session.get("Transaction") else None,
+        participant=session.get("Participant") or None,
+    )
+
+
+def _read_fault(element: Element, found: dict[str, str]) -> Message:
+    value = element.find(f"{{{ENV}}}Code/{{{ENV}}}Value")
+    subcodes = [_known_code(code) for code in element.iterfind(f"{{{ENV}}}Code//{{{ENV}}}Subcode/{{{ENV}}}Value")]
+    text = element.findtext(f"{{{ENV}}}Reason/{{{ENV}}}Text")
+    detail = element.find(f"{{{ENV}}}Detail")
+    for child in detail if detail is not None else ():
+        place = _BY_TAG.get(str(child.tag))
+        if place is not None and place.kind in REFUSALS:
+            return Message(header=_header(found, {}), body=struct_reader(place.kind, place.namespace)(child))
+    session = _session(detail) if detail is not None else {}
+    # The innermost says most; what is beneath a code that is known may be another protocol's.
+    code = next((known for known in reversed(subcodes) if known), None) or _known_code(value) or SENDER
+    return Message(header=_header(found, session), body=frp.Fault(code=code, text=text if text is not None else "no reason was given"))
+
+
+def _known_code(element: Element | None) -> str | None:
+    """A fault code with our prefix for its namespace, if that is one we know."""
+    if element is None:
+        return None
+    prefix, _, name = (element.text or "").strip().rpartition(":")
+    namespace = element.nsmap.get(prefix or None)
+    ours = next((known for known, uri in _PREFIXES.items() if uri == namespace), None)
+    return f"{ours}:{name}" if ours is not None else None

@@ -1,0 +1,135 @@
+"""The WSDL 1.1 description of each kind of component: SOAP 1.2 over HTTP, document/literal, with WS-Addressing.
+
+A component has one port type with all that it understands. The first answer of a request is its output, the others are its
+faults; everything else is a one-way operation, answered, if at all, by a message of its own to the sender's ReplyTo.
+"""
+
+from __future__ import annotations
+
+from lxml import etree
+from msgspec import Struct
+
+from somrs.protocol.frp.session import CoordinatorBody, ParticipantBody
+from somrs.protocol.messages import directory, frp, knowledge
+from somrs.protocol.messages.bodies import REQUESTS
+from somrs.protocol.soap.soap import CLIENTS, DIRECTORY, FRP, KNOWLEDGE, NAMESPACES, action, namespace_of
+from somrs.protocol.soap.xml import Element, union_of
+from somrs.protocol.soap.xsd import XS, schema_of
+
+WSDL = "http://schemas.xmlsoap.org/wsdl/"
+SOAP12 = "http://schemas.xmlsoap.org/wsdl/soap12/"
+WSAW = "http://www.w3.org/2006/05/addressing/wsdl"
+WSAM = "http://www.w3.org/2007/05/addressing/metadata"
+TARGET = "urn:so-mrs:components:1.0"
+HTTP = "http://schemas.xmlsoap.org/soap/http"
+
+Kinds = tuple[type[Struct], ...]
+
+_ANSWERS: dict[type[Struct], Kinds] = {request: tuple(answers) for request, answers in REQUESTS.items()}
+_SCHEMAS = {"frp": FRP, "directory": DIRECTORY, "knowledge": KNOWLEDGE, "clients": CLIENTS}
+_FOLLOWS_MAP: Kinds = (knowledge.MapChanged, knowledge.OntologyChanged)
+
+
+def _requests(namespace: str) -> Kinds:
+    return tuple(kind for kind in NAMESPACES[namespace] if kind in REQUESTS)
+
+
+def _without_fault(body: object) -> Kinds:
+    return tuple(kind for kind in union_of(body) if kind is not frp.Fault)
+
+
+COMPONENTS: dict[str, tuple[str, Kinds]] = {
+    "repository": ("Repository", _requests(KNOWLEDGE)),
+    "registry": ("Registry", (*_requests(DIRECTORY), *_FOLLOWS_MAP)),
+    "task-manager": (
+        "TaskManager",
+        (*_requests(CLIENTS), *_without_fault(ParticipantBody), directory.ServicesJoined, directory.ServicesLeft, *_FOLLOWS_MAP),
+    ),
+    "devices": ("ServiceManager", _without_fault(CoordinatorBody)),
+    "simulator": ("Simulator", _FOLLOWS_MAP),
+}
+"""By the first part of its path: what a component is called, and the messages that it understands."""
+
+
+def schema(name: str) -> bytes | None:
+    """The schema of a protocol, by its short name; None when there is none of that name."""
+    namespace = _SCHEMAS.get(name)
+    return schema_of(namespace) if namespace is not None else None
+
+
+def description(path: str, address: str) -> bytes | None:
+    """The WSDL of the component at a path, for clients that reach it at an address; None for what is no kind of component."""
+    component = COMPONENTS.get(path.strip("/").partition("/")[0])
+    if component is None:
+        return None
+    name, kinds = component
+    prefixes = {short: uri for short, uri in _SCHEMAS.items() if any(namespace_of(kind) == uri for kind in _said(kinds))}
+    root = etree.Element(
+        f"{{{WSDL}}}definitions", nsmap={"wsdl": WSDL, "soap12": SOAP12, "wsaw": WSAW, "wsam": WSAM, "xs": XS, "c": TARGET, **prefixes}
+    )
+    root.set("targetNamespace", TARGET)
+    root.set("name", name)
+    _types(root, prefixes, address)
+    short = {uri: prefix for prefix, uri in prefixes.items()}
+    for kind in _said(kinds):
+        message = _add(root, "message", name=kind.__name__)
+        _add(message, "part", name="body", element=f"{short[namespace_of(kind)]}:{kind.__name__}")
+    _port_type(root, name, kinds)
+    _binding(root, name, kinds)
+    port = _add(_add(root, "service", name=name), "port", name=f"{name}Port", binding=f"c:{name}Binding")
+    etree.SubElement(port, f"{{{SOAP12}}}address", {"location": address})
+    document: bytes = etree.tostring(root, encoding="utf-8", xml_declaration=True, pretty_print=True)
+    return document
+
+
+def _said(kinds: Kinds) -> Kinds:
+    """The messages that operations take and give."""
+    return tuple(dict.fromkeys(one for kind in kinds for one in (kind, *_ANSWERS.get(kind, ()))))
+
+
+def _types(root: Element, prefixes: dict[str, str], address: str) -> None:
+    inline = etree.SubElement(_add(root, "types"), f"{{{XS}}}schema")
+    for short, uri in prefixes.items():
+        etree.SubElement(inline, f"{{{XS}}}import", {"namespace": uri, "schemaLocation": f"{address}?xsd={short}"})
+
+
+def _port_type(root: Element, name: str, kinds: Kinds) -> None:
+    port_type = _add(root, "portType", name=name)
+    for kind in kinds:
+        operation = _add(port_type, "operation", name=kind.__name__)
+        _add(operation, "documentation").text = " ".join((kind.__doc__ or "").split())
+        _message(operation, "input", kind)
+        answers = _ANSWERS.get(kind, ())
+        for answer in answers[:1]:
+            _message(operation, "output", answer)
+        for refusal in answers[1:]:
+            _message(operation, "fault", refusal, name=refusal.__name__)
+
+
+def _message(operation: Element, tag: str, kind: type[Struct], **attributes: str) -> None:
+    element = _add(operation, tag, message=f"c:{kind.__name__}", **attributes)
+    for namespace in (WSAM, WSAW):
+        element.set(f"{{{namespace}}}Action", action(kind))
+
+
+def _binding(root: Element, name: str, kinds: Kinds) -> None:
+    binding = _add(root, "binding", name=f"{name}Binding", type=f"c:{name}")
+    etree.SubElement(binding, f"{{{SOAP12}}}binding", {"style": "document", "transport": HTTP})
+    etree.SubElement(binding, f"{{{WSAW}}}UsingAddressing", {f"{{{WSDL}}}required": "true"})
+    for kind in kinds:
+        operation = _add(binding, "operation", name=kind.__name__)
+        etree.SubElement(operation, f"{{{SOAP12}}}operation", {"soapAction": action(kind), "style": "document"})
+        _literal(_add(operation, "input"), "body")
+        answers = _ANSWERS.get(kind, ())
+        if answers:
+            _literal(_add(operation, "output"), "body")
+        for refusal in answers[1:]:
+            _literal(_add(operation, "fault", name=refusal.__name__), "fault", name=refusal.__name__)
+
+
+def _literal(parent: Element, tag: str, **attributes: str) -> None:
+    etree.SubElement(parent, f"{{{SOAP12}}}{tag}", {**attributes, "use": "literal"})
+
+
+def _add(parent: Element, tag: str, **attributes: str) -> Element:
+    return etree.SubElement(parent, f"{{{WSDL}}}{tag}", attributes)

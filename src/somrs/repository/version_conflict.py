@@ -1,0 +1,54 @@
+"""Whether what somebody wants to change was changed by others since he looked at it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from somrs.ontology.conformance import Violation
+from somrs.ontology.naming import Named, find, named
+from somrs.ontology.objects import objects_of
+from somrs.protocol.messages.knowledge import Alteration, Define, RenameObject, Undo, UpdateMap
+from somrs.protocol.messages.people import person
+from somrs.repository.entries import Contents
+from somrs.repository.outcome import VERSION, Outcome
+
+
+def overtaken(alteration: Alteration, outcome: Outcome, contents: Contents) -> Iterator[Violation]:
+    """What of it changed after the version that was expected."""
+    if isinstance(alteration, Undo) or alteration.expected_version is None:
+        return
+    expected = alteration.expected_version
+    if expected > contents.version:
+        message = f"version {expected} is still to come, the latest is {contents.version}: read it again"
+        yield Violation(subject=VERSION, rule="overtaken", message=message, section=VERSION)
+        return
+    match alteration:
+        case Define():
+            yield from _definitions(alteration, expected, contents)
+        case RenameObject(name=name):
+            yield from _objects([name], expected, contents)
+        case UpdateMap():
+            # A fact says something of its first object: that a thing leaves a table is no news about the table.
+            yield from _objects([objects_of(change)[0] for change in outcome.changes], expected, contents)
+
+
+def _definitions(define: Define, expected: int, contents: Contents) -> Iterator[Violation]:
+    changed = (named(one) for one in define.definitions.each() if find(contents.ontology, named(one)) != one)
+    renamed = (Named(section=renaming.section, name=renaming.name) for renaming in define.renamed)
+    for what in dict.fromkeys((*define.removed, *renamed, *changed)):
+        latest = contents.defined_at.get(what)
+        if latest is not None and latest.version > expected:
+            is_now = "changed" if find(contents.ontology, what) is not None else "removed or renamed"
+            message = (
+                f"{person(latest.author)} {is_now} it in version {latest.version}, after version {expected} that was expected; "
+                "look at it again and decide anew"
+            )
+            yield Violation(subject=what.name, rule="overtaken", message=message, section=what.section)
+
+
+def _objects(names: list[str], expected: int, contents: Contents) -> Iterator[Violation]:
+    for name in dict.fromkeys(names):
+        version = contents.changed_at.get(name, 0)
+        if version > expected:
+            message = f"changed in version {version}, after version {expected} that was expected; read it again and decide anew"
+            yield Violation(subject=name, rule="overtaken", message=message)

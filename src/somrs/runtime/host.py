@@ -1,0 +1,173 @@
+"""All components of one process, behind one port: how messages reach them from outside, and each other without leaving it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from urllib.parse import urlsplit
+
+from somrs.errors import RemoteError
+from somrs.kernel.component import Component, Received
+from somrs.protocol.messages.envelope import Message
+from somrs.runtime.http import Server
+from somrs.runtime.node import CarryOut, Keep, Node, Report, Watch, no_disk
+from somrs.runtime.outbox import Letter, Outboxes
+from somrs.runtime.wire import Wire
+from somrs.storage.disk import Disk
+from somrs.storage.journal import Journal
+
+log = logging.getLogger(__name__)
+
+
+class Clock:
+    """Seconds since 1970 that never go back while the process lives, nor before what a journal holds."""
+
+    def __init__(self) -> None:
+        self._offset = time.time() - time.monotonic()
+
+    def now(self) -> float:
+        return time.monotonic() + self._offset
+
+    def not_before(self, at: float) -> None:
+        """Go on from there at least: the machine's clock was put back since."""
+        self._offset += max(0.0, at - self.now())
+
+
+async def _nothing_to_do(task: object, report: Report) -> object:
+    raise RemoteError(f"this node cannot do {type(task).__name__}")
+
+
+class Host:
+    """The components of one process behind one port. Binds the loopback address unless told otherwise."""
+
+    def __init__(self, host: str = "127.0.0.1", port: int = 0, watch: Watch | None = None) -> None:
+        self.clock = Clock()
+        self.wire = Wire()
+        self._nodes: dict[str, Node] = {}
+        self._server = Server(host, port, {})
+        self._watch = watch
+        self._local: deque[tuple[Node, Letter]] = deque()
+        self._outboxes = Outboxes(self.wire, self._post, self.clock.now)
+
+    @property
+    def url(self) -> str:
+        return self._server.url
+
+    async def start(self) -> None:
+        await self._server.start()
+
+    def add(
+        self,
+        path: str,
+        make: Callable[[str], Component],
+        *,
+        carry_out: CarryOut = _nothing_to_do,
+        keep: Keep = no_disk,
+        disk: Disk | None = None,
+    ) -> Node:
+        """Put a component, made for its address, at a path such as `/repository`, and start it. `disk`: what `keep` writes to, if
+        it does not wait for that."""
+        address = f"{self.url}{path}"
+        return self._start(path, Node(self, address, make(address), carry_out, keep=keep, disk=disk, watch=self._watch), again=False)
+
+    def add_journaled(self, path: str, make: Callable[[str], Component], journal: Journal, *, carry_out: CarryOut = _nothing_to_do) -> Node:
+        """Put a component there whose inputs are kept: as its journal has it, or, if it has none, made for its address.
+
+        Raises UsageError when the journal cannot be gone on with.
+        """
+        address = f"{self.url}{path}"
+        journaled, again = journal.begin(address, make)
+        self.clock.not_before(journaled.at)
+        node = Node(
+            self,
+            address,
+            journaled.component,
+            carry_out,
+            keep=journal.keep,
+            disk=journal.disk,
+            journal=journal,
+            journaled=journaled,
+            watch=self._watch,
+        )
+        return self._start(path, node, again=again)
+
+    def _start(self, path: str, node: Node, *, again: bool) -> Node:
+        self._nodes[node.address] = node
+        self._server.parts[path] = node.receive
+        node.start(again=again)
+        return node
+
+    async def remove(self, node: Node) -> None:
+        """Stop the component, and have nothing at its address any more."""
+        await node.close()
+        del self._nodes[node.address], self._server.parts[urlsplit(node.address).path]
+
+    def send(self, letter: Letter) -> None:
+        """Hand the message to whoever is at its recipient's address, in this process or another, behind those that wait already."""
+        address = letter.message.header.recipient
+        local = self._nodes.get(address)
+        if local is None or self._outboxes.busy(address):
+            self._outboxes.put(letter)
+            return
+        self._local.append((local, letter))
+        if len(self._local) == 1:
+            asyncio.get_running_loop().call_soon(self._hand_over)
+
+    def _hand_over(self) -> None:
+        """Hand over what waits by now; what comes of it waits for the next time, so that sockets and timers have their turn."""
+        for _ in range(len(self._local)):
+            recipient, letter = self._local[0]
+            try:
+                recipient.feed(Received(letter.message))
+                recipient.output.acknowledge(partial(self._handed, letter))
+            except RemoteError:
+                self._outboxes.put_apart(letter)
+            except Exception as error:  # a defect in handling one message must not hold back those behind it
+                log.exception("%s: a %s could not be handled", recipient.address, type(letter.message.body).__name__)
+                letter.sender.given_up(letter, f"{type(error).__name__}: {error}")
+            finally:
+                self._local.popleft()
+        if self._local:
+            asyncio.get_running_loop().call_soon(self._hand_over)
+
+    def _handed(self, letter: Letter, error: RemoteError | None) -> None:
+        if error is None:
+            letter.sender.taken(letter, None)
+        else:
+            self._outboxes.put_apart(letter)
+
+    async def delivered(self, seconds: float) -> None:
+        """Return when no message is on its way any more, but no later than in so many seconds."""
+        while self._local:
+            await asyncio.sleep(0)
+        await self._outboxes.flush(seconds)
+
+    async def _post(self, message: Message, seconds: float) -> Message | None:
+        if (local := self._nodes.get(message.header.recipient)) is None:
+            return await self.wire.post(message, timeout=seconds)
+        local.feed(Received(message))
+        await local.output.on_disk()
+        return None
+
+    async def request(self, message: Message, timeout: float = 30.0) -> Message:
+        """Ask and wait for the answer on the same connection. Raises RemoteError."""
+        if (local := self._nodes.get(message.header.recipient)) is not None:
+            answer = await local.receive(message)
+        else:
+            answer = await self.wire.post(message, timeout=timeout)
+        if answer is None:
+            raise RemoteError(f"{message.header.recipient} did not answer {type(message.body).__name__}")
+        return answer
+
+    async def stop(self) -> None:
+        for node in self._nodes.values():
+            await node.close()
+        await self._outboxes.close()
+        with contextlib.suppress(RemoteError):
+            await self._server.stop()
+        await self.wire.close()

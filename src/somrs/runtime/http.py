@@ -1,0 +1,293 @@
+"""SOAP over HTTP: a server for the components of a process.
+
+A message is answered with 202 when the component has taken it and any answer goes elsewhere, with 200 and the answer when the
+sender waits for it (anonymous ReplyTo), and with a SOAP Fault otherwise (SOAP 1.2 part 2, 7.5.2.2). Messages in a batch are
+taken side by side, as if each had come alone.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import socket
+from collections.abc import Awaitable, Callable, Iterator
+from typing import TypeVar
+from urllib.parse import unquote, urlsplit
+
+import uvicorn
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.types import Receive, Scope
+from starlette.types import Send as SendPart
+
+from somrs.errors import InputError, RemoteError, UsageError, WireError
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.soap import soap
+from somrs.protocol.soap.document import MOST_BYTES, SENDER
+from somrs.protocol.soap.wsdl import description, schema
+from somrs.runtime import batches
+from somrs.runtime.batches import Outcome
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+Handler = Callable[[Message], Awaitable[Message | None]]
+"""Takes a message; the answer, when it goes back on the same connection."""
+
+START_TIME = 10.0
+"""Seconds that a server has to listen."""
+
+BODY_TIME = 10.0
+"""Seconds that a sender has for all of its message."""
+
+KEPT_TIME = 60
+"""Seconds for which a connection is kept for the next message; the server's are kept longer, so that it never hangs up first."""
+
+CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
+HANG_UP = {"Connection": "close"}
+_TAKEN = Response(status_code=202)
+STOPPING = "this component is stopping"
+
+
+class NotTaken(RemoteError):
+    """Nobody has taken the message: whoever sends it again is to go on doing so."""
+
+
+def bound(host: str, port: int) -> socket.socket:
+    """A socket at the port; at a free one, if it is 0. Raises UsageError when the port cannot be had."""
+    one = socket.socket()
+    one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        one.bind((host, port))
+    except OSError as error:
+        one.close()
+        raise UsageError(f"cannot listen at {host}:{port}: {error.strerror}; another --port may be free") from None
+    return one
+
+
+class Server:
+    """Serves `parts`, handlers by path, at one port. Runs in the event loop that is there already."""
+
+    def __init__(self, host: str, port: int, parts: dict[str, Handler] | None = None, body_time: float = BODY_TIME) -> None:
+        self.host, self.port, self.body_time = host, port, body_time
+        self.parts: dict[str, Handler] = parts if parts is not None else {}
+        self._serving: asyncio.Task[None] | None = None
+        self._server: uvicorn.Server | None = None
+        self._open: set[asyncio.Task[object]] = set()
+        self._stopping = False
+
+    @property
+    def url(self) -> str:
+        return f"http://{self.host}:{self.port}"
+
+    async def start(self) -> None:
+        """Listen. Port 0 becomes a free one. Raises UsageError when the port cannot be had."""
+        listening = bound(self.host, self.port)
+        self.port = listening.getsockname()[1]
+        config = uvicorn.Config(
+            self._serve,
+            interface="asgi3",
+            log_level="warning",
+            access_log=False,
+            lifespan="off",
+            ws="none",
+            timeout_keep_alive=KEPT_TIME + 15,
+            timeout_graceful_shutdown=1,
+            backlog=512,
+            proxy_headers=False,
+            headers=[("Accept-Post", batches.ACCEPTED)],
+        )
+        self._server = QuietServer(config)
+        self._serving = asyncio.create_task(self._server.serve(sockets=[listening]))
+        async with asyncio.timeout(START_TIME):
+            while not self._server.started:
+                if self._serving.done():
+                    raise UsageError(f"cannot listen at {self.url}")
+                await asyncio.sleep(0.005)
+
+    async def stop(self) -> None:
+        """Stop listening. Whoever still waits for an answer gets a Fault; whoever still writes is told to come again."""
+        if self._server is not None and self._serving is not None:
+            self._server.should_exit = True
+            self._stopping = True
+            for task in self._open:
+                task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._serving
+
+    async def _serve(self, scope: Scope, receive: Receive, send: SendPart) -> None:
+        """One request, as ASGI has it. There is nothing to be routed but by the method, and every message comes this way."""
+        match scope["method"]:
+            case "POST":
+                response = await self._take(scope, receive)
+            case "GET" | "HEAD":
+                response = await self._show(Request(scope))
+            case _:
+                response = PlainTextResponse("send messages with POST\n", 405, headers={"Allow": "GET, HEAD, POST"})
+        await response(scope, receive, send)
+
+    async def _take(self, scope: Scope, receive: Receive) -> Response:
+        handler = self.parts.get(scope["path"])
+        if handler is None:
+            return PlainTextResponse(self._nothing(scope["path"]), 404)
+        headers: dict[bytes, bytes] = dict(scope["headers"])
+        content_type = headers.get(b"content-type", b"").decode("latin-1")
+        is_batch = content_type == batches.MEDIA_TYPE
+        if not (is_batch or _is_soap(content_type)) or not _is_plain(headers):
+            return PlainTextResponse(f"send {CONTENT_TYPE}, not compressed\n", 415, headers=HANG_UP)
+        try:
+            if self._stopping:
+                raise RemoteError(STOPPING)
+            async with asyncio.timeout(self.body_time):
+                document = await self._unless_stopped(_body(headers, receive))
+        except ClientDisconnect:
+            return Response(status_code=400)
+        except TimeoutError:
+            return PlainTextResponse(f"the message was not here within {self.body_time:g} s\n", 408, headers=HANG_UP)
+        except RemoteError as error:
+            return _response(_not_taken(error))
+        if document is None:
+            return PlainTextResponse(f"the message has more than {MOST_BYTES} bytes, which are the most\n", 413, headers=HANG_UP)
+        return await self._take_batch(document) if is_batch else _response(await self._outcome(document, handler))
+
+    async def _take_batch(self, batch: bytes) -> Response:
+        """Take each message as if it had come alone to whom it is addressed. They are handled in order."""
+        try:
+            documents = batches.documents_of(batch)
+        except ValueError as error:
+            return PlainTextResponse(f"this is no batch of messages: {error}\n", 400)
+        outcomes = await asyncio.gather(*map(self._outcome, documents))
+        return Response(batches.answer(outcomes), media_type=batches.MEDIA_TYPE)
+
+    async def _outcome(self, document: bytes, handler: Handler | None = None) -> Outcome:
+        """What comes of a message; without a handler, at the one that it is addressed to."""
+        message: Message | None = None
+        try:
+            message = soap.decode(document)
+            if handler is None:
+                path = unquote(urlsplit(message.header.recipient).path)
+                handler = self.parts.get(path)
+                if handler is None:
+                    return 404, self._nothing(path).encode()
+            answer = await self._unless_stopped(handler(message))
+            return _answer(answer) if answer is not None else (202, b"")
+        except WireError as error:
+            return _fault(error, message)
+        except InputError as error:
+            return _fault(WireError(SENDER, str(error)), message)
+        except NotTaken as error:
+            return _not_taken(error)
+        except RemoteError as error:
+            return _fault(WireError(soap.RECEIVER, str(error)), message)
+        except Exception:  # a defect here must not end the server, nor show the sender its stack trace
+            log.exception("a %s could not be handled", type(message.body).__name__ if message else "message")
+            return _fault(WireError(soap.RECEIVER, "this message met a defect here; see the log"), message)
+
+    def _nothing(self, path: str) -> str:
+        return f"nothing is at {path}; here are {', '.join(self.parts) or 'no parts'}\n"
+
+    async def _unless_stopped(self, work: Awaitable[T]) -> T:
+        """What the work comes to. Raises RemoteError when the server stops before."""
+        task = asyncio.current_task()
+        assert task is not None, "requests are served in tasks"
+        self._open.add(task)
+        try:
+            return await work
+        except asyncio.CancelledError:
+            if not self._stopping:
+                raise
+            task.uncancel()
+            raise RemoteError(STOPPING) from None
+        finally:
+            self._open.discard(task)
+
+    async def _show(self, request: Request) -> Response:
+        path = request.url.path
+        if path not in self.parts:
+            return PlainTextResponse(self._nothing(path), 404)
+        query = request.query_params
+        if "wsdl" in query:
+            # The address by which the client came is one by which it can come again.
+            return _xml(description(path, str(request.url.replace(query=""))))
+        if (wanted := query.get("xsd")) is not None:
+            return _xml(schema(wanted))
+        return PlainTextResponse(f"a SOAP 1.2 endpoint of SO-MRS; its description is at {path}?wsdl\n")
+
+
+class QuietServer(uvicorn.Server):
+    """Signals are the program's business, not the server's."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+def _response(outcome: Outcome) -> Response:
+    status, said = outcome
+    if status == 202:
+        return _TAKEN
+    if status == 503:
+        return Response(said, status, media_type="text/plain", headers=HANG_UP)
+    return Response(said, status, media_type=CONTENT_TYPE)
+
+
+def _not_taken(error: RemoteError) -> Outcome:
+    """No Fault: that would be an answer, and the sender is to send the message again."""
+    return 503, f"{error}\n".encode()
+
+
+def _xml(document: bytes | None) -> Response:
+    return Response(document, media_type="text/xml") if document is not None else PlainTextResponse("there is none\n", 404)
+
+
+def _is_soap(content_type: str) -> bool:
+    media, _, parameters = content_type.partition(";")
+    charset = parameters.lower().partition("charset=")[2].partition(";")[0].strip(' "')
+    return media.strip().lower() == soap.MEDIA_TYPE and charset in ("", "utf-8", "utf-16")
+
+
+def _is_plain(headers: dict[bytes, bytes]) -> bool:
+    return headers.get(b"content-encoding", b"").strip().lower() in (b"", b"identity")
+
+
+async def _body(headers: dict[bytes, bytes], receive: Receive) -> bytes | None:
+    """The request's body; None for one that is too large, which is not even read to its end, or not at all if it says so."""
+    declared = headers.get(b"content-length", b"0")
+    if not declared.isdigit() or int(declared[:20]) > MOST_BYTES:
+        return None
+    body, more = b"", True
+    while more:
+        part = await receive()
+        if part["type"] == "http.disconnect":
+            raise ClientDisconnect
+        body += part.get("body", b"")
+        if len(body) > MOST_BYTES:
+            return None
+        more = part.get("more_body", False)
+    return body
+
+
+def _answer(answer: Message) -> Outcome:
+    try:
+        return _status(answer), soap.encode(answer)
+    except WireError as error:
+        raise RemoteError(f"the answer, {type(answer.body).__name__}, cannot be sent: {error.text}") from None
+
+
+def _status(answer: Message) -> int:
+    if isinstance(answer.body, frp.Fault):
+        return _fault_status(answer.body.code)
+    return 400 if type(answer.body) in soap.REFUSALS else 200
+
+
+def _fault_status(code: str) -> int:
+    """SOAP 1.2 part 2, table 20: 400 where the sender is to blame, 500 for all other Faults."""
+    return 500 if code.removeprefix("env:") in ("Receiver", "MustUnderstand", "VersionMismatch", "DataEncodingUnknown") else 400
+
+
+def _fault(error: WireError, message: Message | None = None) -> Outcome:
+    relates_to = message.header.message_id if message is not None else None
+    return _fault_status(error.code), soap.fault(error, relates_to)

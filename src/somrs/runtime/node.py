@@ -1,0 +1,344 @@
+"""The rim of one component: feeds it, one input at a time, and carries out its effects on sockets, timers, disks and devices.
+
+Effects are carried out in order, each when all that it may depend on is on disk, and so is the sender of a message acknowledged.
+With nothing to wait for, nothing waits. All nodes of a process have one `Host`, with the sockets and the one clock.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections import deque
+from collections.abc import Awaitable, Callable
+from typing import TYPE_CHECKING
+
+from somrs.errors import InputError, RemoteError
+from somrs.kernel.component import (
+    Answered,
+    Ask,
+    Component,
+    Effect,
+    Input,
+    Rang,
+    Received,
+    Record,
+    Send,
+    Started,
+    Undelivered,
+    Wake,
+    Withdraw,
+)
+from somrs.kernel.pending import DELIVERY_TIME, WITHDRAWN, Journaled
+from somrs.protocol.messages.envelope import ANONYMOUS, Message
+from somrs.runtime.http import NotTaken
+from somrs.runtime.outbox import Letter
+from somrs.runtime.output import Output
+from somrs.runtime.pending_replies import Requesters, in_session, is_waited_for
+from somrs.storage.disk import Disk
+from somrs.storage.journal import Journal
+
+if TYPE_CHECKING:
+    from somrs.runtime.host import Host
+
+log = logging.getLogger(__name__)
+
+ANSWER_TIME = 120.0
+"""Seconds for which an anonymous requester's connection is kept open for the answer."""
+
+QUIET = 0.05
+"""Seconds without an input after which a snapshot that is due is taken."""
+
+DISK_TIME = 5.0
+"""Seconds that a disk has to write what is to be written, when its node stops."""
+
+Report = Callable[[object], None]
+CarryOut = Callable[[object, Report], Awaitable[object]]
+"""Does what an `Ask` wants. Values reported on the way, and the result, come back as `Answered`."""
+
+Keep = Callable[[object], None]
+"""Has a `Record` on disk when it returns; or, when the node is given the disk, when all that was asked for by then is on it."""
+
+Watch = Callable[[Message, float], None]
+"""Sees each message of the Failure Recovery Protocol that a component sends or receives, once."""
+
+
+def no_disk(entry: object) -> None:
+    raise RemoteError(f"this node keeps nothing, and was asked to keep {type(entry).__name__}")
+
+
+def _answered_once(partial: object) -> None:
+    raise TypeError("a component whose inputs are kept is answered once: what is reported on the way would be lost with the process")
+
+
+class Node:
+    """One component at its address: inputs in, effects out.
+
+    With `journaled`, each input is in its journal before anything that comes of it is seen outside. Without, the records among
+    the effects are: what is behind one of them waits for it, and so does what comes of later inputs.
+    """
+
+    def __init__(
+        self,
+        host: Host,
+        address: str,
+        component: Component,
+        carry_out: CarryOut,
+        *,
+        keep: Keep = no_disk,
+        disk: Disk | None = None,
+        journal: Journal | None = None,
+        journaled: Journaled | None = None,
+        watch: Watch | None = None,
+    ) -> None:
+        self.address, self.component = address, component
+        self._host, self._carry_out, self._keep, self._disk, self._watch = host, carry_out, keep, disk, watch
+        self._journal, self._journaled = journal, journaled
+        self._inputs: deque[Input] = deque()
+        self._handling = self._closed = False
+        self._broken = ""
+        self._timers: dict[str, asyncio.TimerHandle] = {}
+        self._asked: dict[str, asyncio.Task[None]] = {}
+        self._requesters = Requesters()
+        self._snapshot: asyncio.TimerHandle | None = None
+        self._last_input = 0.0
+        self.output = Output(disk, self._do, self._break)
+
+    # Inputs
+
+    def feed(self, event: Input) -> None:
+        """Have the component handle an input, after those that wait already.
+
+        A component that is ahead of its disk, because something could not be kept, takes no more inputs. Raises RemoteError then.
+        """
+        if self._closed:
+            raise NotTaken(f"{self.address} is stopping")
+        if self._broken:
+            raise NotTaken(self._broken)
+        self._inputs.append(event)
+        if self._handling:
+            return
+        self._handling = True
+        try:
+            while self._inputs:
+                self._handle(self._inputs.popleft())
+        finally:
+            self._handling = False
+            if self._inputs:  # behind one that met a defect
+                asyncio.get_running_loop().call_soon(self._go_on)
+
+    def _go_on(self) -> None:
+        if self._inputs and not self._closed and not self._broken:
+            self.feed(self._inputs.popleft())
+
+    def _handle(self, event: Input) -> None:
+        now = self._host.clock.now()
+        if self._journaled is None or self._journal is None:
+            for effect in self.component.handle(event, now):
+                self._come(effect, 0)
+            return
+        entry = self._journaled.entry(event, now)
+        self._journal.append(entry)
+        try:
+            effects = self._journaled.handle(entry)
+        finally:
+            self._journal.note(self.component)
+            self.output.position = self._journal.disk.position
+        for effect, _ in effects:
+            if isinstance(effect, Record):
+                self._come(effect, 0)
+        for effect, number in effects:
+            if not isinstance(effect, Record):
+                self._come(effect, number)
+        self._last_input = now
+        if self._journal.due and self._snapshot is None:
+            self._snapshot = asyncio.get_running_loop().call_later(QUIET, self._take_snapshot)
+
+    async def receive(self, message: Message) -> Message | None:
+        """A message from the wire; the answer, when the sender waits for it on the same connection."""
+        self._seen(message)
+        if message.header.reply_to != ANONYMOUS:
+            self.feed(Received(message))
+            await self.output.on_disk()
+            return None
+        with self._requesters.waiting(message) as wanted:
+            try:
+                self.feed(Received(message))
+                await self.output.on_disk()
+                if not wanted.done() and not is_waited_for(message):
+                    return None
+                return await asyncio.wait_for(wanted, ANSWER_TIME)
+            except TimeoutError:
+                raise RemoteError(f"no answer to {type(message.body).__name__} within {ANSWER_TIME:.0f} s") from None
+            except NotTaken as error:
+                if self._closed:
+                    raise
+                raise RemoteError(str(error)) from None  # who waits for an answer is told at once
+
+    # From start to stop
+
+    def start(self, *, again: bool) -> None:
+        """Start the component; `again`, after it took up what it had under way when its process ended."""
+        if again and self._journaled is not None:
+            self._resume(self._journaled)
+        self.feed(Started(self.address))
+
+    def _resume(self, journaled: Journaled) -> None:
+        loop, now, pending = asyncio.get_running_loop(), self._host.clock.now(), journaled.pending
+        for number, sent in [*pending.messages.items()]:
+            letter = Letter(self, sent.message, sent.until, number)
+            if sent.until <= now:
+                loop.call_soon(self.given_up, letter, "its time was over while its sender was away")
+            else:
+                self._host.send(letter)
+        for timer, at in pending.timers.items():
+            self._set(timer, at)
+        for question, task in pending.questions.items():
+            if question in pending.withdrawn:
+                loop.call_soon(self._answer, question, WITHDRAWN)
+            else:
+                self._ask(question, task)
+
+    async def close(self) -> None:
+        """Stop everything under way. Nothing more is fed to the component."""
+        self._closed = True
+        timers = [*self._timers.values(), *([self._snapshot] if self._snapshot is not None else [])]
+        for timer in timers:
+            timer.cancel()
+        running = [*self._asked.values()]
+        for task in running:
+            task.cancel()
+        await asyncio.gather(*running, return_exceptions=True)
+        if self._journal is not None and self._journaled is not None and not self._broken:
+            self._journal.snapshot(self._journaled)
+            self.output.position = self._journal.disk.position
+        with contextlib.suppress(RemoteError, TimeoutError):  # whoever waits for it hears it, and there is nobody else to tell
+            await asyncio.wait_for(self.output.on_disk(), DISK_TIME)
+
+    async def flush(self, seconds: float) -> None:
+        """Wait until what was sent is delivered, but no longer than this."""
+        with contextlib.suppress(RemoteError, TimeoutError):
+            await asyncio.wait_for(self.output.on_disk(), seconds)
+        await self._host.delivered(seconds)
+
+    def _take_snapshot(self) -> None:
+        self._snapshot = None
+        if self._journal is None or self._journaled is None or self._closed or self._broken:
+            return
+        if self._journal.overdue or self._host.clock.now() - self._last_input >= QUIET / 2:
+            self._journal.snapshot(self._journaled)
+            self.output.position = self._journal.disk.position
+        else:
+            self._snapshot = asyncio.get_running_loop().call_later(QUIET, self._take_snapshot)
+
+    # Effects
+
+    def _come(self, effect: Effect, number: int) -> None:
+        """Carry an effect out, now or when all that it may depend on is on disk."""
+        # Every effect comes this way, and class patterns take longer.
+        if isinstance(effect, Wake):
+            self._set(effect.timer, effect.at)  # seen by nobody; what its ringing comes to waits in its turn
+        elif isinstance(effect, Record):
+            self._record(effect.entry)
+        else:
+            self.output.put(effect, number)
+
+    def _record(self, entry: object) -> None:
+        try:
+            self._keep(entry)
+        except Exception as error:  # whatever it was, the component is ahead of its disk now, and must not go on
+            raise self._break(error) from error
+        if self._disk is not None:
+            self.output.position = self._disk.position
+
+    def _break(self, error: Exception) -> RemoteError:
+        """Something could not be kept. What is behind it never leaves, and whoever waits for it hears why."""
+        # It is this node that was given a bad disk, not the sender that is wrong.
+        told = NotTaken(f"{self.address} takes nothing more, because it could not keep what it had to: {error}")
+        if not self._broken:
+            log.critical("%s", told, exc_info=None if isinstance(error, InputError) else error)
+        self._broken = str(told)
+        self.output.drop(told)
+        self._requesters.disappoint(told)
+        return told
+
+    def _do(self, effect: Effect, number: int) -> None:
+        match effect:
+            case Send(message, until):
+                self._seen(message)
+                if message.header.recipient == ANONYMOUS:
+                    self._requesters.answer(message)
+                elif not self._closed:
+                    self._host.send(Letter(self, message, until if until is not None else self._host.clock.now() + DELIVERY_TIME, number))
+            case Ask(question, task) if not self._closed:
+                self._ask(question, task)
+            case Withdraw(question):
+                if (asked := self._asked.get(question)) is not None:
+                    asked.cancel()
+
+    def _set(self, timer: str, at: float | None) -> None:
+        if (old := self._timers.pop(timer, None)) is not None:
+            old.cancel()
+        if at is not None:
+            delay = max(0.0, at - self._host.clock.now())
+            self._timers[timer] = asyncio.get_running_loop().call_later(delay, self._ring, timer)
+
+    def _ring(self, timer: str) -> None:
+        self._timers.pop(timer, None)
+        self._feed_late(Rang(timer))
+
+    def _ask(self, question: str, task: object) -> None:
+        self._asked[question] = asyncio.create_task(self._carry(question, task))
+
+    async def _carry(self, question: str, task: object) -> None:
+        value: object
+        report = _answered_once if self._journaled is not None else lambda partial: self.feed(Answered(question, partial))
+        try:
+            value = await self._carry_out(task, report)
+        except asyncio.CancelledError as error:
+            value = error
+        except Exception as error:  # whatever went wrong is the answer; the component says what it means
+            log.debug("%s: %s failed", self.address, question, exc_info=True)
+            value = error
+        if self._asked.get(question) is asyncio.current_task():
+            del self._asked[question]
+            self._answer(question, value)
+
+    def _answer(self, question: str, value: object) -> None:
+        self._feed_late(Answered(question, value))
+
+    def _feed_late(self, event: Input) -> None:
+        """Feed what nobody waits for. A component that takes nothing more misses it; one with a journal gets it when it is back."""
+        try:
+            self.feed(event)
+        except RemoteError as error:
+            log.debug("%s: %s", self.address, error)
+
+    # Messages
+
+    def _seen(self, message: Message) -> None:
+        if self._watch is not None and message.header.transaction is not None:
+            self._watch(message, self._host.clock.now())
+
+    def taken(self, letter: Letter, answer: Message | None = None) -> None:
+        """The message was acknowledged, and perhaps answered on the same connection."""
+        if self._closed:
+            return  # it is sent again when the component is back, if it comes back
+        if self._journaled is not None:
+            self._journaled.arrived(letter.number)
+        if answer is not None:
+            try:
+                self.feed(Received(in_session(answer, letter.message)))
+            except Exception:  # the message was taken, whatever its answer does here
+                log.exception("%s: a %s could not be handled", self.address, type(answer.body).__name__)
+
+    def given_up(self, letter: Letter, reason: str) -> None:
+        """Nobody acknowledged the message in its time."""
+        if self._closed:
+            return
+        if self._journaled is not None:
+            self._journaled.arrived(letter.number)
+        try:
+            self._feed_late(Undelivered(letter.message, reason))
+        except Exception:  # the others' letters are not to wait for this component's defects
+            log.exception("%s: it could not be handled that a message was not delivered", self.address)

@@ -1,0 +1,153 @@
+"""What leaves a process: in order, again until it is acknowledged or its time is over, and together where the recipients take that."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Protocol
+
+from somrs.errors import RemoteError
+from somrs.kernel.pending import FIRST_PAUSE, LONGEST_PAUSE
+from somrs.protocol.messages.envelope import ANONYMOUS, Message
+from somrs.runtime.batches import MOST_TOGETHER
+from somrs.runtime.wire import Wire, origin
+
+log = logging.getLogger(__name__)
+
+
+class Sender(Protocol):
+    """Whose letters they are."""
+
+    def taken(self, letter: Letter, answer: Message | None) -> None:
+        """The letter was acknowledged, and with which answer, if it was answered on the same connection."""
+        ...
+
+    def given_up(self, letter: Letter, reason: str) -> None:
+        """The letter's time is over."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Letter:
+    """A message to be sent until then, and the number by which its sender knows it."""
+
+    sender: Sender
+    message: Message
+    until: float
+    number: int = 0
+
+
+Post = Callable[[Sequence[Message], float], Awaitable[Sequence[Message | RemoteError | None]]]
+"""Hands messages over within so many seconds: the first of them, as many as go together. What came back for each, or why it was not
+taken. Raises RemoteError when none was, for a reason that has nothing to do with one of them, or there is but one."""
+
+
+class Outbox:
+    """What is to be sent to one place. `apart` is given what was not taken although somebody answered: it is not to hold up those
+    that come behind it."""
+
+    def __init__(self, post: Post, now: Callable[[], float], apart: Callable[[Letter], None]) -> None:
+        self._post, self._now, self._apart = post, now, apart
+        self._waiting: deque[Letter] = deque()
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def task(self) -> asyncio.Task[None] | None:
+        """What sends that which waits, if anything does."""
+        return self._task
+
+    def put(self, letter: Letter) -> None:
+        self._waiting.append(letter)
+        if self._task is None:
+            self._task = asyncio.create_task(self._send())
+
+    async def _send(self) -> None:
+        """Send what waits, in order. While nobody answers, whatever has run out of time is given up, wherever it stands."""
+        pause = FIRST_PAUSE
+        while self._waiting:
+            first = self._waiting[0]
+            messages = [letter.message for letter in islice(self._waiting, MOST_TOGETHER)]
+            try:
+                outcomes = await self._post(messages, min(max(first.until - self._now(), 1.0), 10.0))
+            except RemoteError as error:
+                await asyncio.sleep(pause)
+                pause = min(pause * 2, LONGEST_PAUSE)
+                self._give_up_late(str(error))
+            except Exception as error:  # a defect in one message must not hold back those behind it
+                log.exception("a %s to %s could not be sent", type(first.message.body).__name__, first.message.header.recipient)
+                self._waiting.popleft()
+                first.sender.given_up(first, f"{type(error).__name__}: {error}")
+            else:
+                pause = FIRST_PAUSE
+                for outcome in outcomes:
+                    letter = self._waiting.popleft()
+                    if isinstance(outcome, RemoteError):
+                        self._apart(letter)
+                    else:
+                        letter.sender.taken(letter, outcome)
+        self._task = None
+
+    def _give_up_late(self, reason: str) -> None:
+        now = self._now()
+        late = [letter for letter in self._waiting if letter.until <= now]
+        self._waiting = deque(letter for letter in self._waiting if letter.until > now)
+        for letter in late:
+            letter.sender.given_up(letter, reason)
+
+
+class Outboxes:
+    """One for each address; and one for all addresses of a process that takes several messages in one request, where everything is
+    put together that comes while a request is on its way. `alone` hands over a message that is sent by itself."""
+
+    def __init__(self, wire: Wire, alone: Callable[[Message, float], Awaitable[Message | None]], now: Callable[[], float]) -> None:
+        self._wire, self._alone, self._now = wire, alone, now
+        self._by_address: dict[str, Outbox] = {}
+        self._by_origin: dict[str, Outbox] = {}
+
+    def busy(self, address: str) -> bool:
+        """Whether something waits that has to be sent there by itself; what comes later goes behind it."""
+        box = self._by_address.get(address)
+        return box is not None and box.task is not None
+
+    def put(self, letter: Letter) -> None:
+        """Send the letter, behind those that wait already."""
+        header = letter.message.header
+        # Whoever waits for an answer on the connection is not to wait for those of others.
+        if self.busy(header.recipient) or header.reply_to == ANONYMOUS or not self._wire.takes_batches(header.recipient):
+            self.put_apart(letter)
+            return
+        there = origin(header.recipient)
+        box = self._by_origin.get(there)
+        if box is None:
+            box = self._by_origin[there] = Outbox(self._wire.post_together, self._now, self.put_apart)
+        box.put(letter)
+
+    def put_apart(self, letter: Letter) -> None:
+        """Send the letter by itself, behind those to the same address."""
+        recipient = letter.message.header.recipient
+        box = self._by_address.get(recipient)
+        if box is None:
+            box = self._by_address[recipient] = Outbox(self._post_first, self._now, self.put_apart)
+        box.put(letter)
+
+    async def _post_first(self, messages: Sequence[Message], seconds: float) -> Sequence[Message | None]:
+        return [await self._alone(messages[0], seconds)]
+
+    async def flush(self, seconds: float) -> None:
+        """Wait until all is delivered, but no longer than this."""
+        if sending := self._sending():
+            await asyncio.wait(sending, timeout=seconds)
+
+    async def close(self) -> None:
+        """Send nothing more."""
+        sending = self._sending()
+        for task in sending:
+            task.cancel()
+        await asyncio.gather(*sending, return_exceptions=True)
+
+    def _sending(self) -> list[asyncio.Task[None]]:
+        return [box.task for box in (*self._by_address.values(), *self._by_origin.values()) if box.task is not None]

@@ -1,0 +1,177 @@
+"""The wire to the components of other processes: SOAP over HTTP, from the sender's side (`http.py` is the other)."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from typing import NamedTuple, TypeVar
+
+import aiohttp
+
+from somrs.errors import RemoteError, WireError
+from somrs.kernel.pending import FIRST_PAUSE, LONGEST_PAUSE
+from somrs.protocol.messages.envelope import ANONYMOUS, Message
+from somrs.protocol.soap import soap
+from somrs.protocol.soap.document import MOST_BYTES
+from somrs.runtime import batches
+from somrs.runtime.http import CONTENT_TYPE, KEPT_TIME
+
+T = TypeVar("T")
+
+NONE = "http://www.w3.org/2005/08/addressing/none"
+"""WS-Addressing 1.0 Core, 2.1: what is sent there is thrown away."""
+
+_NOT_SAID = ("Accept", "Accept-Encoding", "User-Agent")
+"""What aiohttp would say by itself: that anything may come back, even compressed, which is not read here."""
+
+
+class Unanswered(RemoteError):
+    """Nobody was there, or went away before it answered. The same message, sent again, is taken once."""
+
+
+async def asked_again(ask: Callable[[], Awaitable[T]], patience: float) -> T:
+    """What is answered; while nobody does, for so many seconds, it is asked again. Raises Unanswered then."""
+    loop = asyncio.get_running_loop()
+    until, pause = loop.time() + patience, FIRST_PAUSE
+    while True:
+        try:
+            return await ask()
+        except Unanswered:
+            if loop.time() + pause > until:
+                raise
+        await asyncio.sleep(pause)
+        pause = min(pause * 2, LONGEST_PAUSE)
+
+
+def origin(address: str) -> str:
+    """Scheme, host and port of an address: all components behind them are in one process."""
+    return "/".join(address.split("/", 3)[:3])
+
+
+class _Response(NamedTuple):
+    """What somebody answered to a request."""
+
+    status: int
+    media_type: str
+    document: bytes
+
+
+class Wire:
+    """Sends messages to components in other processes, over connections that are kept."""
+
+    def __init__(self) -> None:
+        self._session: aiohttp.ClientSession | None = None
+        self._batching: set[str] = set()
+
+    def takes_batches(self, address: str) -> bool:
+        """Whether the process at the address said, in its last answer, that it takes several messages in one request."""
+        return origin(address) in self._batching
+
+    async def post(self, message: Message, timeout: float = 30.0) -> Message | None:
+        """Send the message; the answer that came back, or None when it was taken. Raises RemoteError, and Unanswered when it is
+        worth while to send it again.
+
+        A Fault that answers a request is an answer; a Fault because the message could not be processed is an error.
+        """
+        if message.header.recipient == NONE:
+            return None
+        return _read(await self._send_alone(message, _document(message), timeout), message)
+
+    async def post_together(self, messages: Sequence[Message], timeout: float) -> list[Message | RemoteError | None]:
+        """Send the first of the messages to the process where all of them are to go, as many as fit in one request; what came back
+        for each, or why it was not taken. Raises Unanswered when nobody was there."""
+        documents: list[bytes] = []
+        try:
+            for document in batches.together(map(_document, messages)):
+                documents.append(document)  # those before one that cannot be sent are sent
+        except RemoteError as error:
+            if not documents:
+                return [error]
+        sent = messages[: len(documents)]
+        if len(sent) == 1:
+            return [_result(await self._send_alone(sent[0], documents[0], timeout), sent[0])]
+        response = await self._send(sent[0].header.recipient, batches.MEDIA_TYPE, batches.batch(documents), timeout)
+        if response.media_type == batches.MEDIA_TYPE:
+            outcomes = batches.outcomes_of(response.document)
+            if len(outcomes) == len(sent):
+                return [_result(_of_batch(*outcome), message) for outcome, message in zip(outcomes, sent, strict=True)]
+        refused = _unexpected(response, sent[0])
+        if isinstance(refused, Unanswered):
+            raise refused
+        return [refused] * len(sent)
+
+    async def _send_alone(self, message: Message, document: bytes, timeout: float) -> _Response:
+        kind = f'{CONTENT_TYPE}; action="{soap.action(type(message.body))}"'
+        return await self._send(message.header.recipient, kind, document, timeout)
+
+    async def _send(self, address: str, content_type: str, document: bytes, timeout: float) -> _Response:
+        if self._session is None:
+            connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT_TIME)
+            self._session = aiohttp.ClientSession(
+                connector=connector, cookie_jar=aiohttp.DummyCookieJar(), auto_decompress=False, skip_auto_headers=_NOT_SAID
+            )
+        try:
+            async with self._session.post(
+                address,
+                data=document,
+                headers={"Content-Type": content_type},
+                timeout=aiohttp.ClientTimeout(total=timeout),
+                allow_redirects=False,
+            ) as response:
+                said = await response.content.read(MOST_BYTES + 1)
+                while len(said) <= MOST_BYTES and (more := await response.content.read(MOST_BYTES + 1 - len(said))):
+                    said += more
+        except TimeoutError:
+            raise Unanswered(f"{address} did not answer within {timeout:g} s") from None
+        except aiohttp.ClientConnectorError as error:
+            raise Unanswered(f"{address} cannot be reached: {error.os_error.strerror or 'no connection'}") from None
+        except aiohttp.ClientError as error:
+            raise Unanswered(f"{address} cannot be reached: {error}") from None
+        except ValueError as error:
+            raise RemoteError(f"{address} cannot be reached: {error}") from None
+        takes = batches.MEDIA_TYPE in response.headers.get("Accept-Post", "")
+        (self._batching.add if takes else self._batching.discard)(origin(address))
+        return _Response(response.status, response.content_type, said)
+
+    async def close(self) -> None:
+        if self._session is not None:
+            await self._session.close()
+            self._session = None
+
+
+def _document(message: Message) -> bytes:
+    if message.header.recipient == ANONYMOUS:
+        raise RemoteError(f"nobody waits for this {type(message.body).__name__}: its recipient is anonymous")
+    try:
+        return soap.encode(message)
+    except WireError as error:
+        raise RemoteError(f"{type(message.body).__name__} cannot be sent to {message.header.recipient}: {error.text}") from None
+
+
+def _of_batch(status: int, document: bytes) -> _Response:
+    return _Response(status, "text/plain" if status in (404, 503) else soap.MEDIA_TYPE, document)
+
+
+def _result(response: _Response, message: Message) -> Message | RemoteError | None:
+    try:
+        return _read(response, message)
+    except RemoteError as error:
+        return error
+
+
+def _read(response: _Response, message: Message) -> Message | None:
+    """The answer to the message, or None when it was taken. Raises RemoteError when it was not."""
+    if response.status == 202 and not response.document:
+        return None
+    if not response.document or response.media_type != soap.MEDIA_TYPE:
+        raise _unexpected(response, message)
+    try:
+        return soap.decode(response.document)
+    except WireError as error:
+        raise RemoteError(f"{message.header.recipient} answered something that cannot be read: {error}") from None
+
+
+def _unexpected(response: _Response, message: Message) -> RemoteError:
+    said = response.document[:500].decode(errors="replace").strip()
+    trouble = f"{message.header.recipient} answered with HTTP {response.status}{': ' + said if said else ''}"
+    return Unanswered(trouble) if response.status == 503 else RemoteError(trouble)

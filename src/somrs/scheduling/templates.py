@@ -1,0 +1,218 @@
+"""Templates of tasks: tasks that people state often, with a name, and with blanks that are filled in when they are used."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+
+import msgspec
+from msgspec import structs
+
+from somrs.entish.parse import nearest
+from somrs.errors import FormulaError, UsageError
+from somrs.kernel.replica import Replica
+from somrs.ontology.check import check as check_formula
+from somrs.protocol.messages.clients import Submit
+from somrs.task_manager.setting import wrong_with
+
+VALUES = ("number", "text", "truth")
+"""What a blank can be besides an object of a type."""
+
+MOST_NAME = 80
+
+_BLANK = re.compile(r"{([^{}]*)}")
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_NUMBER = re.compile(r"-?\d+(\.\d+)?([eE][-+]?\d+)?( *[A-Za-z%°/]+)?")
+
+
+class Blank(msgspec.Struct, frozen=True, kw_only=True):
+    """What is filled in: `{Thing}` in the formulas of the task. `type` is a type of the ontology, or `number`, `text` or `truth`;
+    `default` is taken when nothing is said."""
+
+    name: str
+    type: str = "Object"
+    default: str = ""
+    label: str = ""
+
+
+class Template(msgspec.Struct, frozen=True, kw_only=True):
+    """A task to be stated again and again. `version` counts its changes."""
+
+    name: str
+    task: Submit
+    blanks: tuple[Blank, ...] = ()
+    note: str = ""
+    version: int = 0
+    changed_at: float = 0.0
+    changed_by: str = ""
+
+
+class Templates(msgspec.Struct, frozen=True, kw_only=True):
+    templates: tuple[Template, ...]
+
+
+class TemplateSaved(msgspec.Struct, frozen=True, kw_only=True):
+    """What is to be kept under a name. `expected_version`: the version that one saw (0: there was none of this name); if it is another by
+    now, somebody else changed it, and nothing is saved. None: whatever there is."""
+
+    task: Submit
+    blanks: tuple[Blank, ...] = ()
+    note: str = ""
+    by: str = ""
+    expected_version: int | None = None
+
+
+class Filled(msgspec.Struct, frozen=True, kw_only=True):
+    """What is written in the blanks, by their names. `by`: who states the task."""
+
+    values: dict[str, str] = {}
+    by: str | None = None
+
+
+def name_of(text: str) -> str:
+    """A name for a template or an order. Raises UsageError for what is none."""
+    name = " ".join(text.split())
+    if not name or len(name) > MOST_NAME or "/" in name or not name.isprintable():
+        raise UsageError(f"a name has 1 to {MOST_NAME} characters on one line, and no slash; {text!r} is no name")
+    return name
+
+
+def check(task: Submit, blanks: tuple[Blank, ...], replica: Replica) -> None:
+    """Raises UsageError or FormulaError where a task with blanks cannot be one, whatever is filled in."""
+    named = {blank.name: blank for blank in blanks}
+    for blank in blanks:
+        _check_blank(blank, replica)
+    if len(named) < len(blanks):
+        raise UsageError("two blanks have the same name; rename one of them")
+    used = dict.fromkeys(_used(task))
+    for name in used:
+        if name not in named:
+            raise UsageError(f"{{{name}}} is in a formula, and no blank of that name; say what may be filled in there")
+    for name in named:
+        if name not in used:
+            raise UsageError(f"the blank {name} is in no formula; write {{{name}}} where it belongs, or remove it")
+    examples = {name: _example(blank, replica) for name, blank in named.items()}
+    for formula in (task.effect, task.precondition):
+        if formula is not None:
+            _check_formula(formula, examples, replica)
+    if (wrong := wrong_with(_written(task, examples), replica)) is not None:
+        raise UsageError(wrong)
+
+
+def _check_formula(formula: str, examples: Mapping[str, str], replica: Replica) -> None:
+    """Raises FormulaError, which says where in the formula as it was written, with its blanks."""
+    written = _write(formula, examples)
+    try:
+        check_formula(written, replica.ontology, replica.map)
+    except FormulaError as error:
+        position = error.position
+        for found in _BLANK.finditer(formula):
+            if found.start() >= position:
+                break
+            example = examples[found[1].strip()]
+            # Behind a blank everything is elsewhere; in one, it is the blank that is wrong.
+            position = max(found.start(), position - len(example) + len(found[0]))
+        raise FormulaError(formula, min(position, len(formula)), error.problem, error.hint) from None
+
+
+def filled(template: Template, values: Mapping[str, str], replica: Replica) -> Submit:
+    """The task, with the blanks filled in. Raises UsageError for what is missing, or does not fit."""
+    named = {blank.name: blank for blank in template.blanks}
+    for name in values:
+        if name not in named:
+            hint = nearest(name, named) or (f"it has {', '.join(named)}" if named else "it has none at all")
+            raise UsageError(f"{template.name} has no blank {name}; {hint}")
+    return _written(template.task, {name: _value(blank, values.get(name, ""), replica) for name, blank in named.items()})
+
+
+def _value(blank: Blank, text: str, replica: Replica) -> str:
+    """What is written for the blank, as Entish."""
+    said = text.strip() or blank.default.strip()
+    what = f"{blank.label or blank.name} ({blank.type})"
+    if not said and blank.type != "text":
+        raise UsageError(f"fill in {what}")
+    match blank.type:
+        case "number":
+            if _NUMBER.fullmatch(said) is None:
+                raise UsageError(f"{what}: {said!r} is no number; write it as 12.5, or with a unit, as 500 g")
+            return said
+        case "truth":
+            if said.upper() not in ("TRUE", "FALSE"):
+                raise UsageError(f"{what}: {said!r} is neither TRUE nor FALSE")
+            return said.upper()
+        case "text":
+            return json.dumps(said, ensure_ascii=False)
+    found = replica.map.objects.get(said)
+    if found is None:
+        of_type = _objects(blank.type, replica)
+        raise UsageError(f"{what}: there is no {said} on the map; {nearest(said, of_type) or 'choose one that there is'}")
+    if not replica.ontology.is_a(found.type, blank.type):
+        raise UsageError(f"{what}: {said} is a {found.type}, and no {blank.type}")
+    return said
+
+
+def _check_blank(blank: Blank, replica: Replica) -> None:
+    if _WORD.fullmatch(blank.name) is None:
+        raise UsageError(f"{blank.name!r} is no name for a blank; take letters, digits and _, such as Thing")
+    if blank.type not in VALUES and blank.type not in replica.ontology.types:
+        hint = nearest(blank.type, (*VALUES, *replica.ontology.types)) or "take a type of the ontology, or number, text or truth"
+        raise UsageError(f"the blank {blank.name}: there is no type {blank.type}; {hint}")
+    if blank.default:
+        _value(blank, blank.default, replica)
+
+
+def _example(blank: Blank, replica: Replica) -> str:
+    """Something that could be filled in, so that the formulas can be read."""
+    match blank.type:
+        case "number":
+            return blank.default or "0"
+        case "truth":
+            return blank.default.upper() or "TRUE"
+        case "text":
+            return json.dumps(blank.default, ensure_ascii=False)
+    return blank.default or next(iter(_objects(blank.type, replica)), f"?{blank.name}")
+
+
+def _objects(type: str, replica: Replica) -> list[str]:
+    return [name for name, object in replica.map.objects.items() if replica.ontology.is_a(object.type, type)]
+
+
+def opened(template: Template) -> Submit:
+    """The task with a variable in the place of each blank: as far as its formulas are known before it is filled in."""
+    return _written(template.task, {blank.name: f"?{blank.name}" for blank in template.blanks})
+
+
+def _formulas(task: Submit) -> Iterator[str]:
+    yield from (task.effect, task.precondition or "")
+    for handler in task.handlers:
+        yield from (handler.effect, handler.when or "")
+
+
+def _used(task: Submit) -> Iterator[str]:
+    for formula in _formulas(task):
+        for found in _BLANK.finditer(formula):
+            name = found[1].strip()
+            if _WORD.fullmatch(name) is None:
+                raise FormulaError(formula, found.start(), "a blank is a name in braces", "such as {Thing}")
+            yield name
+
+
+def _written(task: Submit, values: Mapping[str, str]) -> Submit:
+    """The task with these texts in place of its blanks."""
+
+    def write(formula: str | None) -> str | None:
+        return _write(formula, values) if formula is not None else None
+
+    return structs.replace(
+        task,
+        effect=_write(task.effect, values),
+        precondition=write(task.precondition),
+        handlers=tuple(
+            structs.replace(handler, effect=_write(handler.effect, values), when=write(handler.when)) for handler in task.handlers
+        ),
+    )
+
+
+def _write(formula: str, values: Mapping[str, str]) -> str:
+    return _BLANK.sub(lambda found: values.get(found[1].strip(), found[0]), formula)

@@ -1,0 +1,1 @@
+"""What the author of a device writes with, and what services are given and return."""

@@ -1,0 +1,81 @@
+"""Runs an author's coroutines: what a Service Manager asks of its device, and what that comes to."""
+
+from __future__ import annotations
+
+import inspect
+import logging
+from collections.abc import Callable
+
+from somrs.entish.formula import variables
+from somrs.entish.parse import parse
+from somrs.errors import DeviceError
+from somrs.service_manager.sdk.device import Able, Amount, Amounts, Ask, Device, Result, Service, Situation, Task
+from somrs.service_manager.sdk.orders import Done, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, Work
+from somrs.service_manager.sdk.values import filled_in, money, seconds
+
+log = logging.getLogger(__name__)
+
+
+async def carry_out(device: Device, work: Work, ask: Ask, report: Callable[[object], None]) -> object:
+    """Do it. What the author's code raises goes on to whoever asked; what is no answer of a service is logged besides."""
+    service = device.services()[work.order.method]
+    try:
+        task = Task(device.name, work.order, ask, report)
+        match work:
+            case Quote():
+                return await _quote(device, service, task)
+            case Perform(order):
+                return _done(device, order, await service.performs(device, task), service)
+            case Halt():
+                return Done(situation=_read(await service.stops(device, task), service) if service.stops else None)
+            case Undo(_, situation):
+                if service.undoes is None:
+                    raise ServiceFailed(f"{device.name} cannot undo {service.name}")
+                return Done(situation=_read(await service.undoes(device, task, parse(situation)), service) or situation)
+    except (Refusal, ServiceFailed):
+        raise
+    except Exception:  # an author's mistake may be anything; it is logged with its trace, and becomes the service's failure
+        log.exception("%s: %s of %s", device.name, type(work).__name__, service.name)
+        raise
+
+
+async def _quote(device: Device, service: Service, task: Task) -> Quoted:
+    if service.able is not None:
+        await _settled(service.able, device, task)
+    price, currency = money(await _amount(service.price, device, task))
+    return Quoted(price=price, currency=currency, duration=seconds(await _amount(service.duration, device, task)))
+
+
+async def _amount(amount: Amounts, device: Device, task: Task) -> Amount:
+    if not callable(amount):
+        return amount
+    value = amount(device, task)
+    return await value if inspect.isawaitable(value) else value
+
+
+async def _settled(able: Able, device: Device, task: Task) -> None:
+    waiting = able(device, task)
+    if inspect.isawaitable(waiting):
+        await waiting
+
+
+def _done(device: Device, order: Order, came: Situation | Result, service: Service) -> Done:
+    """What the service returned; its effect, where it says nothing else."""
+    result = came if isinstance(came, Result) else Result(outputs={}, situation=came)
+    situation = _read(result.situation, service)
+    if situation is None:
+        effect = filled_in(order.effect, device.name, order.inputs, result.outputs)
+        if unknown := variables(effect):
+            named = ", ".join(f"?{name}" for name in unknown)
+            raise DeviceError(f"{service.name} has to return the situation, because its effect leaves {named} open: {effect}")
+        situation = str(effect)
+    return Done(situation=situation, outputs=result.outputs)
+
+
+def _read(situation: Situation, service: Service) -> str | None:
+    """The situation, once it is known to be Entish."""
+    if situation is None or isinstance(situation, str):
+        return str(parse(situation)) if situation is not None else None
+    if hasattr(situation, "__struct_fields__"):
+        return str(situation)
+    raise DeviceError(f"{service.name} has to return a situation in Entish, a Result or None, and returned {situation!r}")

@@ -1,0 +1,246 @@
+"""The journal of a component: its inputs since the last snapshot of its state, and the archive of what is over.
+
+A Task Manager that is started again takes its state from here and handles the inputs behind it once more (`kernel.pending`).
+The state is a pickle, so a journal belongs to the program that wrote it, and to nobody whom one would not let run a program.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import hashlib
+import pickle
+import sqlite3
+import sys
+import time
+import zlib
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+import somrs
+from somrs.errors import UsageError
+from somrs.kernel.component import Component
+from somrs.kernel.pending import Entry, Journaled
+from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord
+from somrs.storage import archive
+from somrs.storage.disk import Disk, Kind
+from somrs.storage.journal_entries import batch, decoded, encoded
+
+SNAPSHOT_ENTRIES = 5000
+"""After so many entries a snapshot is due: as many as are handled again in about a second."""
+
+SNAPSHOT_SHARE = 0.02
+"""Snapshots take this share of the event loop's time at most."""
+
+KIND = Kind(
+    owner="a journal's",
+    holds="input, record or state",
+    rival="another process",
+    application=0x534F4D4A,  # `SOMJ` in ASCII
+    version=1,
+    tables="""
+    CREATE TABLE life (number INTEGER PRIMARY KEY CHECK (number = 1), program TEXT NOT NULL, setting TEXT NOT NULL,
+      address TEXT NOT NULL, open TEXT NOT NULL);
+    CREATE TABLE snapshot (number INTEGER NOT NULL, at REAL NOT NULL, sum INTEGER NOT NULL, state BLOB NOT NULL);
+    CREATE TABLE entries (last INTEGER PRIMARY KEY, batch BLOB NOT NULL);
+    """
+    + archive.TABLES,
+)
+
+
+def program() -> str:
+    """What a state can be gone on with: the same code, on the same Python."""
+    package = Path(somrs.__file__).parent
+    code = hashlib.sha256()
+    for part in ("entish", "ontology", "protocol", "planner", "task_manager"):
+        for file in sorted((package / part).glob("*.py")):
+            code.update(file.read_bytes())
+    python = ".".join(map(str, sys.version_info[:2]))
+    return f"SO-MRS {somrs.__version__} ({code.hexdigest()[:8]}) on Python {python}"
+
+
+class _Found(Struct):
+    """What is in a file: who wrote it, for which address, what was open then, its snapshot, and the entries behind it."""
+
+    program: str
+    setting: str
+    address: str
+    open: list[str]
+    state: bytes
+    sum: int
+    entries: list[bytes]
+
+
+class Journal:
+    """An open journal. `address` is where its component was reached, `open` what it had not finished; nothing for a new file.
+
+    `setting` says what else the state depends on, such as the addresses of other parts; as the program, it has to be the same.
+    """
+
+    def __init__(self, path: Path, setting: str = "") -> None:
+        self.disk = Disk(path, KIND)
+        self._setting = setting
+        self._program = program()
+        self._queued: deque[tuple[int, bytes]] = deque()
+        self._since = 0
+        self._not_before = 0.0
+        try:
+            self._found = self.disk.do(_found)
+        except UsageError:
+            self.disk.close()
+            raise
+        self.address = self._found.address if self._found is not None else ""
+        self.open: tuple[str, ...] = tuple(self._found.open) if self._found is not None else ()
+
+    def begin(self, address: str, make: Callable[[str], Component]) -> tuple[Journaled, bool]:
+        """The component, as it was when the last input came, and whether there was one: if not, it is made for this address.
+
+        Raises UsageError when there is a state with something open in it that cannot be gone on with.
+        """
+        found, self._found, self.address = self._found, None, address
+        if found is not None and (change := self._changed(found, address)) is not None:
+            if found.open:
+                raise UsageError(self._stuck(found, change))
+            found = None
+        if found is None:
+            journaled = Journaled(make(address))
+            self.disk.do(lambda db: self._anew(db, address, journaled))
+            return journaled, False
+        try:
+            journaled = self._replayed(found)
+        except UsageError:
+            raise
+        except Exception as error:  # whatever a pickle that does not fit this program raises
+            raise UsageError(self._stuck(found, f"cannot be read any more ({type(error).__name__}: {error})")) from error
+        return journaled, True
+
+    def _changed(self, found: _Found, address: str) -> str | None:
+        """What is not as it was when the file was written, if anything."""
+        if found.program != self._program:
+            return f"was written by {found.program}, and this is {self._program}"
+        if found.setting != self._setting:
+            return f"was written for {found.setting}, and this is for {self._setting}"
+        if found.address != address:
+            return f"belongs to {found.address}, where others expect its owner, and this is {address}"
+        return None
+
+    def _stuck(self, found: _Found, change: str) -> str:
+        what = f"{self.disk.path}: {change}"
+        if not found.open:
+            return f"{what}; nothing was open in it: move the file away"
+        named = ", ".join(found.open[:3]) + (" ..." if len(found.open) > 3 else "")
+        tasks = f"{len(found.open)} task{'s are' if len(found.open) > 1 else ' is'} open ({named})"
+        return f"{what}; {tasks}: go on as it was until they are over, or move the file away, which forgets them"
+
+    def _replayed(self, found: _Found) -> Journaled:
+        if zlib.crc32(found.state) != found.sum:
+            raise UsageError(self._stuck(found, "is damaged: its state is not the one that was written"))
+        journaled = pickle.loads(found.state)
+        assert isinstance(journaled, Journaled), "only begin and snapshot write states"
+        entries = [entry for document in found.entries for entry in decoded(document) if entry.number > journaled.number]
+        self._since = len(entries)
+        try:
+            records = journaled.replay(entries)
+        except ValueError as error:
+            raise UsageError(self._stuck(found, f"is damaged: {error}")) from None
+        for record in records:
+            self.keep(record.entry)
+        return journaled
+
+    # Writing
+
+    def append(self, entry: Entry) -> None:
+        """Have the entry on disk, soon."""
+        self._queued.append((entry.number, encoded(entry)))
+        self._since += 1
+        self.disk.write(self._flush)
+
+    def keep(self, record: object) -> None:
+        """Have a record in the archive, soon."""
+        assert isinstance(record, TaskRecord), f"an archive is of tasks, not of {type(record).__name__}"
+        self.disk.write(functools.partial(archive.keep, record))
+
+    def note(self, component: Component) -> None:
+        """Have on disk what the component has not finished, if that changed."""
+        now_open = tuple(getattr(component, "open", ()))
+        if now_open != self.open:
+            self.open = now_open
+            document = msgspec.json.encode(now_open).decode()
+            self.disk.write(lambda db: _execute(db, "UPDATE life SET open = ?", (document,)))
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for a snapshot."""
+        return self._since >= SNAPSHOT_ENTRIES and time.monotonic() >= self._not_before
+
+    @property
+    def overdue(self) -> bool:
+        """Whether it should not be put off until nothing else is to be done."""
+        return self.due and self._since >= 4 * SNAPSHOT_ENTRIES
+
+    def snapshot(self, journaled: Journaled) -> None:
+        """Have the state on disk, soon, and then forget the entries that led to it. An interrupted one leaves the one before."""
+        begun = time.monotonic()
+        state = pickle.dumps(journaled, protocol=pickle.HIGHEST_PROTOCOL)
+        self._since = 0
+        self._not_before = time.monotonic() + (time.monotonic() - begun) / SNAPSHOT_SHARE
+        number, at = journaled.number, journaled.at
+        self.disk.write(lambda db: _snapshot(db, number, at, state))
+
+    def close(self) -> None:
+        """Write what is to be written, and close the file."""
+        self.disk.close()
+
+    def _flush(self, db: sqlite3.Connection) -> None:
+        """Write all that is queued; it may be more than was when this was asked for, and the next then finds nothing."""
+        entries: list[bytes] = []
+        last = 0
+        while self._queued:
+            last, entry = self._queued.popleft()
+            entries.append(entry)
+        if entries:
+            db.execute("INSERT INTO entries VALUES (?, ?)", (last, batch(entries)))
+
+    def _anew(self, db: sqlite3.Connection, address: str, journaled: Journaled) -> None:
+        db.execute("DELETE FROM entries")
+        db.execute("INSERT OR REPLACE INTO life VALUES (1, ?, ?, ?, '[]')", (self._program, self._setting, address))
+        _snapshot(db, 0, 0.0, pickle.dumps(journaled, protocol=pickle.HIGHEST_PROTOCOL))
+
+    # The archive
+
+    async def answer(self, wanted: ReadRecords) -> Records:
+        """What is in the archive, while the event loop goes on."""
+        return await asyncio.wrap_future(self.disk.read(functools.partial(archive.find, wanted)))
+
+
+def _found(db: sqlite3.Connection) -> _Found | None:
+    life = db.execute("SELECT program, setting, address, open FROM life").fetchone()
+    if life is None:
+        return None
+    program, setting, address, open = life
+    snapshot = db.execute("SELECT state, sum FROM snapshot").fetchone()
+    if snapshot is None:
+        raise KeyError("there is no state")
+    return _Found(
+        program=program,
+        setting=setting,
+        address=address,
+        open=msgspec.json.decode(open, type=list[str]),
+        state=snapshot[0],
+        sum=snapshot[1],
+        entries=[document for (document,) in db.execute("SELECT batch FROM entries ORDER BY last")],
+    )
+
+
+def _snapshot(db: sqlite3.Connection, number: int, at: float, state: bytes) -> None:
+    db.execute("DELETE FROM snapshot")
+    db.execute("INSERT INTO snapshot VALUES (?, ?, ?, ?)", (number, at, zlib.crc32(state), state))
+    db.execute("DELETE FROM entries WHERE last <= ?", (number,))
+
+
+def _execute(db: sqlite3.Connection, statement: str, values: tuple[object, ...]) -> None:
+    db.execute(statement, values)
