@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from somrs.ontology.truth import holds
-from somrs.planner.model.plan import Plan, after, linearisations, validate
+from somrs.planner.model.plan import Plan, linearisations
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.validation import after, validate
 from somrs.planner.planning import plan
 
 

@@ -14,8 +14,9 @@ from somrs.ontology.services import PROVIDER, Parameter, ServiceType
 from somrs.ontology.truth import holds
 from somrs.ontology.types import Ontology
 from somrs.planner.model.causal import linked
-from somrs.planner.model.plan import Plan, Step, after
+from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.validation import after
 from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Capability, Done, Order, Profile
 from virtual_system import Robot, VirtualSystem

@@ -17,8 +17,9 @@ from somrs.ontology.objects import Map, Object
 from somrs.ontology.truth import holds
 from somrs.ontology.types import ObjectType, Ontology, RelationType
 from somrs.planner.model.causal import linked
-from somrs.planner.model.plan import Plan, Step, after, linearisations
+from somrs.planner.model.plan import Plan, Step, linearisations
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.validation import after
 
 ONTOLOGY = Ontology(
     [

@@ -15,8 +15,9 @@ from somrs.ontology.files.loading import load_text
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.model.causal import linked
 from somrs.planner.model.choice import by, opened
-from somrs.planner.model.plan import Plan, validate
+from somrs.planner.model.plan import Plan
 from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
 from somrs.protocol.messages.clients import EventKind, Policy
 from somrs.protocol.messages.frp import Outcome

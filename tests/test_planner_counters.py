@@ -11,8 +11,9 @@ from somrs.planner.grounding.grounding import Grounding
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Task
 from somrs.planner.model.operators import goal_operators
-from somrs.planner.model.plan import NoPlan, Plan, validate
+from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.validation import validate
 from somrs.planner.model.world import World
 from somrs.planner.planning import plan
 from somrs.planner.search.counting import Counters, count, reaches

@@ -15,8 +15,9 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.encodings.sas import read, written
 from somrs.planner.grounding.merging import merged
-from somrs.planner.model.plan import NoPlan, Plan, validate
+from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
 from somrs.planner.search.search import TooHard, search
 from somrs.planner_service.engines import driver, entrants, plan_in_process, raced, solved

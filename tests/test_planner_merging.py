@@ -17,8 +17,9 @@ from somrs.planner.grounding.merging import merged
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.model.operators import goal_operators
-from somrs.planner.model.plan import Plan, validate
+from somrs.planner.model.plan import Plan
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.validation import validate
 from somrs.planner.model.world import World
 from somrs.planner.planning import plan
 from somrs.sites.pddl import read

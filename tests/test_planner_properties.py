@@ -17,8 +17,9 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
 from somrs.ontology.truth import bindings, holds
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
-from somrs.planner.model.plan import NoPlan, Plan, after, linearisations, validate
+from somrs.planner.model.plan import NoPlan, Plan, linearisations
 from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.validation import after, validate
 from somrs.planner.planning import plan
 
 ONTOLOGY = Ontology(

@@ -13,8 +13,9 @@ from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
-from somrs.planner.model.plan import NoPlan, Plan, validate
+from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
 
 TRANSFER = ServiceType(

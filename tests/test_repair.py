@@ -13,8 +13,9 @@ from relay import Relay, carried, goal, problem
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.ontology.effects import applied
-from somrs.planner.model.plan import NoPlan, Plan, Step, after, validate
+from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.validation import after, validate
 from somrs.planner.planning import plan
 from somrs.planner.repair import repaired, shorter, sure
 from somrs.protocol.messages import frp

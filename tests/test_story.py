@@ -10,7 +10,7 @@ from rich.console import Console
 
 from somrs.cli import task_report as story
 from somrs.cli.task_report import Story
-from somrs.client import terminal as show
+from somrs.client import terminal
 from somrs.client.trace import lines_of, without_heartbeats
 from somrs.protocol.messages.clients import EventKind, ReadTasks, TaskNews, TaskRecord, Tasks, TaskView, WatchTask
 from somrs.protocol.messages.frp import State
@@ -118,11 +118,11 @@ def test_what_is_done_beside_the_plan_is_shown_while_it_is_done() -> None:
     task = system.submit(WISH)
     goes_silent(system, task)
     assert system.world.run(200, lambda: any(work.step.startswith("look") for work in system.view(task).work))
-    text = shown(show.live(system.view(task)))
+    text = shown(terminal.live(system.view(task)))
     assert "RecognizeSituation" in text
     assert "recovering" in text
     system.finish(task)
-    assert "RecognizeSituation" not in shown(show.live(system.view(task)))
+    assert "RecognizeSituation" not in shown(terminal.live(system.view(task)))
 
 
 def test_undoing_is_shown_while_it_is_done() -> None:
@@ -133,11 +133,11 @@ def test_undoing_is_shown_while_it_is_done() -> None:
     system.finish(task)
     events = system.manager.transactions[task].events
     assert [event.kind for event in events if event.kind is EventKind.UNDO]
-    assert "undo" in shown(show.events(events))
+    assert "undo" in shown(terminal.events(events))
 
 
 def test_why_a_task_ended_is_not_among_its_events(stranded: TaskRecord) -> None:
-    text = shown(show.events(stranded.events))
+    text = shown(terminal.events(stranded.events))
     assert text.rstrip().endswith("failed")
 
 

@@ -11,7 +11,7 @@ from typing import ParamSpec, TypeVar
 
 from somrs.api.ontology import Imported, ImportOntology, OntologyDesk
 from somrs.api.operations import Document, operation
-from somrs.cli.owl_files import OwlChange
+from somrs.client.owl_change import OwlChange
 from somrs.errors import Problem
 from somrs.ontology import owl
 from somrs.ontology.objects import Change

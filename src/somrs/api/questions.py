@@ -8,7 +8,7 @@ import msgspec
 
 from somrs.api.context import Context
 from somrs.api.operations import operation
-from somrs.cli.questions import open_questions, put_answer
+from somrs.client.questions import open_questions, put_answer
 from somrs.devices.person.questions import Question
 
 TICK = 0.5

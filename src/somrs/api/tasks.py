@@ -7,12 +7,12 @@ import msgspec
 from somrs.api.context import Context
 from somrs.api.operations import Document, operation
 from somrs.api.task_feed import Following, TaskChanged, TasksChanged, final_contracts
-from somrs.cli.task_commands import is_named
-from somrs.cli.task_report import view as view_of
 from somrs.client.client import PATIENCE
 from somrs.client.message_chart import chart
 from somrs.client.refusals import NotFound
 from somrs.client.task_history import Past
+from somrs.client.task_report import is_named
+from somrs.client.task_report import view as view_of
 from somrs.client.trace import lines_from, without_heartbeats
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.clients import (

@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from somrs.client import terminal as show
+from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.errors import ModelError, RemoteError, UsageError
 from somrs.ontology.types import Value
@@ -25,14 +25,14 @@ def check(files: Sequence[Path], *, json: bool) -> int:
         loaded = load(files)
     except ModelError as error:
         if json:
-            show.print_json([{name: getattr(problem, name) for name in problem.__slots__} for problem in error.problems])
+            terminal.print_json([{name: getattr(problem, name) for name in problem.__slots__} for problem in error.problems])
         else:
             for problem in error.problems:
                 print(problem)
             print(f"{len(error.problems)} problem{'s' if len(error.problems) != 1 else ''} found")
         return 1
     if json:
-        show.print_json([])
+        terminal.print_json([])
     else:
         objects = f"a map of {len(loaded.map.objects)} objects" if loaded.map is not None else "no map"
         print(f"all is well: {len(loaded.ontology.types)} types, {len(loaded.ontology.services)} service types, {objects}")
@@ -57,7 +57,7 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
     from somrs.deployment.programs import until_stopped
     from somrs.deployment.system import System
 
-    console = show.console()
+    console = terminal.console()
     data.mkdir(parents=True, exist_ok=True)
     for file in site:
         if not file.exists():
@@ -69,7 +69,7 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
             await system.start()
             async with Client(system.addresses) as client:
                 found = await client.services()
-        console.print(show.services(found))
+        console.print(terminal.services(found))
         console.print(
             f"Running. In another terminal: somrs do FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it."
         )
@@ -94,9 +94,9 @@ async def services(type: str | None, effect: str | None, attributes: Sequence[st
     async with Client(Addresses.read(data)) as client:
         found = await client.services(Discover(service_type=type, effect=effect, attributes=wanted))
     if json:
-        show.print_json(found)
+        terminal.print_json(found)
     else:
-        show.console().print(show.services(found) if found else "no such service is on offer")
+        terminal.console().print(terminal.services(found) if found else "no such service is on offer")
 
 
 async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:
@@ -104,14 +104,16 @@ async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:
     async with Client(Addresses.read(data)) as client:
         found = await client.query(formula, limit)
     if json:
-        show.print_json([row.bindings for row in found.rows])
+        terminal.print_json([row.bindings for row in found.rows])
     elif not found.rows:
         print("no: it does not hold")
     elif not found.rows[0].bindings:
         print("yes: it holds")
     else:
         columns = list(found.rows[0].bindings)
-        show.console().print(show.table(formula, [f"?{c}" for c in columns], ([row.bindings[c] for c in columns] for row in found.rows)))
+        terminal.console().print(
+            terminal.table(formula, [f"?{c}" for c in columns], ([row.bindings[c] for c in columns] for row in found.rows))
+        )
         if found.more:
             print(f"and more than these {limit}; --limit shows more")
     return 0 if found.rows else 1
@@ -126,10 +128,10 @@ async def show_object(name: str, data: Path, *, json: bool) -> None:
         raise UsageError(f"there is no {name} on the map; {nearest(name, map.objects) or '`somrs map query` finds what there is'}")
     object, facts = map.objects[name], [str(fact) for fact in map.facts_about(name)]
     if json:
-        show.print_json({"name": name, "type": object.type, "values": object.values, "facts": facts})
+        terminal.print_json({"name": name, "type": object.type, "values": object.values, "facts": facts})
         return
-    console = show.console()
-    console.print(show.table(f"{name}: {object.type}", ("attribute", "value"), sorted(object.values.items())))
+    console = terminal.console()
+    console.print(terminal.table(f"{name}: {object.type}", ("attribute", "value"), sorted(object.values.items())))
     for fact in facts:
         console.print(fact)
 
@@ -140,10 +142,12 @@ async def history(name: str, data: Path, *, json: bool) -> None:
     async with Client(Addresses.read(data)) as client:
         found = await client.history(name)
     if json:
-        show.print_json(found.events)
+        terminal.print_json(found.events)
         return
-    rows = ((event.version, show.clock(event.at), person(event.author), "\n".join(told(event))) for event in found.events)
-    show.console().print(show.table(name, ("version", "when", "who", "what"), rows) if found.events else f"nothing happened to {name} yet")
+    rows = ((event.version, terminal.clock(event.at), person(event.author), "\n".join(told(event))) for event in found.events)
+    terminal.console().print(
+        terminal.table(name, ("version", "when", "who", "what"), rows) if found.events else f"nothing happened to {name} yet"
+    )
 
 
 async def update(situation: str, author: str, data: Path) -> None:

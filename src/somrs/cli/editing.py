@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from somrs.client import terminal as show
+from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.naming import SINGULAR, Named, Renaming, Section, named
@@ -37,12 +37,12 @@ async def history(limit: int, data: Path, *, ontology: bool, before: int | None,
     async with Client(Addresses.read(data)) as client:
         found = await client.happened(ReadEvents(limit=limit, before=before, ontology=ontology))
     if json:
-        show.print_json(found.events)
+        terminal.print_json(found.events)
     elif not found.events:
         print("nothing changed yet" if before is None else f"nothing changed before version {before}")
     else:
-        rows = ((event.version, show.moment(event.at), person(event.author), "\n".join(_shortened(event))) for event in found.events)
-        show.console().print(show.table("the ontology" if ontology else "the map", ("version", "when", "who", "what"), rows))
+        rows = ((event.version, terminal.moment(event.at), person(event.author), "\n".join(_shortened(event))) for event in found.events)
+        terminal.console().print(terminal.table("the ontology" if ontology else "the map", ("version", "when", "who", "what"), rows))
         if found.more:
             print(f"and more before version {found.events[-1].version}; --before {found.events[-1].version} shows them")
 
@@ -63,7 +63,7 @@ def told(event: Event) -> Iterator[str]:
         yield from revised(
             event.revision, {(one.section, one.to) for one in event.renamed} | {(one.section, one.name) for one in event.renamed}
         )
-    yield from map(show.change, event.changes)
+    yield from map(terminal.change, event.changes)
 
 
 def revised(revision: Revision, known: set[tuple[Section, str]]) -> Iterator[str]:
@@ -104,7 +104,7 @@ async def _altered(client: Client, alteration: Alteration, *, dry: bool, json: b
         case _:
             version = await client.update(alteration)
     if json:
-        show.print_json({"version": version})
+        terminal.print_json({"version": version})
     else:
         print(f"done: version {version}")
     return 0
@@ -130,9 +130,9 @@ async def _consider(client: Client, alteration: Alteration) -> Considered | Cons
 
 def _considered(found: Considered | Consequences, *, json: bool) -> int:
     if json:
-        show.print_json(found)
+        terminal.print_json(found)
         return 1 if found.broken else 0
-    lines = [*(revised(found.revision, set()) if found.revision is not None else ()), *map(show.change, found.changes)]
+    lines = [*(revised(found.revision, set()) if found.revision is not None else ()), *map(terminal.change, found.changes)]
     left = found.all_changes - len(found.changes)
     for line in lines or ["nothing would change"]:
         print(line)

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from somrs.api.fleet import BUSY, Devices, DeviceSeen, Presence
 from somrs.api.service import desk_of
-from somrs.client import terminal as show
+from somrs.client import terminal
 from somrs.client.client import Addresses
 from somrs.client.refusals import Trouble
 
@@ -23,11 +23,11 @@ async def fleet(data: Path, *, follow: bool, json: bool) -> None:
         if not follow:
             found = await desk.fleet.devices()
             if json:
-                show.print_json(found)
+                terminal.print_json(found)
             else:
-                show.console().print(seen(found))
+                terminal.console().print(seen(found))
             return
-        with Live(console=show.console(), auto_refresh=False) as screen, desk.context.hub.listening("fleet") as listening:
+        with Live(console=terminal.console(), auto_refresh=False) as screen, desk.context.hub.listening("fleet") as listening:
             async for news in listening:
                 match news.value:
                     case Devices() as devices:
@@ -38,12 +38,14 @@ async def fleet(data: Path, *, follow: bool, json: bool) -> None:
 
 def seen(found: Devices) -> Group:
     """All devices, and who came and went lately."""
-    rows = ((show.lines(one.name, f"a {one.type}" if one.type else ""), _state(one), _does(one), _services(one)) for one in found.devices)
+    rows = (
+        (terminal.lines(one.name, f"a {one.type}" if one.type else ""), _state(one), _does(one), _services(one)) for one in found.devices
+    )
     columns = ("device", "state", "does", "services, and how they have done")
-    least = {"device": show.room(one.name for one in found.devices)}
-    made = show.table("Fleet", columns, rows, least=least)
+    least = {"device": terminal.room(one.name for one in found.devices)}
+    made = terminal.table("Fleet", columns, rows, least=least)
     log = [
-        Text(f"{show.clock(one.at)}  {one.device} {'joined' if one.joined else f'left: {one.reason}'}", style="dim")
+        Text(f"{terminal.clock(one.at)}  {one.device} {'joined' if one.joined else f'left: {one.reason}'}", style="dim")
         for one in found.log[:SHOWN]
     ]
     return Group(made, *log)
@@ -70,7 +72,7 @@ def _does(device: DeviceSeen) -> str:
     said: list[str] = []
     for one in device.doing:
         how = f"{100 * one.fraction:.0f} %" if one.fraction is not None and one.state in BUSY else one.state.value.lower()
-        said.append(f"{one.service_type} ({', '.join(one.inputs.values())}), {how}\nfor {one.effect} ({show.short(one.task)})")
+        said.append(f"{one.service_type} ({', '.join(one.inputs.values())}), {how}\nfor {one.effect} ({terminal.short(one.task)})")
     held = device.simulated.holding if device.simulated is not None else None
     for name in dict.fromkeys([*((held,) if held else ()), *device.holding]):
         said.append(f"holds {name}")
@@ -80,7 +82,7 @@ def _does(device: DeviceSeen) -> str:
 def _services(device: DeviceSeen) -> str:
     return (
         "\n".join(
-            show.lines(
+            terminal.lines(
                 f"{one.type}{f', {one.price:g} EUR' if one.price is not None else ''}{'' if one.on_offer else ', not on offer'}",
                 f"  {one.tally.in_words()}",
             )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from somrs.cli.api_client import Windows
 from somrs.cli.task_commands import do
-from somrs.client import terminal as show
+from somrs.client import terminal
 from somrs.client.client import Addresses, who
 from somrs.errors import UsageError
 from somrs.protocol.messages.clients import Submit
@@ -79,10 +79,10 @@ async def list_templates(data: Path, *, json: bool) -> None:
     async with Windows(Addresses.read(data)) as windows:
         found = (await windows.get(Templates, "templates")).templates
     if json:
-        show.print_json(found)
+        terminal.print_json(found)
     elif found:
-        rows = ((one.name, show.lines(one.task.effect, one.note), "\n".join(map(_declared, one.blanks)) or "-") for one in found)
-        show.console().print(show.table("Templates", ("name", "wish", "blanks"), rows))
+        rows = ((one.name, terminal.lines(one.task.effect, one.note), "\n".join(map(_declared, one.blanks)) or "-") for one in found)
+        terminal.console().print(terminal.table("Templates", ("name", "wish", "blanks"), rows))
     else:
         print("no templates yet; `somrs templates save NAME FORMULA` keeps one")
 
@@ -123,13 +123,15 @@ async def list_orders(data: Path, *, json: bool) -> None:
     async with Windows(Addresses.read(data)) as windows:
         found = (await windows.get(StandingOrders, "orders")).orders
     if json:
-        show.print_json(found)
+        terminal.print_json(found)
     elif found:
         rows = (
-            (one.id, show.lines(one.name, wish(one)), in_words(one.when), _next(one), last(one.last) if one.last is not None else "-")
+            (one.id, terminal.lines(one.name, wish(one)), in_words(one.when), _next(one), last(one.last) if one.last is not None else "-")
             for one in found
         )
-        show.console().print(show.table("Standing orders", ("id", "order", "when", "next", "last time"), rows, whole=("id", "next")))
+        terminal.console().print(
+            terminal.table("Standing orders", ("id", "order", "when", "next", "last time"), rows, whole=("id", "next"))
+        )
     else:
         print("no standing orders yet; `somrs orders add NAME FORMULA --every 2h` gives one")
 
@@ -153,7 +155,7 @@ def last(run: Run) -> str:
         became = str(run.outcome) if run.outcome is not None else "over" if run.ended_at is not None else "under way"
     elif run.state is RunState.MISSED and run.times > 1:
         became = f"missed, {run.times} times"
-    return show.lines(f"{datetime.fromtimestamp(run.due):%Y-%m-%d %H:%M}: {became}", run.note)
+    return terminal.lines(f"{datetime.fromtimestamp(run.due):%Y-%m-%d %H:%M}: {became}", run.note)
 
 
 async def add_order(order: OrderSaved, data: Path) -> None:
@@ -167,11 +169,11 @@ async def show_runs(name: str, limit: int, data: Path, *, json: bool) -> None:
         order = await _named(name, windows)
         found = (await windows.get(Runs, "orders", order.id, "runs", limit=limit)).runs
     if json:
-        show.print_json(found)
+        terminal.print_json(found)
         return
-    rows = ((last(run), show.short(run.task) if run.task is not None else "-") for run in found)
+    rows = ((last(run), terminal.short(run.task) if run.task is not None else "-") for run in found)
     print(f"{order.name}: {wish(order)}; {in_words(order.when)}; next: {_next(order)}")
-    show.console().print(show.table("", ("due", "task"), rows) if found else "it was not due yet")
+    terminal.console().print(terminal.table("", ("due", "task"), rows) if found else "it was not due yet")
 
 
 async def turn_order(name: str, what: str, data: Path) -> None:

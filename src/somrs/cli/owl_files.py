@@ -1,4 +1,4 @@
-"""What an OWL file would change, and what the commands about OWL files do."""
+"""What the commands about OWL files do."""
 
 from __future__ import annotations
 
@@ -6,17 +6,12 @@ import sys
 from pathlib import Path
 
 from somrs.cli.editing import alter
-from somrs.client import terminal as show
+from somrs.client import terminal
 from somrs.client.client import Addresses, Client
-from somrs.errors import ModelError, Problem, UsageError
+from somrs.client.owl_change import OwlChange
+from somrs.errors import UsageError
 from somrs.ontology import owl
-from somrs.ontology.conformance import violations_of
-from somrs.ontology.naming import find, revised
-from somrs.ontology.objects import Change, Map, differences, objects_of
-from somrs.ontology.renaming import Renamer
-from somrs.ontology.types import Ontology
-from somrs.protocol.messages.knowledge import Define, Revision, UpdateMap
-from somrs.repository.outcome import revision
+from somrs.protocol.messages.knowledge import UpdateMap
 
 FORMATS = {".ttl": owl.Format.TURTLE, ".rdf": owl.Format.XML, ".owl": owl.Format.XML, ".xml": owl.Format.XML}
 """How a file is written, by how its name ends."""
@@ -24,43 +19,6 @@ FORMATS = {".ttl": owl.Format.TURTLE, ".rdf": owl.Format.XML, ".owl": owl.Format
 
 def is_owl(file: Path) -> bool:
     return file.suffix.lower() in FORMATS
-
-
-class OwlChange:
-    """What a file that was read changes in an ontology: `define` leads to it."""
-
-    def __init__(self, found: owl.Read, ontology: Ontology, author: str, expected_version: int | None = None) -> None:
-        self._found = found
-        self._renamer = Renamer(found.renamings, ontology.extended(found.ontology))
-        removed = tuple(what for what in found.removed if find(ontology, what) is not None)
-        before = self._renamer.ontology(revised(ontology, removed, ()))
-        self._after = before.extended(self._renamer.definition(one) for one in found.ontology)
-        self.define = Define(
-            definitions=(revision(before, self._after) or Revision()).after,
-            removed=removed,
-            renamed=found.renamings,
-            author=author,
-            expected_version=expected_version,
-        )
-
-    @property
-    def changes_ontology(self) -> bool:
-        return bool(self.define.removed or self.define.renamed or any(self.define.definitions.each()))
-
-    def on_map(self, now: Map, file: str) -> tuple[Change, ...]:
-        """How the file's individuals change the map, once the ontology is as it says: they are as it says, with the facts whose first
-        argument they are; other objects stay. Raises ModelError when the map would not conform."""
-        before, found = (map.changed(self._renamer.changes(map)) for map in (now, self._found.map))
-        facts = [fact for fact in before.facts() if not fact.arguments or fact.arguments[0] not in found.objects]
-        after = Map({**before.objects, **found.objects}.values(), [*facts, *found.facts()])
-        changes = tuple(differences(before, after))
-        broken = violations_of(after, self._after, {name for change in changes for name in objects_of(change)})
-        if broken:
-            raise ModelError([Problem(file=file, line=None, subject=one.subject, rule=one.rule, message=one.message) for one in broken])
-        return changes
-
-
-# Commands
 
 
 async def export(out: Path, data: Path, *, map: bool, shapes: bool) -> None:
@@ -92,5 +50,5 @@ async def take_over(file: Path, author: str, data: Path, *, map: bool, dry: bool
     if not dry:
         return await alter(UpdateMap(changes=changes, author=author), data, dry=False, json=json)
     for one in changes:
-        print(f"on the map: {show.change(one)}")
+        print(f"on the map: {terminal.change(one)}")
     return 0

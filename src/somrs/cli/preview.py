@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from somrs.client import terminal as show
+from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.protocol.messages.clients import Preview, Previewed, Quotation
 
@@ -18,16 +18,16 @@ async def plan(wanted: Preview, data: Path, *, json: bool) -> int:
     async with Client(Addresses.read(data)) as client:
         found = await client.preview(wanted)
     if json:
-        show.print_json(found)
+        terminal.print_json(found)
     elif not found.steps:
         print(found.explanation)
     else:
-        show.console().print(preview(found, quoted=wanted.quotes))
+        terminal.console().print(preview(found, quoted=wanted.quotes))
     return 0 if found.steps or found.explanation.startswith("nothing to do") else 1
 
 
 def preview(found: Previewed, *, quoted: bool) -> Group:
-    parts: list[RenderableType] = [show.plan(found.steps)]
+    parts: list[RenderableType] = [terminal.plan(found.steps)]
     if quoted:
         parts += ["", quotations(found.quotations), "", total(found)]
     if found.waits:
@@ -42,14 +42,16 @@ def quotations(found: Iterable[Quotation]) -> RenderableType:
         (
             one.step,
             Text(f"{'✔ ' if one.chosen else ''}{one.service}", "green" if one.chosen else ""),
-            show.terms(one.price, one.currency, one.duration) or "-",
+            terminal.terms(one.price, one.currency, one.duration) or "-",
             f"{one.start:.0f} s to {one.finish:.0f} s" if one.start is not None and one.finish is not None else "-",
-            show.lines("an estimate: it asked this last" if one.estimate else "", one.reason),
+            terminal.lines("an estimate: it asked this last" if one.estimate else "", one.reason),
         )
         for one in asked
     )
     columns = ("step", "asked (✔ chosen)", "offers", "from, until", "but")
-    return show.table("Terms now", columns, rows, whole=("offers",), least={columns[1]: show.room(f"✔ {one.service}" for one in asked)})
+    return terminal.table(
+        "Terms now", columns, rows, whole=("offers",), least={columns[1]: terminal.room(f"✔ {one.service}" for one in asked)}
+    )
 
 
 def total(found: Previewed) -> Text:

@@ -1,29 +1,24 @@
-"""What `somrs questions` and `somrs answer` do, and the windows, too: people answer what their programs ask (`devices/person/device.py`)."""
+"""What `somrs questions` and `somrs answer` do."""
 
 from __future__ import annotations
 
 import time
 from pathlib import Path
 
-from somrs.client import terminal as show
-from somrs.client.client import Addresses
-from somrs.devices.person.questions import FILE, Question, Questions
-from somrs.errors import RemoteError, UsageError
-
-TAKING = 10.0
-"""Seconds within which a person's program looks at an answer, if it runs."""
+from somrs.client import terminal
+from somrs.client.questions import open_questions, put_answer
 
 
 def questions(data: Path, *, json: bool) -> None:
     """List the open questions."""
     found = open_questions(data)
     if json:
-        show.print_json(found)
+        terminal.print_json(found)
     elif not found:
         print("nobody asks anything")
     else:
         rows = ((one.number, one.person, one.text, f"{max(0.0, one.until - time.time()):.0f} s") for one in found)
-        show.console().print(show.table("Open questions", ("number", "to", "question", "time left"), rows))
+        terminal.console().print(terminal.table("Open questions", ("number", "to", "question", "time left"), rows))
         print("Answer with: somrs answer NUMBER FORMULA, such as `Jar002 isOn Table001`")
 
 
@@ -31,45 +26,3 @@ def answer(number: int, formula: str | None, data: Path) -> None:
     """Answer a question; None: the person cannot tell. Raises UsageError when the answer will not do, with what is wrong."""
     put_answer(number, formula, data)
     print("thank you")
-
-
-def open_questions(data: Path) -> list[Question]:
-    """The questions that wait for an answer in the system of the data folder."""
-    if not (data / FILE).exists():
-        Addresses.read(data)  # raises UsageError where no system runs
-        return []
-    kept = Questions(data)
-    try:
-        return kept.open()
-    finally:
-        kept.close()
-
-
-def put_answer(number: int, formula: str | None, data: Path) -> None:
-    """Answer a question, and wait until the answer is taken. Raises UsageError when it will not do, RemoteError when nobody looks at it."""
-    if formula is not None and not formula.strip():
-        raise UsageError("an answer says what is so, such as `Jar002 isOn Table001`; otherwise say that you cannot tell")
-    if not (data / FILE).exists():
-        Addresses.read(data)
-    kept = Questions(data)
-    try:
-        kept.answer(number, formula or "")
-        _wait(kept, number)
-    finally:
-        kept.close()
-
-
-def _wait(kept: Questions, number: int) -> None:
-    end, person = time.monotonic() + TAKING, ""
-    while time.monotonic() < end:
-        question = kept.read(number)
-        assert question is not None, "questions are kept"
-        person = question.person
-        if question.ended == "taken":
-            return
-        if question.ended is not None:
-            raise UsageError(f"the answer came too late: {question.ended}")
-        if question.problem:
-            raise UsageError(f"{question.problem}\nthe question is still open; answer it again")
-        time.sleep(0.1)
-    raise RemoteError(f"nobody took the answer within {TAKING:.0f} s; is the program of {person} running?")

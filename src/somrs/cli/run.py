@@ -79,9 +79,17 @@ def world(
 def gui(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
     """The windows, in the browser, and the API."""
     from somrs.client.client import Addresses
-    from somrs.deployment.programs import run_program, windows
+    from somrs.deployment.programs import has_windows, run_program
+    from somrs.errors import UsageError
 
-    guarded(lambda: run_program(windows()(data, Addresses.read(data), host, port)))
+    def run() -> None:
+        if not has_windows():
+            raise UsageError("the windows need more than the core does: pip install 'somrs[gui]'")
+        from somrs.gui.server import run_gui
+
+        run_program(run_gui(data, Addresses.read(data), host, port))
+
+    guarded(run)
 
 
 @run_app.command()

@@ -8,13 +8,13 @@ from pathlib import Path
 from msgspec import structs
 from rich.live import Live
 
-from somrs.cli import task_report as story
+from somrs.cli import task_report
 from somrs.cli.procedures import handler
-from somrs.cli.task_report import Story
-from somrs.client import terminal as show
+from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.client.message_chart import chart
 from somrs.client.task_history import Past, past
+from somrs.client.task_report import Story, builtins, is_named, view
 from somrs.client.trace import Line, lines_from, lines_of, without_heartbeats
 from somrs.errors import FormulaError, UsageError
 from somrs.ontology.services import Handler, Occasion
@@ -42,12 +42,12 @@ def handlers(on_failure: list[str], on_compensation: list[str]) -> tuple[Handler
 
 async def do(wish: Submit, data: Path, *, wait: bool, json: bool) -> int:
     """State a task, and follow it; 0 when it was accomplished."""
-    console = show.console()
+    console = terminal.console()
     async with Client(Addresses.read(data)) as client:
         id = await client.submit(wish)
         if not wait:
             if json:
-                show.print_json({"task": id})
+                terminal.print_json({"task": id})
             else:
                 print(id)
             return 0
@@ -61,16 +61,16 @@ async def do(wish: Submit, data: Path, *, wait: bool, json: bool) -> int:
                     if json:
                         continue
                     if told:
-                        screen.console.print(show.events(told))
-                    screen.update(show.live(news.view))
+                        screen.console.print(terminal.events(told))
+                    screen.update(terminal.live(news.view))
         except (asyncio.CancelledError, KeyboardInterrupt):
             await client.cancel(id, "stopped at the command line")
             raise
         assert last is not None, "a task that was accepted has news"
         if json:
-            show.print_json(last.view)
+            terminal.print_json(last.view)
         else:
-            console.print(show.live(last.view))
+            console.print(terminal.live(last.view))
         return 0 if last.view.outcome is Outcome.ACCOMPLISHED else 1
 
 
@@ -80,14 +80,14 @@ async def tasks(data: Path, *, history: bool, limit: int, json: bool, wanted: Re
         async with past(data) as archive:
             running = await archive.client.tasks(running=True) if archive.client is not None and wanted is None else ()
             records = await archive.first(structs.replace(wanted or ReadRecords(), brief=True), limit)
-            found = [*running, *map(story.view, records)]
+            found = [*running, *map(view, records)]
     else:
         async with Client(Addresses.read(data)) as client:
             found = [*await client.tasks(running=True)]
     if json:
-        show.print_json(found)
+        terminal.print_json(found)
     elif found:
-        show.console().print(show.tasks(found))
+        terminal.console().print(terminal.tasks(found))
     else:
         print(
             ("no such task" if wanted is not None else "no tasks yet")
@@ -107,11 +107,11 @@ async def task(name: str, data: Path, *, messages: bool, picture: Path | None, j
         picture.write_text(chart(without_heartbeats(lines), found.view.effect), encoding="utf-8")
         print(f"{picture}: {len(lines)} messages")
     elif json:
-        show.print_json(story.builtins(found))
+        terminal.print_json(builtins(found))
     elif messages:
-        show.console().print(story.messages(lines) if lines else "no messages have passed yet")
+        terminal.console().print(task_report.messages(lines) if lines else "no messages have passed yet")
     else:
-        story.tell(found, show.console())
+        task_report.tell(found, terminal.console())
 
 
 async def _lines(found: Story, archive: Past) -> list[Line]:
@@ -148,11 +148,6 @@ def _only(name: str, ids: list[str]) -> str:
     if len(found) != 1:
         raise UsageError(f"{f'{len(found)} tasks begin' if found else 'no task begins'} with {name}; `somrs tasks --history` lists them")
     return found[0]
-
-
-def is_named(id: str, name: str) -> bool:
-    """Whether the name is the task's id, or the beginning of it."""
-    return bool(name) and (id == name or id.rpartition(":")[2].startswith(name.rpartition(":")[2].lower()))
 
 
 async def cancel(name: str, reason: str, data: Path) -> None:

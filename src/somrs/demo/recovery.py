@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from somrs.client import terminal as show
+from somrs.client import terminal
 from somrs.client.client import Client
 from somrs.client.message_chart import chart
 from somrs.client.timeline import Mark, bars, drawn, svg
@@ -120,7 +120,7 @@ class Stage:
             self.story.view = news.view
             for event in news.events:
                 if event.kind is not EventKind.NEWS:
-                    self._console.print(Text(f"{'':>10} · ", style="dim") + show.event(event))
+                    self._console.print(Text(f"{'':>10} · ", style="dim") + terminal.event(event))
 
     def _mark(self, who: str, text: str) -> None:
         self.story.marks.append(Mark(at=time.time(), who=who, text=text))
@@ -130,7 +130,7 @@ class Stage:
         for line in self._trace.new():
             self.story.lines.append(line)
             if line.type != "Progress":
-                self._console.print(show.passing(line, self.story.lines[0].at))
+                self._console.print(terminal.passing(line, self.story.lines[0].at))
 
 
 async def perform(system: System, out: Path, console: Console) -> int:
@@ -156,16 +156,16 @@ async def perform(system: System, out: Path, console: Console) -> int:
     console.print()
     console.print(drawn(done, story.marks))
     console.print(_work(story.view))
-    console.print(show.outcome(story.view))
+    console.print(terminal.outcome(story.view))
     checks = verdict(story, before, map, stands)
-    console.print(show.table("Seen to be so", ("", ""), ((what, "yes" if so else "NO") for what, so in checks.items())))
+    console.print(terminal.table("Seen to be so", ("", ""), ((what, "yes" if so else "NO") for what, so in checks.items())))
     console.print(f"It took {time.monotonic() - started:.0f} s. Everything is in {out}/")
     return 0 if all(checks.values()) else 1
 
 
 def _work(view: TaskView) -> Table:
     rows = ((work.step, work.service, work.inputs.get("Object", ""), work.state.value, work.before or "-") for work in view.work)
-    return show.table("What was done, and what became of it", ("step", "service", "thing", "in the end", "to restore"), rows)
+    return terminal.table("What was done, and what became of it", ("step", "service", "thing", "in the end", "to restore"), rows)
 
 
 def verdict(story: Story, before: Map, after: Map, stands: dict[str, str | None]) -> dict[str, bool]:

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from somrs.client import terminal as show
+from somrs.client import terminal
 from somrs.client.client import Client
 from somrs.client.message_chart import chart
 from somrs.client.trace import Follower, Line
@@ -81,7 +81,7 @@ async def play(scenario: str, out: Path, seed: int | None, console: Console | No
     """Play a scenario, tell what happens, and leave everything in `out`. 0 when all went as the paper says."""
     if scenario not in SCENARIOS:
         raise UsageError(f"there is no scenario {scenario}; there are {' and '.join(SCENARIOS)}")
-    console = console or show.console()
+    console = console or terminal.console()
     if out.exists():
         shutil.rmtree(out)
     out.mkdir(parents=True)
@@ -227,7 +227,7 @@ def _position(situation: object) -> dict[str, str]:
 def _print(trace: Follower, lines: list[Line], console: Console) -> None:
     for line in trace.new():
         lines.append(line)
-        console.print(show.passing(line, lines[0].at))
+        console.print(terminal.passing(line, lines[0].at))
 
 
 class Photographer:
@@ -273,12 +273,12 @@ class Photographer:
 
 def _close(played: Play, scenario: str, out: Path, console: Console) -> None:
     console.print()
-    console.print(show.steps("What was done", played.view.steps))
-    console.print(show.outcome(played.view))
-    console.print(show.table("Seen to be so", ("", ""), ((what, "yes" if so else "NO") for what, so in played.checks.items())))
+    console.print(terminal.steps("What was done", played.view.steps))
+    console.print(terminal.outcome(played.view))
+    console.print(terminal.table("Seen to be so", ("", ""), ((what, "yes" if so else "NO") for what, so in played.checks.items())))
     if played.pictures:
         letters = [picture.stem for picture in played.pictures]
-        console.print(show.table("Pictures", ("file", "what it shows"), ((f"{letter}.png", STEPS[letter]) for letter in letters)))
+        console.print(terminal.table("Pictures", ("file", "what it shows"), ((f"{letter}.png", STEPS[letter]) for letter in letters)))
     if wrong := unlike_the_paper(scenario, played.lines):
         console.print("\n".join(f"[yellow]unlike the paper: {text}[/]" for text in wrong))
     console.print(f"{played.simulated:.0f} s of simulated time took {played.took:.1f} s. Everything is in {out}/")

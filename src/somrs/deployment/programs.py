@@ -12,7 +12,7 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Coroutine, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -239,15 +239,6 @@ async def run_world(addresses: Addresses, host: str, port: int, speed: float | N
     say_ready("world", f"{server.host}:{server.port}")
     await until_stopped()
     await server.stop()
-
-
-def windows() -> Callable[[Path, Addresses, str, int], Coroutine[Any, Any, None]]:
-    """What runs the windows. Raises UsageError where their libraries are not installed."""
-    if not has_windows():
-        raise UsageError("the windows need more than the core does: pip install 'somrs[gui]'")
-    from somrs.gui.server import run_gui
-
-    return run_gui
 
 
 def has_windows() -> bool:

@@ -17,8 +17,9 @@ from somrs.ontology.effects import changes, settled
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import bindings, holds
 from somrs.planner.model.causal import linked, useful
-from somrs.planner.model.plan import NoPlan, Plan, Step, after, validate
+from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.validation import after, validate
 
 
 def repaired(problem: Problem) -> Plan | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import time
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -13,7 +12,9 @@ from urllib.parse import urlsplit
 
 from somrs.errors import RemoteError
 from somrs.kernel.component import Component, Received
+from somrs.kernel.pending import Journaled
 from somrs.protocol.messages.envelope import Message
+from somrs.runtime.clock import Clock
 from somrs.runtime.http import Server
 from somrs.runtime.node import CarryOut, Keep, Node, Report, Watch, no_disk
 from somrs.runtime.outbox import Letter, Outboxes
@@ -22,20 +23,6 @@ from somrs.storage.disk import Disk
 from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)
-
-
-class Clock:
-    """Seconds since 1970 that never go back while the process lives, nor before what a journal holds."""
-
-    def __init__(self) -> None:
-        self._offset = time.time() - time.monotonic()
-
-    def now(self) -> float:
-        return time.monotonic() + self._offset
-
-    def not_before(self, at: float) -> None:
-        """Go on from there at least: the machine's clock was put back since."""
-        self._offset += max(0.0, at - self.now())
 
 
 async def _nothing_to_do(task: object, report: Report) -> object:
@@ -73,7 +60,7 @@ class Host:
         """Put a component, made for its address, at a path such as `/repository`, and start it. `disk`: what `keep` writes to, if
         it does not wait for that."""
         address = f"{self.url}{path}"
-        return self._start(path, Node(self, address, make(address), carry_out, keep=keep, disk=disk, watch=self._watch), again=False)
+        return self._start(path, self._node(address, make(address), carry_out, keep=keep, disk=disk), again=False)
 
     def add_journaled(self, path: str, make: Callable[[str], Component], journal: Journal, *, carry_out: CarryOut = _nothing_to_do) -> Node:
         """Put a component there whose inputs are kept: as its journal has it, or, if it has none, made for its address.
@@ -83,18 +70,35 @@ class Host:
         address = f"{self.url}{path}"
         journaled, again = journal.begin(address, make)
         self.clock.not_before(journaled.at)
-        node = Node(
-            self,
+        node = self._node(
+            address, journaled.component, carry_out, keep=journal.keep, disk=journal.disk, journal=journal, journaled=journaled
+        )
+        return self._start(path, node, again=again)
+
+    def _node(
+        self,
+        address: str,
+        component: Component,
+        carry_out: CarryOut,
+        *,
+        keep: Keep,
+        disk: Disk | None,
+        journal: Journal | None = None,
+        journaled: Journaled | None = None,
+    ) -> Node:
+        return Node(
             address,
-            journaled.component,
+            component,
             carry_out,
-            keep=journal.keep,
-            disk=journal.disk,
+            clock=self.clock,
+            send=self.send,
+            delivered=self.delivered,
+            keep=keep,
+            disk=disk,
             journal=journal,
             journaled=journaled,
             watch=self._watch,
         )
-        return self._start(path, node, again=again)
 
     def _start(self, path: str, node: Node, *, again: bool) -> Node:
         self._nodes[node.address] = node

@@ -11,7 +11,6 @@ import contextlib
 import logging
 from collections import deque
 from collections.abc import Awaitable, Callable
-from typing import TYPE_CHECKING
 
 from somrs.errors import InputError, RemoteError
 from somrs.kernel.component import (
@@ -31,15 +30,13 @@ from somrs.kernel.component import (
 )
 from somrs.kernel.pending import DELIVERY_TIME, WITHDRAWN, Journaled
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
+from somrs.runtime.clock import Clock
 from somrs.runtime.http import NotTaken
 from somrs.runtime.outbox import Letter
 from somrs.runtime.output import Output
 from somrs.runtime.pending_replies import Requesters, in_session, is_waited_for
 from somrs.storage.disk import Disk
 from somrs.storage.journal import Journal
-
-if TYPE_CHECKING:
-    from somrs.runtime.host import Host
 
 log = logging.getLogger(__name__)
 
@@ -74,17 +71,22 @@ def _answered_once(partial: object) -> None:
 class Node:
     """One component at its address: inputs in, effects out.
 
+    `send` brings a message to its recipient, again and again until it is acknowledged; `delivered` waits, for so many seconds at most,
+    until none is on its way.
+
     With `journaled`, each input is in its journal before anything that comes of it is seen outside. Without, the records among
     the effects are: what is behind one of them waits for it, and so does what comes of later inputs.
     """
 
     def __init__(
         self,
-        host: Host,
         address: str,
         component: Component,
         carry_out: CarryOut,
         *,
+        clock: Clock,
+        send: Callable[[Letter], None],
+        delivered: Callable[[float], Awaitable[None]],
         keep: Keep = no_disk,
         disk: Disk | None = None,
         journal: Journal | None = None,
@@ -92,7 +94,8 @@ class Node:
         watch: Watch | None = None,
     ) -> None:
         self.address, self.component = address, component
-        self._host, self._carry_out, self._keep, self._disk, self._watch = host, carry_out, keep, disk, watch
+        self._clock, self._send, self._delivered = clock, send, delivered
+        self._carry_out, self._keep, self._disk, self._watch = carry_out, keep, disk, watch
         self._journal, self._journaled = journal, journaled
         self._inputs: deque[Input] = deque()
         self._handling = self._closed = False
@@ -132,7 +135,7 @@ class Node:
             self.feed(self._inputs.popleft())
 
     def _handle(self, event: Input) -> None:
-        now = self._host.clock.now()
+        now = self._clock.now()
         if self._journaled is None or self._journal is None:
             for effect in self.component.handle(event, now):
                 self._come(effect, 0)
@@ -184,13 +187,13 @@ class Node:
         self.feed(Started(self.address))
 
     def _resume(self, journaled: Journaled) -> None:
-        loop, now, pending = asyncio.get_running_loop(), self._host.clock.now(), journaled.pending
+        loop, now, pending = asyncio.get_running_loop(), self._clock.now(), journaled.pending
         for number, sent in [*pending.messages.items()]:
             letter = Letter(self, sent.message, sent.until, number)
             if sent.until <= now:
                 loop.call_soon(self.given_up, letter, "its time was over while its sender was away")
             else:
-                self._host.send(letter)
+                self._send(letter)
         for timer, at in pending.timers.items():
             self._set(timer, at)
         for question, task in pending.questions.items():
@@ -219,13 +222,13 @@ class Node:
         """Wait until what was sent is delivered, but no longer than this."""
         with contextlib.suppress(RemoteError, TimeoutError):
             await asyncio.wait_for(self.output.on_disk(), seconds)
-        await self._host.delivered(seconds)
+        await self._delivered(seconds)
 
     def _take_snapshot(self) -> None:
         self._snapshot = None
         if self._journal is None or self._journaled is None or self._closed or self._broken:
             return
-        if self._journal.overdue or self._host.clock.now() - self._last_input >= QUIET / 2:
+        if self._journal.overdue or self._clock.now() - self._last_input >= QUIET / 2:
             self._journal.snapshot(self._journaled)
             self.output.position = self._journal.disk.position
         else:
@@ -269,7 +272,7 @@ class Node:
                 if message.header.recipient == ANONYMOUS:
                     self._requesters.answer(message)
                 elif not self._closed:
-                    self._host.send(Letter(self, message, until if until is not None else self._host.clock.now() + DELIVERY_TIME, number))
+                    self._send(Letter(self, message, until if until is not None else self._clock.now() + DELIVERY_TIME, number))
             case Ask(question, task) if not self._closed:
                 self._ask(question, task)
             case Withdraw(question):
@@ -280,7 +283,7 @@ class Node:
         if (old := self._timers.pop(timer, None)) is not None:
             old.cancel()
         if at is not None:
-            delay = max(0.0, at - self._host.clock.now())
+            delay = max(0.0, at - self._clock.now())
             self._timers[timer] = asyncio.get_running_loop().call_later(delay, self._ring, timer)
 
     def _ring(self, timer: str) -> None:
@@ -318,7 +321,7 @@ class Node:
 
     def _seen(self, message: Message) -> None:
         if self._watch is not None and message.header.transaction is not None:
-            self._watch(message, self._host.clock.now())
+            self._watch(message, self._clock.now())
 
     def taken(self, letter: Letter, answer: Message | None = None) -> None:
         """The message was acknowledged, and perhaps answered on the same connection."""

@@ -12,13 +12,8 @@ from heapq import heappop, heappush
 from msgspec import Struct
 
 from somrs.entish import Formula, Name, Term
-from somrs.entish.formula import Substitution, substitute, variables
-from somrs.entish.parse import parse
-from somrs.ontology.effects import applied, settled
-from somrs.ontology.objects import Map
+from somrs.entish.formula import Substitution
 from somrs.ontology.services import PROVIDER
-from somrs.ontology.truth import holds
-from somrs.planner.model.problem import Problem
 
 
 class Step(Struct, frozen=True):
@@ -140,31 +135,6 @@ class NoPlan(Struct, frozen=True, tag=True):
     unoffered: tuple[str, ...] = ()
     undecided: bool = False
     """Whether there may be a plan all the same: it was too much to look through, or cannot be expressed."""
-
-
-def validate(plan: Plan, problem: Problem) -> list[str]:
-    """What is wrong with the plan, by doing its steps on the map one by one in topological order; empty when all is well."""
-    wrong: list[str] = []
-    map = problem.map
-    known = {available.service_type.name: available.service_type for available in problem.services}
-    for step in plan.topological():
-        if step.service_type not in known:
-            wrong.append(f"{step.id}: nobody offers {step.service_type}")
-            continue
-        if step.precondition is not None and not holds(step.precondition, map, problem.ontology):
-            wrong.append(f"{step.id}: {step} needs {step.precondition}, which does not hold by then")
-        promised = substitute(parse(known[step.service_type].effect), step.bindings)
-        if not variables(promised) and step.effect != settled(promised, map, problem.ontology):
-            wrong.append(f"{step.id}: {step.effect} is not what {step} brings about")
-        map = after(step, map, problem)
-    if not holds(problem.goal, map, problem.ontology):
-        wrong.append(f"after all steps {problem.goal} does not hold")
-    return wrong
-
-
-def after(step: Step, map: Map, problem: Problem) -> Map:
-    """The map once the step is done."""
-    return applied(step.effect, map, problem.ontology)
 
 
 def linearisations(plan: Plan) -> Iterator[tuple[Step, ...]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
@@ -11,9 +10,7 @@ from somrs.entish import Formula
 from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
-
-if TYPE_CHECKING:
-    from somrs.planner.model.plan import Step
+from somrs.planner.model.plan import Step
 
 
 class Available(Struct, frozen=True):

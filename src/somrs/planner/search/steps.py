@@ -13,8 +13,9 @@ from somrs.ontology.objects import Map
 from somrs.planner.grounding.grounding import Action
 from somrs.planner.grounding.task import Move
 from somrs.planner.model.causal import linked
-from somrs.planner.model.plan import Plan, Step, after, validate
+from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.validation import after, validate
 from somrs.planner.model.world import as_term, rows
 
 

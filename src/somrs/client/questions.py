@@ -1,0 +1,55 @@
+"""Questions that programs put to people (`devices/person/device.py`), and how people answer them, at the command line or in the window."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from somrs.client.client import Addresses
+from somrs.devices.person.questions import FILE, Question, Questions
+from somrs.errors import RemoteError, UsageError
+
+TAKING = 10.0
+"""Seconds within which a person's program looks at an answer, if it runs."""
+
+
+def open_questions(data: Path) -> list[Question]:
+    """The questions that wait for an answer in the system of the data folder."""
+    if not (data / FILE).exists():
+        Addresses.read(data)  # raises UsageError where no system runs
+        return []
+    kept = Questions(data)
+    try:
+        return kept.open()
+    finally:
+        kept.close()
+
+
+def put_answer(number: int, formula: str | None, data: Path) -> None:
+    """Answer a question, and wait until the answer is taken. Raises UsageError when it will not do, RemoteError when nobody looks at it."""
+    if formula is not None and not formula.strip():
+        raise UsageError("an answer says what is so, such as `Jar002 isOn Table001`; otherwise say that you cannot tell")
+    if not (data / FILE).exists():
+        Addresses.read(data)
+    kept = Questions(data)
+    try:
+        kept.answer(number, formula or "")
+        _wait(kept, number)
+    finally:
+        kept.close()
+
+
+def _wait(kept: Questions, number: int) -> None:
+    end, person = time.monotonic() + TAKING, ""
+    while time.monotonic() < end:
+        question = kept.read(number)
+        assert question is not None, "questions are kept"
+        person = question.person
+        if question.ended == "taken":
+            return
+        if question.ended is not None:
+            raise UsageError(f"the answer came too late: {question.ended}")
+        if question.problem:
+            raise UsageError(f"{question.problem}\nthe question is still open; answer it again")
+        time.sleep(0.1)
+    raise RemoteError(f"nobody took the answer within {TAKING:.0f} s; is the program of {person} running?")

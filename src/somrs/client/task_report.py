@@ -1,0 +1,40 @@
+"""Everything that is known of one task: its steps, what was done and what became of it, terms, events, messages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from somrs.protocol.messages.clients import ContractView, Phase, TaskEvent, TaskRecord, TaskView
+
+
+class Story(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known of a task. Only of one that is over there is a record."""
+
+    view: TaskView
+    events: tuple[TaskEvent, ...] = ()
+    contracts: tuple[ContractView, ...] = ()
+    record: TaskRecord | None = None
+
+    @classmethod
+    def of(cls, record: TaskRecord) -> Story:
+        return cls(view=view(record), events=record.events, contracts=record.contracts, record=record)
+
+
+def view(record: TaskRecord) -> TaskView:
+    """A task that is over, as those that are not are seen."""
+    shared = {name: getattr(record, name) for name in TaskView.__struct_fields__ if name in TaskRecord.__struct_fields__}
+    return TaskView(phase=Phase.ENDED, **shared)
+
+
+def builtins(story: Story) -> dict[str, Any]:
+    """For programs: one flat object, with the fields of a TaskView, and `events`; and of a TaskRecord, once there is one."""
+    more = {"events": story.events, "contracts": story.contracts}
+    found: dict[str, Any] = msgspec.to_builtins(story.view) | msgspec.to_builtins(more)
+    return found if story.record is None else found | msgspec.to_builtins(story.record)
+
+
+def is_named(id: str, name: str) -> bool:
+    """Whether the name is the task's id, or the beginning of it."""
+    return bool(name) and (id == name or id.rpartition(":")[2].startswith(name.rpartition(":")[2].lower()))
