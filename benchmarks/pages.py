@@ -31,7 +31,7 @@ from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Value
 
-SCENARIO = Path(__file__).parents[1] / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
+SCENARIO = Path(__file__).parents[1] / "src" / "somrs" / "demo" / "data" / "scenario-1.yaml"
 DOMAIN = Path(__file__).parents[1] / "examples" / "parcels" / "domain.pddl"
 CHROMIUM = "/usr/bin/chromium"
 FLAGS = (

@@ -15,6 +15,7 @@ import pytest
 
 from somrs.client.client import Addresses
 from somrs.errors import UsageError
+from tests.support.paths import ROOT, SCENARIO_1
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright  # noqa: E402  # behind the skip
@@ -32,9 +33,7 @@ FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 )
-REPOSITORY = Path(__file__).parents[2]
-SCENARIO = REPOSITORY / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
-SCREENSHOTS = REPOSITORY / "out" / "screenshots"
+SCREENSHOTS = ROOT / "out" / "screenshots"
 WIDTHS = {"1280": (1280, 800), "1920": (1920, 1080), "820": (820, 1180)}
 UP_TIME = 90.0
 
@@ -42,7 +41,7 @@ UP_TIME = 90.0
 class Running:
     """A system that `somrs up` runs, with its windows."""
 
-    def __init__(self, data: Path, site: Path = SCENARIO, speed: str = "4") -> None:
+    def __init__(self, data: Path, site: Path = SCENARIO_1, speed: str = "4") -> None:
         line = [sys.executable, "-m", "somrs.cli.main", "up", str(site), "--data", str(data), "--speed", speed]
         self.data = data
         self._said = (data.parent / f"{data.name}.log").open("wb")

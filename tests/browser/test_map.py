@@ -8,15 +8,16 @@ import subprocess
 import sys
 import urllib.request
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
+from tests.support.paths import SHARED
+
 from .conftest import Running, shoot
 
-OFFICE = Path(__file__).parents[3] / "shared" / "sites" / "office.building.yaml"
+OFFICE = SHARED / "sites" / "office.building.yaml"
 Window = Callable[..., Page]
 
 FLOOR = {

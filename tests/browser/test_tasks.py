@@ -16,8 +16,9 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
+from tests.support.paths import SCENARIO_1
 
-from .conftest import SCENARIO, WIDTHS, Running, shoot
+from .conftest import WIDTHS, Running, shoot
 
 Open = Callable[..., Page]
 WORK_TIME = 90_000
@@ -249,7 +250,7 @@ def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: 
 def with_anna(tmp_path: Path) -> Iterator[Running]:
     """The scenario with somebody who can be asked where things are."""
     robots = "  Robot2:"
-    before, _, behind = SCENARIO.read_text(encoding="utf-8").partition(robots)
+    before, _, behind = SCENARIO_1.read_text(encoding="utf-8").partition(robots)
     site = tmp_path / "site.yaml"
     site.write_text(f"{before}  Anna: {{type: Person, at: [5.5, 1, 0]}}\n{robots}{behind}", encoding="utf-8")
     running = Running(tmp_path / "data", site)

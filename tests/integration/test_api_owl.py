@@ -1,0 +1,106 @@
+"""OWL files through the desk: written, taken over with their consequences shown before, and put on the map."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from rdflib import Graph
+
+from somrs.api.ontology import ImportOntology
+from somrs.api.service import Desk
+from somrs.errors import ModelError, RemoteError
+from somrs.ontology import owl
+from somrs.ontology.objects import FactAdded, ObjectAdded
+from tests.integration.test_api_editing import desk, known
+from tests.support.small_system import running
+from tests.unit.ontology.owl.test_owl import PREFIXES
+
+NEW = (
+    PREFIXES
+    + """
+type:Cup a owl:Class ; rdfs:label "Mug" ; rdfs:subClassOf type:Graspable .
+type:Bottle owl:deprecated true ; a owl:Class ; rdfs:subClassOf type:Graspable .
+:Vase a owl:Class ; rdfs:subClassOf type:Cup ; owl:disjointWith type:Jar .
+:Vase1 a :Vase ; attribute:PositionX 1 ; attribute:PositionY 1 ; attribute:PositionZ 0.8 ;
+  attribute:Shape [ attribute:Form "Cylinder" ; attribute:Radius 0.1 ; attribute:Height 0.2 ] ; relation:isOn object:Cupboard001 .
+"""
+)
+
+
+def test_what_is_exported_can_be_taken_over_and_changes_nothing(tmp_path: Path) -> None:
+    async def use(desk: Desk) -> None:
+        for format in owl.Format:
+            document = await desk.ontology.export_owl(format=format, map=True)
+            assert document.name == {"turtle": "site.ttl", "xml": "site.rdf"}[format]
+            assert len(Graph().parse(data=document.content, format=format.value)) > 1000
+            done = await desk.ontology.import_owl(ImportOntology(text=document.content.decode()), dry=True, map=True)
+            assert (done.consequences.revision, done.on_map, done.notes) == (None, (), ())
+            assert done.objects == len(desk.context.map.objects)
+        bare = await desk.ontology.export_owl(shapes=False)
+        assert b"NodeShape" not in bare.content
+
+    desk(tmp_path, use)
+
+
+def test_a_file_is_taken_over_after_its_consequences_were_shown(tmp_path: Path) -> None:
+    async def use(desk: Desk) -> None:
+        dry = await desk.ontology.import_owl(ImportOntology(text=NEW, file="vases.ttl"), dry=True, map=True)
+        assert dry.version is None
+        assert dry.consequences.revision is not None
+        assert [type.name for type in dry.consequences.revision.before.types] == ["Bottle", "Cup"]
+        assert sorted(type.name for type in dry.consequences.revision.after.types) == ["Mug", "Vase"]
+        assert [type(change) for change in dry.on_map] == [ObjectAdded, FactAdded]
+        assert [(note.file, note.subject) for note in dry.notes] == [("vases.ttl", "Vase")]
+        assert "Vase" not in desk.context.ontology.types
+        done = await desk.ontology.import_owl(ImportOntology(text=NEW, author="Anna"), map=True)
+        assert done.version is not None
+        await known(desk, done.version)
+        types = desk.context.ontology.types
+        assert types["Vase"].parent == "Mug"
+        assert not {"Cup", "Bottle"} & types.keys()
+        assert desk.context.map.objects["Vase1"].values["Shape.Radius"] == 0.1
+        assert desk.context.map.holds("isOn", ("Vase1", "Cupboard001"))
+        assert (await desk.ontology.history()).events[0].author == "Anna"
+
+    desk(tmp_path, use)
+
+
+def test_nothing_is_taken_over_of_a_file_whose_objects_break_a_rule(tmp_path: Path) -> None:
+    async def use(desk: Desk) -> None:
+        broken = NEW.replace('"Cylinder"', '"Cylindre"')
+        with pytest.raises(ModelError, match="did you mean Cylinder"):
+            await desk.ontology.import_owl(ImportOntology(text=broken), map=True)
+        assert "Vase" not in desk.context.ontology.types
+        without = await desk.ontology.import_owl(ImportOntology(text=broken))
+        assert without.objects == 1
+        assert without.on_map == ()
+        assert without.version is not None
+        await known(desk, without.version)
+        assert "Vase" in desk.context.ontology.types
+        assert "Vase1" not in desk.context.map.objects
+
+    desk(tmp_path, use)
+
+
+def test_a_type_that_is_in_use_cannot_be_deprecated_away(tmp_path: Path) -> None:
+    async def use(desk: Desk) -> None:
+        text = PREFIXES + "type:Jar owl:deprecated true ; a owl:Class ; rdfs:subClassOf type:Graspable ."
+        dry = await desk.ontology.import_owl(ImportOntology(text=text), dry=True)
+        assert any("Jar" in rule.message for rule in dry.consequences.broken)
+        with pytest.raises(RemoteError, match="Jar"):
+            await desk.ontology.import_owl(ImportOntology(text=text))
+
+    desk(tmp_path, use)
+
+
+def test_long_files_are_read_in_a_process_of_their_own(tmp_path: Path) -> None:
+    async def use() -> None:
+        async with running(tmp_path / "data") as (_, desk):
+            document = await desk.ontology.export_owl(map=True)
+            text = document.content.decode() + "\n#" * 250_000
+            done = await desk.ontology.import_owl(ImportOntology(text=text), dry=True, map=True)
+            assert (done.consequences.revision, done.on_map) == (None, ())
+
+    asyncio.run(use())

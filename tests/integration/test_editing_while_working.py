@@ -1,0 +1,95 @@
+"""The ontology and the map are edited while tasks run: nobody falls over, and who comes later works with the new words."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.types import Constraint, ObjectType
+from somrs.protocol.messages.clients import Phase
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.knowledge import Alteration, Define, Defined, Definitions, RenameObject, Updated
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Order, ServiceFailed
+from tests.support.virtual_system import Robot, VirtualSystem
+
+WISH = "Jar002 isOn Platform001"
+
+
+def slips(order: Order) -> Work:
+    yield 30.0, ServiceFailed("slipped", f"{order.inputs['Object']} isOn Floor001")
+
+
+def alter(system: VirtualSystem, alteration: Alteration) -> object:
+    """Somebody edits; what the Repository answers."""
+    id = message_id("editor", system.world.now)
+    header = Header(sender="client", recipient="repository", message_id=id, reply_to="client")
+    system.world.send(Message(header=header, body=alteration))
+    system.world.run(1)
+    return next(message.body for message in system.client.heard if message.header.relates_to == id)
+
+
+def renamed(section: Section, name: str, to: str) -> Define:
+    return Define(renamed=(Renaming(section=section, name=name, to=to),), author="Anna")
+
+
+EDITS: list[Alteration] = [
+    renamed(Section.TYPES, "Jar", "Pot"),
+    renamed(Section.TYPES, "Platform", "Stage"),
+    renamed(Section.TYPES, "PioneerP3DX", "Pioneer"),
+    renamed(Section.RELATIONS, "isAt", "standsAt"),
+    renamed(Section.ATTRIBUTES, "Texture", "Surface"),
+    Define(removed=(Named(section=Section.TYPES, name="Bottle"), Named(section=Section.FUNCTIONS, name="range"))),
+    Define(
+        definitions=Definitions(
+            types=(ObjectType(name="Platform", parent="Support", constraints=(Constraint(attribute="Weight", maximum=9),)),)
+        )
+    ),
+    RenameObject(name="Tin001", to="Tin002"),
+    RenameObject(name="Cupboard001", to="Shelf001"),
+]
+
+
+@pytest.mark.parametrize("edit", EDITS, ids=lambda edit: str(edit)[:90])
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_task_is_accomplished_whatever_is_called_otherwise_meanwhile(edit: Alteration, fails: bool) -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=slips if fails else None), Robot("Robot2", 20, 60))
+    task = system.submit(WISH)
+    assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
+    assert isinstance(alter(system, edit), Defined | Updated)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert system.map.holds("isOn", ("Jar002", "Platform001"))
+    assert system.manager.replica.version == system.repository.contents.version
+    assert set(system.registry.ontology.types) == set(system.repository.contents.ontology.types)
+    system.restart_manager()
+    system.world.run(10)
+    (again,) = system.finish(system.submit("Jar001 isOn Platform001"))
+    assert again.outcome is Outcome.ACCOMPLISHED
+
+
+@pytest.mark.parametrize("edit", [RenameObject(name="Jar002", to="Krug"), RenameObject(name="Platform001", to="Stage001")])
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_task_whose_own_words_are_gone_ends_and_says_why(edit: RenameObject, fails: bool) -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=slips if fails else None), Robot("Robot2", 20, 60))
+    task = system.submit(WISH)
+    assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
+    assert alter(system, edit) == Updated(version=1)
+    (view,) = system.finish(task)
+    assert view.phase is Phase.ENDED
+    assert view.outcome is Outcome.FAILED
+    assert edit.name in view.explanation
+    there = "Stage001" if edit.to == "Stage001" else "Platform001"
+    (again,) = system.finish(system.submit(f"Tin001 isOn {there}"))
+    assert again.outcome is Outcome.ACCOMPLISHED
+
+
+def test_the_words_of_a_task_may_be_renamed_and_come_back_before_it_needs_them() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=slips), Robot("Robot2", 20, 60))
+    task = system.submit("?Jar: Jar isOn Platform001")
+    assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
+    alter(system, renamed(Section.TYPES, "Jar", "Pot"))
+    assert isinstance(alter(system, renamed(Section.TYPES, "Pot", "Jar")), Defined)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED

@@ -1,0 +1,451 @@
+"""A journal on a real disk: what was acknowledged is there, whatever happened to the process, and its owner goes on with it."""
+
+from __future__ import annotations
+
+import asyncio
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec import structs
+
+from somrs.client.client import Addresses
+from somrs.deployment.programs import run_task_manager
+from somrs.entish import Name
+from somrs.entish.parse import parse
+from somrs.errors import UsageError
+from somrs.kernel.component import Answered, Component, Input, Rang, Received, Record, Started, Trouble, Undelivered
+from somrs.kernel.pending import Entry, Journaled, Pending
+from somrs.planner.model.plan import Link, NoPlan, Plan, Step
+from somrs.protocol.messages.clients import ReadRecords, Records
+from somrs.storage.journal import KIND, Journal, program
+from somrs.storage.journal_entries import batch, decoded, encoded
+from tests.support.bodies import KINDS, messages
+from tests.support.ledger import Ledger, doubled, told
+from tests.support.paths import ROOT
+
+ADDRESS = "http://127.0.0.1:7001/ledger"
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "ledger.sqlite"
+
+
+def made(address: str) -> Component:
+    return Ledger(address=address)
+
+
+class Shelf:
+    """A ledger and its journal, without a node: what is said is thrown away, and questions are answered on the spot."""
+
+    def __init__(self, path: Path, setting: str = "", address: str = ADDRESS) -> None:
+        self.journal = Journal(path, setting)
+        try:
+            self.journaled, self.again = self.journal.begin(address, made)
+        except UsageError:
+            self.journal.close()
+            raise
+        self.told = 0
+
+    @property
+    def ledger(self) -> Ledger:
+        assert isinstance(self.journaled.component, Ledger)
+        return self.journaled.component
+
+    @property
+    def pending(self) -> Pending:
+        return self.journaled.pending
+
+    def feed(self, event: Input, now: float = 1.0) -> None:
+        entry = self.journaled.entry(event, now)
+        self.journal.append(entry)
+        self.journaled.handle(entry)
+        self.journal.note(self.journaled.component)
+
+    def tell(self, amount: int) -> None:
+        self.feed(Received(told(self.told, amount)))
+        self.told += 1
+
+    def answer(self) -> None:
+        for question, task in [*self.pending.questions.items()]:
+            self.feed(Answered(question, doubled(task)))
+
+    def restarted(self) -> Shelf:
+        self.journal.close()
+        return Shelf(self.journal.disk.path)
+
+
+@pytest.fixture
+def shelf(path: Path) -> Iterator[Shelf]:
+    shelf = Shelf(path)
+    yield shelf
+    shelf.journal.close()
+
+
+# What is written
+
+
+@settings(max_examples=10, deadline=None)
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+@given(data=st.data())
+def test_every_message_is_read_as_it_was_written(kind: type, data: st.DataObject) -> None:
+    message = data.draw(messages(kind))
+    entries = [Entry(1, 1.5, Received(message)), Entry(2, 2.5, Undelivered(message, "nobody is there"), (4, 9))]
+    assert decoded(batch(map(encoded, entries))) == entries
+
+
+def test_every_other_input_is_read_as_it_was_written() -> None:
+    step = Step("s1", "TransferObject", {"Object": Name("Jar1")}, parse("Jar1 isOn Table2 AND NOT Jar1.Working = TRUE"), provider="R1")
+    plan = Plan((step,), (Link("s1", "s2", "Jar1 isOn Table2"),))
+    values = (plan, NoPlan("no"), Trouble("broken"), "text", None, Records(records=(), more=True))
+    events: list[Input] = [Started(ADDRESS), Rang("timer"), *(Answered("question", value) for value in values)]
+    entries = [Entry(number, 0.1 * number, event) for number, event in enumerate(events)]
+    assert decoded(batch(map(encoded, entries))) == entries
+
+
+def test_an_exception_is_kept_as_what_it_says() -> None:
+    journaled = Journaled(Ledger())
+    entry = journaled.entry(Answered("q", ZeroDivisionError("division by zero")), 1.0)
+    assert decoded(batch([encoded(entry)]))[0].event == Answered("q", Trouble("division by zero"))
+
+
+# What is there again
+
+
+def test_a_new_file_makes_its_component(shelf: Shelf) -> None:
+    assert (shelf.again, shelf.ledger.address, shelf.journal.open) == (False, ADDRESS, ())
+
+
+@pytest.mark.parametrize("snapshot", [None, 0, 1, 2, 3])
+def test_all_is_as_it_was(shelf: Shelf, snapshot: int | None) -> None:
+    for number, amount in enumerate((5, 7, 11)):
+        shelf.tell(amount)
+        if number == 1:
+            shelf.answer()
+            shelf.feed(Rang(next(iter(shelf.ledger.amounts))))
+            shelf.journaled.arrived(1)
+        if number == snapshot:
+            shelf.journal.snapshot(shelf.journaled)
+    if snapshot == 3:
+        shelf.journal.snapshot(shelf.journaled)
+    again = shelf.restarted()
+    assert again.again
+    assert vars(again.ledger) == vars(shelf.ledger)
+    assert again.pending == shelf.pending
+    assert (again.journaled.number, again.journaled.at) == (shelf.journaled.number, shelf.journaled.at)
+    assert again.journal.open == again.ledger.open == (told(2, 0).header.message_id,)
+    again.journal.close()
+
+
+def test_snapshots_make_room(shelf: Shelf) -> None:
+    for amount in range(3000):
+        shelf.tell(amount)
+        if amount % 500 == 0:
+            shelf.answer()
+            for number in [*shelf.pending.messages]:
+                shelf.journaled.arrived(number)
+            shelf.journal.snapshot(shelf.journaled)
+    again = shelf.restarted()
+    assert again.ledger.total == sum(range(3000))
+    (entries,) = again.journal.disk.do(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
+    assert entries <= 500
+    again.journal.close()
+
+
+def test_a_defect_that_was_met_is_met_again_and_changes_nothing(path: Path) -> None:
+    shelf = Shelf(path)
+    shelf.tell(1)
+    with pytest.raises(ValueError, match="invalid literal"):
+        shelf.feed(Received(structs.replace(told(8, 0), body=structs.replace(told(8, 0).body, task="many"))))
+    shelf.tell(2)
+    again = shelf.restarted()
+    assert again.ledger.total == 3
+    again.journal.close()
+
+
+def test_what_cannot_be_kept_is_not_handled_either(path: Path) -> None:
+    shelf = Shelf(path)
+    shelf.tell(1)
+    for event in (Answered("q", object()), Answered("q", 5), Answered("q", [Trouble("t")]), Undelivered(told(1, 1), "\ud800")):
+        with pytest.raises((TypeError, UnicodeEncodeError)):
+            shelf.feed(event)
+    shelf.tell(2)
+    again = shelf.restarted()
+    assert again.ledger.total == 3
+    assert not again.ledger.doubled
+    again.journal.close()
+
+
+def test_time_does_not_go_back_behind_what_was_handled(shelf: Shelf) -> None:
+    shelf.feed(Received(told(0, 1)), now=2e9)
+    again = shelf.restarted()
+    assert again.journaled.entry(Rang("x"), 1e9).at == 2e9
+    again.journal.close()
+
+
+# The archive
+
+
+def test_a_record_that_was_lost_with_the_process_is_kept_when_it_is_back(shelf: Shelf) -> None:
+    shelf.tell(4)  # its record is among the effects, which are thrown away
+    again = shelf.restarted()
+    (found,) = asyncio.run(again.journal.answer(ReadRecords(task=told(0, 0).header.message_id))).records
+    assert found.effect == "4"
+    again.journal.close()
+
+
+# Accidents
+
+WRITER = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from tests.integration.test_journal import Shelf
+
+shelf = Shelf(Path(sys.argv[1]))
+shelf.told = len(shelf.ledger.amounts)
+while True:
+    shelf.tell(shelf.told)
+    if shelf.told % 7 == 0:
+        shelf.journal.snapshot(shelf.journaled)
+    while shelf.journal.disk.durable < shelf.journal.disk.position:
+        pass
+    print(shelf.told, flush=True)
+"""
+
+
+def test_nothing_that_was_acknowledged_is_lost_when_the_process_is_killed(path: Path) -> None:
+    acknowledged = 0
+    for lines in (30, 7, 90, 1):
+        line = [sys.executable, "-c", WRITER, str(path), str(ROOT)]
+        child = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+        assert child.stdout is not None
+        for _ in range(lines):
+            child.stdout.readline()
+        child.kill()
+        rest = [line for line in child.stdout.read().splitlines() if line]
+        child.stdout.close()
+        child.wait()
+        acknowledged += lines + len(rest)
+        shelf = Shelf(path)
+        known = len(shelf.ledger.amounts)
+        assert acknowledged <= known <= acknowledged + 1
+        assert sorted(shelf.ledger.amounts.values()) == [*range(known)]
+        assert len(shelf.pending.questions) == known
+        assert len(shelf.pending.messages) == known
+        acknowledged = known
+        shelf.journal.close()
+
+
+def test_what_comes_together_is_written_together(shelf: Shelf) -> None:
+    """Each alone takes a commit; many at once take few."""
+
+    def seconds(count: int, *, each: bool) -> float:
+        begun = time.perf_counter()
+        for _ in range(count):
+            shelf.feed(Rang("tick"))
+            while each and shelf.journal.disk.durable < shelf.journal.disk.position:
+                time.sleep(0)
+        while shelf.journal.disk.durable < shelf.journal.disk.position:
+            time.sleep(0)
+        return (time.perf_counter() - begun) / count
+
+    alone, together = seconds(300, each=True), seconds(3000, each=False)
+    assert together < alone / 2, f"{together * 1e6:.0f} µs together, {alone * 1e6:.0f} µs alone"
+    rows = shelf.journal.disk.do(lambda db: db.execute("SELECT count(*) FROM entries").fetchone()[0])
+    assert 300 <= rows < 1300
+
+
+def test_an_interrupted_snapshot_leaves_the_one_before(shelf: Shelf) -> None:
+    shelf.tell(1)
+    shelf.journal.snapshot(shelf.journaled)
+    shelf.tell(2)
+
+    def torn(db: sqlite3.Connection) -> None:
+        db.execute("DELETE FROM snapshot")
+        db.execute("INSERT INTO snapshot VALUES (9, 9, 9, x'00')")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        shelf.journal.disk.do(torn)
+    again = shelf.restarted()
+    assert again.ledger.total == 3
+    again.journal.close()
+
+
+def other(path: Path, statement: str) -> None:
+    """Change the file by other means."""
+    with sqlite3.connect(path) as db:
+        db.execute(statement)
+    db.close()
+
+
+def test_a_state_that_is_damaged_is_said_to_be(shelf: Shelf) -> None:
+    shelf.tell(1)
+    shelf.journal.close()
+    other(shelf.journal.disk.path, "UPDATE snapshot SET state = CAST(substr(state, 2) AS BLOB)")
+    with pytest.raises(UsageError, match=r"is damaged: its state is not the one .* 1 task is open .* move the file away"):
+        shelf.restarted()
+
+
+def test_an_entry_that_is_missing_is_noticed(shelf: Shelf) -> None:
+    for amount in range(3):
+        shelf.tell(amount)
+        shelf.journal.disk.do(lambda db: None)
+    shelf.journal.close()
+    other(shelf.journal.disk.path, "DELETE FROM entries WHERE last = 2")
+    with pytest.raises(UsageError, match="entry 2 is missing before entry 3"):
+        shelf.restarted()
+
+
+@pytest.mark.parametrize("change", ["program", "setting", "address"])
+def test_with_nothing_open_another_begins_anew(shelf: Shelf, change: str) -> None:
+    shelf.tell(1)
+    shelf.answer()
+    shelf.journal.keep(next(effect.entry for effect in Ledger().handle(Received(told(0, 1)), 1.0) if isinstance(effect, Record)))
+    assert not shelf.ledger.open
+    shelf.journal.close()
+    other(shelf.journal.disk.path, f"UPDATE life SET {change} = 'something else'")
+    again = shelf.restarted()
+    assert (again.again, again.ledger.total) == (False, 0)
+    assert len(asyncio.run(again.journal.answer(ReadRecords())).records) == 1, "what is over stays known"
+    again.tell(2)
+    again = again.restarted()
+    assert (again.again, again.ledger.total) == (True, 2)
+    again.journal.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("program", rf"was written by something else, and this is SO-MRS .* on Python {sys.version_info[0]}"),
+        ("setting", "was written for something else, and this is for "),
+        ("address", f"belongs to something else, where others expect its owner, and this is {ADDRESS}"),
+    ],
+)
+def test_with_something_open_another_is_told_what_to_do(shelf: Shelf, change: str, said: str) -> None:
+    for amount in range(5):
+        shelf.tell(amount)
+    shelf.journal.close()
+    other(shelf.journal.disk.path, f"UPDATE life SET {change} = 'something else'")
+    first = told(0, 0).header.message_id
+    with pytest.raises(UsageError, match=f"ledger.sqlite: {said}.*; 5 tasks are open \\({first}, .*\\): go on as it was"):
+        shelf.restarted()
+
+
+def test_a_state_of_classes_that_are_gone_is_said_to_be_unreadable(shelf: Shelf, monkeypatch: pytest.MonkeyPatch) -> None:
+    shelf.tell(1)
+    shelf.journal.close()
+    monkeypatch.delattr("ledger.Ledger")
+    with pytest.raises(UsageError, match=r"cannot be read any more \(AttributeError.*1 task is open"):
+        shelf.restarted()
+
+
+def test_the_program_is_known_by_its_code() -> None:
+    assert program() == program()
+    assert program().startswith("SO-MRS ")
+
+
+def test_one_process_at_a_time_has_the_file(shelf: Shelf) -> None:
+    with pytest.raises(UsageError, match="in use by another process"):
+        Journal(shelf.journal.disk.path)
+
+
+def test_a_database_of_somebody_else_is_refused_and_left_alone(path: Path) -> None:
+    other(path, "CREATE TABLE entries (name TEXT)")
+    before = path.read_bytes()
+    with pytest.raises(UsageError, match="not a journal's"):
+        Journal(path)
+    assert path.read_bytes() == before
+
+
+def test_a_file_of_another_format_is_refused(path: Path) -> None:
+    Journal(path).close()
+    other(path, f"PRAGMA user_version = {KIND.version + 1}")
+    with pytest.raises(UsageError, match=f"has format {KIND.version + 1}"):
+        Journal(path)
+
+
+def test_a_disk_that_is_full_is_noticed_and_what_was_there_stays(shelf: Shelf) -> None:
+    shelf.tell(1)
+    shelf.journal.disk.do(lambda db: db.execute("PRAGMA max_page_count = 20").fetchone())
+    for amount in range(2000):
+        shelf.tell(amount)
+        if shelf.journal.disk.failed is not None:
+            break
+    assert shelf.journal.disk.do(lambda db: 1) == 1
+    assert "full" in str(shelf.journal.disk.failed)
+    assert shelf.journal.disk.durable < shelf.journal.disk.position
+    acknowledged = shelf.journal.disk.durable
+    again = shelf.restarted()
+    assert again.ledger.total >= 1
+    assert again.journaled.number >= acknowledged / 3
+    again.journal.close()
+
+
+# A Task Manager's
+
+
+def test_a_task_manager_whose_port_is_taken_says_who_knows_it_there(tmp_path: Path) -> None:
+    server = asyncio.new_event_loop()
+
+    async def listen() -> int:
+        listening = await asyncio.start_server(lambda reader, writer: None, "127.0.0.1", 0)
+        return int(listening.sockets[0].getsockname()[1])
+
+    port = server.run_until_complete(listen())
+    Shelf(tmp_path / "task-manager.sqlite", address=f"http://127.0.0.1:{port}/task-manager").journal.close()
+    other(tmp_path / "task-manager.sqlite", "UPDATE life SET open = '[\"urn:task\"]'")
+    addresses = Addresses(repository="http://127.0.0.1:1/repository", registry="http://127.0.0.1:1/registry", task_manager="")
+    with pytest.raises(UsageError, match=f"cannot listen at 127.0.0.1:{port}.*knows the Task Manager at http://127.0.0.1:{port}"):
+        asyncio.run(run_task_manager(tmp_path, addresses, "127.0.0.1", 0))
+    server.close()
+
+
+# Whatever happens
+
+steps = st.lists(st.one_of(st.integers(-9, 9), st.sampled_from(("answer", "ring", "arrive", "snapshot", "restart"))), max_size=30)
+
+
+@settings(max_examples=60, deadline=None)
+@given(steps)
+def test_restarts_change_nothing(script: list[int | str]) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        shelf, plain = Shelf(Path(folder) / "ledger.sqlite"), Journaled(Ledger(address=ADDRESS))
+
+        def both(event: Input) -> None:
+            shelf.feed(event)
+            plain.handle(plain.entry(event, 1.0))
+
+        count = 0
+        for step in [*script, "restart"]:
+            match step:
+                case int(amount):
+                    both(Received(told(count, amount)))
+                    count += 1
+                case "answer":
+                    for question, task in [*plain.pending.questions.items()][:1]:
+                        both(Answered(question, doubled(task)))
+                case "ring":
+                    for timer in [*plain.pending.timers][:1]:
+                        both(Rang(timer))
+                case "arrive":
+                    for number in [*plain.pending.messages][:1]:
+                        shelf.journaled.arrived(number)
+                        plain.arrived(number)
+                case "snapshot":
+                    shelf.journal.snapshot(shelf.journaled)
+                case _:
+                    both(Rang("tick"))  # so that what arrived is in the journal
+                    shelf = shelf.restarted()
+        assert vars(shelf.ledger) == vars(plain.component)
+        assert shelf.pending == plain.pending
+        shelf.journal.close()

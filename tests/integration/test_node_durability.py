@@ -1,0 +1,426 @@
+"""What a node does with a disk, over real sockets: nothing leaves before it is on disk, and nothing that was acknowledged is lost."""
+
+from __future__ import annotations
+
+import asyncio
+import sqlite3
+import subprocess
+import sys
+import threading
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import pytest
+
+from somrs.errors import RemoteError, UsageError
+from somrs.kernel.component import Effect, Input, Rang, Received, Send, Undelivered
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import CancelTask
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.runtime.host import Host
+from somrs.runtime.node import Report
+from somrs.runtime.wire import Wire
+from somrs.storage.disk import Disk, Kind
+from somrs.storage.journal import Journal
+from tests.support.lab import CLIENT
+from tests.support.ledger import Ledger, Sink, Teller, doubled, expected, told
+from tests.support.paths import ROOT
+
+NOTES = Kind(
+    owner="a test's",
+    holds="note",
+    rival="another test",
+    application=1,
+    version=1,
+    tables="CREATE TABLE notes (text TEXT);",
+)
+
+
+def in_time(scenario: Callable[[], Awaitable[None]]) -> None:
+    async def run() -> None:
+        async with asyncio.timeout(60):  # nothing here takes a second; it must not wait for ever
+            await scenario()
+
+    asyncio.run(run())
+
+
+async def until(holds: Callable[[], bool]) -> None:
+    while not holds():
+        await asyncio.sleep(0.005)
+
+
+async def double(task: object, report: Report) -> object:
+    return doubled(task)
+
+
+class Brake:
+    """Holds a disk up."""
+
+    def __init__(self, disk: Disk) -> None:
+        self._go_on = threading.Event()
+        disk.write(lambda db: self._wait())
+
+    def _wait(self) -> None:
+        assert self._go_on.wait(60)
+
+    def release(self) -> None:
+        self._go_on.set()
+
+
+@pytest.mark.parametrize("journaled", [True, False])
+def test_nothing_leaves_before_it_is_on_disk(journaled: bool, tmp_path: Path) -> None:
+    async def scenario() -> None:
+        rim, wire, sink = Host(), Wire(), Sink()
+        await rim.start()
+        sink_at = rim.add("/sink", lambda address: sink).address
+        journal = Journal(tmp_path / "ledger.sqlite")
+
+        def made(address: str) -> Ledger:
+            return Ledger(sink_at, address, patience=0.05)
+
+        if journaled:
+            node = rim.add_journaled("/ledger", made, journal, carry_out=double)
+        else:
+            node = rim.add("/ledger", made, keep=journal.keep, disk=journal.disk, carry_out=double)
+        await asyncio.sleep(0.1)
+        brake = Brake(journal.disk)
+        posted = [asyncio.ensure_future(wire.post(told(number, 10 + number, node.address, CLIENT, "http://x"))) for number in (0, 1)]
+        twice = asyncio.ensure_future(wire.post(told(0, 10, node.address, CLIENT, "http://x")))
+        ledger = node.component
+        assert isinstance(ledger, Ledger)
+        await until(lambda: ledger.total == 21 and len(ledger.reminded) == 2)
+        await asyncio.sleep(0.1)
+        assert not sink.heard
+        assert not any(one.done() for one in (*posted, twice)), "not even what is known already, as long as it may be lost"
+        assert not ledger.doubled, "what is asked may move a robot"
+        brake.release()
+        await asyncio.gather(*posted, twice)
+        await until(lambda: set(sink.heard) == expected([10, 11]))
+        first = [text for kind, text, _ in sink.heard if kind == "receipt"]
+        assert sorted(first) == ["10", "11"]
+        await wire.close()
+        await rim.stop()
+        journal.close()
+
+    in_time(scenario)
+
+
+def test_with_nothing_to_wait_for_nothing_waits(tmp_path: Path) -> None:
+    """A message that changes nothing goes its way while the disk is busy with others'."""
+
+    async def scenario() -> None:
+        rim = Host()
+        await rim.start()
+        disk = Disk(tmp_path / "notes.sqlite", NOTES)
+        node = rim.add("/ledger", lambda address: Ledger(), keep=lambda entry: None, disk=disk)
+        message = told(1, 7, node.address)
+        assert (await rim.request(message)).body == CancelTask(task="7")
+        brake = Brake(disk)
+        assert (await rim.request(message)).body == CancelTask(task="7")
+        brake.release()
+        await rim.stop()
+        disk.close()
+
+    in_time(scenario)
+
+
+class Chatter:
+    """Two of them send a number to and fro, until it is large enough; all of it is remembered in order."""
+
+    def __init__(self, address: str, other: str, most: int) -> None:
+        self.address, self.other, self.most = address, other, most
+        self.heard: list[str] = []
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        match event:
+            case Rang():
+                return [self._say(f"{lane}:0") for lane in range(3)]
+            case Received(Message(body=CancelTask(task=said))):
+                self.heard.append(said)
+                lane, _, number = said.partition(":")
+                return [self._say(f"{lane}:{int(number) + 1}")] if int(number) < self.most else []
+        return []
+
+    def _say(self, said: str) -> Send:
+        header = Header(sender=self.address, recipient=self.other, message_id=message_id(said))
+        return Send(Message(header=header, body=CancelTask(task=said)))
+
+
+def test_messages_within_a_process_keep_their_order_and_let_others_have_their_turn() -> None:
+    async def scenario() -> None:
+        rim = Host()
+        await rim.start()
+        one, two = f"{rim.url}/one", f"{rim.url}/two"
+        first, second = Chatter(one, two, 20_000), Chatter(two, one, 20_000)
+        node = rim.add("/one", lambda address: first)
+        rim.add("/two", lambda address: second)
+        node.feed(Rang("go"))
+        turns = 0
+        while len(first.heard) + len(second.heard) < 60_003:
+            turns += 1
+            await asyncio.sleep(0)
+        assert turns > 1000, "the loop was held up"
+        for heard, odd in ((first.heard, 1), (second.heard, 0)):
+            assert [said.partition(":")[0] for said in heard[:3]] == ["0", "1", "2"]
+            assert all(
+                [said for said in heard if said.startswith(f"{lane}:")] == [f"{lane}:{n}" for n in range(odd, 20_001, 2)]
+                for lane in range(3)
+            )
+        await rim.stop()
+
+    in_time(scenario)
+
+
+class Refusing:
+    """Meets a defect in everything it hears."""
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if isinstance(event, Received):
+            raise ZeroDivisionError("division by zero")
+        return []
+
+
+class Notes(Teller):
+    """A teller that notes what did not get through."""
+
+    def __init__(self, ledger: str) -> None:
+        super().__init__(ledger)
+        self.undelivered: list[str] = []
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if isinstance(event, Undelivered):
+            self.undelivered.append(event.reason)
+        return super().handle(event, now)
+
+
+def test_a_defect_within_the_process_is_the_senders_business_too() -> None:
+    async def scenario() -> None:
+        rim = Host()
+        await rim.start()
+        notes = Notes(f"{rim.url}/refusing")
+        rim.add("/refusing", lambda address: Refusing())
+        node = rim.add("/notes", lambda address: notes)
+        node.feed(Rang("7"))
+        await until(lambda: bool(notes.undelivered))
+        assert notes.undelivered == ["ZeroDivisionError: division by zero"]
+        await rim.stop()
+
+    in_time(scenario)
+
+
+def test_a_full_disk_stops_its_component_and_senders_go_on_repeating(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        rim, wire, sink = Host(), Wire(), Sink()
+        await rim.start()
+        sink_at = rim.add("/sink", lambda address: sink).address
+        journal = Journal(tmp_path / "ledger.sqlite")
+        node = rim.add_journaled("/ledger", lambda address: Ledger(sink_at, address), journal, carry_out=double)
+        journal.disk.do(lambda db: db.execute("PRAGMA max_page_count = 1").fetchone())
+        journal.disk.write(lambda db: db.execute("INSERT INTO entries VALUES (-1, zeroblob(100000))"))
+        message = told(1, 5, node.address, CLIENT, "http://x")
+        for _ in range(2):
+            with pytest.raises(RemoteError, match=r"HTTP 503.*takes nothing more, because it could not keep .* database or dis"):
+                await wire.post(message)
+        asked = await wire.post(told(2, 6, node.address))
+        assert asked is not None
+        assert isinstance(asked.body, frp.Fault), "who waits for an answer gets one"
+        assert asked.body.code == "env:Receiver"
+        assert not sink.heard
+        await wire.close()
+        await rim.stop()
+        journal.close()
+
+    in_time(scenario)
+
+
+class Hasty(Notes):
+    """Says everything for a moment only."""
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        return [Send(effect.message, until=now + 0.3) for effect in super().handle(event, now) if isinstance(effect, Send)]
+
+
+def test_what_a_full_disk_did_not_take_is_repeated_within_the_process_too(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        rim = Host()
+        await rim.start()
+        disk = Disk(tmp_path / "notes.sqlite", NOTES)
+        tellers = [Hasty(f"{rim.url}/ledger"), Hasty(f"{rim.url}/ledger")]
+        rim.add("/ledger", lambda address: Ledger(), keep=lambda entry: None, disk=disk)
+        first, second = (rim.add(f"/teller{number}", lambda address, teller=teller: teller) for number, teller in enumerate(tellers))  # type: ignore[misc]
+        brake = Brake(disk)
+        disk.write(lambda db: db.execute("INSERT INTO nowhere VALUES (1)"))
+        first.feed(Rang("7"))  # handled, and then not kept
+        await asyncio.sleep(0.05)
+        assert disk.failed is None
+        brake.release()
+        await until(lambda: disk.failed is not None)
+        second.feed(Rang("8"))  # not even handled
+        await asyncio.sleep(0.1)
+        assert not any(teller.undelivered for teller in tellers), "its time is not over"
+        await until(lambda: all(teller.undelivered for teller in tellers))
+        assert all("could not keep what it had to" in reason for teller in tellers for reason in teller.undelivered)
+        await rim.stop()
+        disk.close()
+
+    in_time(scenario)
+
+
+def test_a_stop_and_a_start_lose_nothing(tmp_path: Path) -> None:
+    """Timers go on where they were, open questions are asked again, what was not delivered is sent again, and nothing twice."""
+
+    async def scenario() -> None:
+        wire, sink, asked = Wire(), Sink(), list[object]()
+        far = Host()
+        await far.start()
+        port, sink_at = 0, f"{far.url}/sink"
+        let = asyncio.Event()
+
+        async def wait(task: object, report: Report) -> object:
+            asked.append(task)
+            await let.wait()
+            return doubled(task)
+
+        for life in range(3):
+            rim = Host(port=port)
+            await rim.start()
+            port = int(rim.url.rpartition(":")[2])
+            journal = Journal(tmp_path / "ledger.sqlite")
+            node = rim.add_journaled("/ledger", lambda address: Ledger(sink_at, address, patience=1.0), journal, carry_out=wait)
+            ledger = node.component
+            assert isinstance(ledger, Ledger)
+            assert ledger.starts == life + 1
+            if life == 0:
+                await wire.post(told(0, 4, node.address, CLIENT, "http://127.0.0.1:1/nobody"))
+            if life == 2:
+                begun = asyncio.get_running_loop().time()
+                await until(lambda ledger=ledger: bool(ledger.reminded))  # type: ignore[misc]
+                assert asyncio.get_running_loop().time() - begun < 0.95, "the timer went on, and was not begun anew"
+                far.add("/sink", lambda address: sink)
+                let.set()
+                await until(lambda: set(sink.heard) == expected([4]))
+            await asyncio.sleep(0.05)
+            await rim.stop()
+            (left,) = journal.disk.do(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
+            assert left == 0, "a clean stop leaves a snapshot, and nothing to be handled again"
+            journal.close()
+        assert asked == ["4"] * 3
+        assert len(sink.heard) == 3
+        await wire.close()
+        await far.stop()
+
+    in_time(scenario)
+
+
+HOSTED = """
+import asyncio, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[3])
+from tests.support.ledger import Ledger, doubled
+from somrs.runtime.host import Host
+from somrs.storage.journal import Journal
+from somrs.deployment.programs import say_ready
+
+async def main():
+    journal = Journal(Path(sys.argv[1]))
+    port = int(journal.address.rpartition(":")[2].partition("/")[0]) if journal.address else 0
+    rim = Host(port=port)
+    await rim.start()
+    async def double(task, report):
+        return doubled(task)
+    node = rim.add_journaled("/ledger", lambda address: Ledger(sys.argv[2], address, patience=0.3), journal, carry_out=double)
+    say_ready("ledger", node.address)
+    await asyncio.sleep(3600)
+
+asyncio.run(main())
+"""
+
+
+def test_what_was_acknowledged_survives_a_kill(tmp_path: Path) -> None:
+    """A process is killed again and again while it is told things; it comes back where it was, and says everything."""
+    file = tmp_path / "ledger.sqlite"
+
+    async def scenario() -> None:
+        rim, wire, sink = Host(), Wire(), Sink()
+        await rim.start()
+        sink_at = rim.add("/sink", lambda address: sink).address
+        acknowledged: list[int] = []
+        addresses: set[str] = set()
+        count = 0
+
+        async def tell(number: int, to: str) -> None:
+            try:
+                await wire.post(told(number, number, to, CLIENT, "http://127.0.0.1:1/nobody"))
+            except RemoteError:
+                return
+            acknowledged.append(number)
+
+        for kill_after in (40, 5, 120, None):
+            line = [sys.executable, "-c", HOSTED, str(file), sink_at, str(ROOT)]
+            child = await asyncio.create_subprocess_exec(*line, stdout=subprocess.PIPE)
+            assert child.stdout is not None
+            address = (await child.stdout.readline()).decode().rpartition('"at":"')[2].strip().rstrip('"}')
+            addresses.add(address)
+            if kill_after is None:
+                await until(lambda: {text for kind, text, _ in sink.heard if kind == "doubled"} >= {str(2 * n) for n in acknowledged})
+                await until(lambda: {id for kind, _, id in sink.heard if kind == "reminder"} >= ids("reminder", acknowledged))
+                child.kill()
+                await child.wait()
+                break
+            telling: list[asyncio.Future[None]] = []
+            wanted = len(acknowledged) + kill_after
+            while len(acknowledged) < wanted:
+                telling = [one for one in telling if not one.done()]
+                while len(telling) < 8:
+                    telling.append(asyncio.ensure_future(tell(count, address)))
+                    count += 1
+                await asyncio.wait(telling, return_when=asyncio.FIRST_COMPLETED)
+            child.kill()
+            await asyncio.gather(*telling)
+            await child.wait()
+        assert len(addresses) == 1, "those who know it by its address find it there again"
+        assert len(acknowledged) >= 165
+        await wire.close()
+        await rim.stop()
+        journal = Journal(file)
+        journaled, _ = journal.begin(address, lambda address: Ledger())
+        assert isinstance(journaled.component, Ledger)
+        kept = set(journaled.component.amounts.values())
+        assert kept >= set(acknowledged)
+        assert kept <= set(range(count))
+        journal.close()
+        with sqlite3.connect(file) as db:
+            archived = {int(effect) for (effect,) in db.execute("SELECT effect FROM records")}
+        db.close()
+        assert archived == kept
+
+    in_time(scenario)
+
+
+def ids(kind: str, numbers: list[int]) -> set[str]:
+    return {message_id(kind, message_id("told", number)) for number in numbers}
+
+
+def test_a_commit_survives_a_power_cut(tmp_path: Path) -> None:
+    """As far as SQLite promises it, https://www.sqlite.org/pragma.html#pragma_synchronous; no test here cuts the power."""
+    disk = Disk(tmp_path / "notes.sqlite", NOTES)
+    modes = disk.do(lambda db: [db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("journal_mode", "synchronous")])
+    assert modes == ["wal", 2]
+    disk.close()
+
+
+def test_a_disk_takes_no_more_once_it_failed(tmp_path: Path) -> None:
+    disk = Disk(tmp_path / "notes.sqlite", NOTES)
+    disk.write(lambda db: db.execute("INSERT INTO notes VALUES ('one')"))
+    disk.do(lambda db: None)
+    disk.write(lambda db: db.execute("INSERT INTO notes VALUES ('two')"))
+    disk.write(lambda db: db.execute("INSERT INTO nowhere VALUES (1)"))
+    disk.do(lambda db: None)
+    disk.write(lambda db: db.execute("INSERT INTO notes VALUES ('three')"))
+    notes = disk.read(lambda db: [text for (text,) in db.execute("SELECT text FROM notes")]).result()
+    assert notes in (["one"], ["one", "two"])
+    assert disk.durable < disk.position
+    assert "no such table: nowhere" in str(disk.failed)
+    disk.close()
+    with pytest.raises(UsageError, match="is closed"):
+        disk.read(lambda db: None)

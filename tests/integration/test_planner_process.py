@@ -1,0 +1,175 @@
+"""The planner's process answers, and does so again after it was killed."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from somrs.entish.parse import parse
+from somrs.errors import RemoteError
+from somrs.ontology.files.loading import upper
+from somrs.ontology.objects import Fact, FactRemoved, Map, Object, ObjectAdded, ValueSet
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.problem import Problem
+from somrs.planner_service.engines import driver
+from somrs.planner_service.problem_delta import Recipient, Sender
+from somrs.planner_service.process import PlannerProcess
+from somrs.planner_service.service import Planner
+from tests.integration.test_planner_engine import tower
+
+SO_ALREADY = Problem(
+    ontology=upper(),
+    map=Map([Object(name="Jar1", type="Jar"), Object(name="Table1", type="Table")], [Fact("isOn", ("Jar1", "Table1"))]),
+    goal=parse("Jar1 isOn Table1"),
+    services=(),
+)
+
+
+class Deadly:
+    """Ends the process that reads it."""
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return os._exit, (1,)
+
+
+def test_who_was_killed_is_started_again_for_the_next_question() -> None:
+    async def run() -> None:
+        with PlannerProcess() as planner:
+            assert await planner.plan(SO_ALREADY) == Plan(())
+            first = planner.pid
+            assert first is not None
+            os.kill(first, signal.SIGKILL)
+            assert await planner.plan(SO_ALREADY) == Plan(())
+            assert planner.pid != first
+
+    asyncio.run(asyncio.wait_for(run(), 60))
+
+
+def test_a_question_that_kills_is_not_asked_for_ever() -> None:
+    async def run() -> None:
+        with PlannerProcess() as planner:
+            with pytest.raises(RemoteError, match="ended 2 times without an answer"):
+                await planner.plan(replace(SO_ALREADY, goal=Deadly()))  # type: ignore[arg-type]
+            assert await planner.plan(SO_ALREADY) == Plan(())
+
+    asyncio.run(asyncio.wait_for(run(), 60))
+
+
+def test_what_the_planner_raises_is_raised() -> None:
+    async def run() -> None:
+        with PlannerProcess() as planner, pytest.raises(AttributeError, match="service_type"):
+            await planner.plan(replace(SO_ALREADY, goal=parse("Table1 isOn Jar1"), services=("no service",)))  # type: ignore[arg-type]
+
+    asyncio.run(asyncio.wait_for(run(), 60))
+
+
+def test_nothing_is_left_when_whoever_asks_is_killed() -> None:
+    program = """
+        import asyncio, os, signal
+        from somrs.planner_service.process import PlannerProcess
+        from somrs.entish.parse import parse
+        from somrs.ontology.files import upper
+        from somrs.ontology.objects import Map
+        from somrs.planner.model.problem import Problem
+
+        if __name__ == "__main__":
+            planner = PlannerProcess()
+            asyncio.run(planner.plan(Problem(ontology=upper(), map=Map(), goal=parse("Jar1 isOn Table1"))))
+            os.kill(os.getpid(), signal.SIGKILL)
+    """
+    # All have the same error output, which ends when the last of them does.
+    ended = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == -signal.SIGKILL
+    assert ended.stderr == ""
+
+
+def test_the_process_follows_the_map() -> None:
+    """Each question is answered on the map that it came with, though only what changed is sent."""
+    before = SO_ALREADY.map
+    after = before.changed([FactRemoved(Fact("isOn", ("Jar1", "Table1"))), ObjectAdded(Object(name="Jar2", type="Jar"))])
+
+    async def run() -> None:
+        with PlannerProcess() as planner:
+            for map, expected in (
+                (before, True),
+                (after, False),
+                (before, True),
+                (before, True),
+                (pickle.loads(pickle.dumps(after)), False),
+            ):
+                found = await planner.plan(replace(SO_ALREADY, map=map))
+                assert isinstance(found, Plan) is expected, map.objects
+
+    asyncio.run(asyncio.wait_for(run(), 60))
+
+
+def test_little_is_sent_of_a_large_map_that_is_there_already() -> None:
+    map = Map(Object(name=f"Jar{n}", type="Jar") for n in range(5_000))
+    sender, recipient = Sender(), Recipient()
+    whole, again = replace(SO_ALREADY, map=map), replace(SO_ALREADY, map=map.changed([ValueSet("Jar7", "PositionX", 2.0)]))
+    assert recipient.unpacked(sender.packed(whole)).map == whole.map
+    shipment = sender.packed(again)
+    assert len(pickle.dumps(shipment)) < 5_000
+    assert recipient.unpacked(shipment) == replace(again, ontology=whole.ontology)
+
+
+def test_what_needs_no_search_needs_no_process() -> None:
+    async def run() -> None:
+        with PlannerProcess() as process:
+            assert await Planner(process).plan(SO_ALREADY) == Plan(())
+            assert process.pid is None
+
+    asyncio.run(asyncio.wait_for(run(), 60))
+
+
+def test_what_was_searched_is_not_searched_again() -> None:
+    impossible = replace(SO_ALREADY, goal=parse("Table1 isOn Jar1"))
+
+    async def run() -> None:
+        with PlannerProcess() as process:
+            planner = Planner(process)
+            first = await planner.plan(impossible)
+            assert isinstance(first, NoPlan)
+            assert process.pid is not None
+            os.kill(process.pid, signal.SIGKILL)
+            killed = process.pid
+            assert await planner.plan(impossible) == first
+            assert process.pid == killed, "nobody was asked again"
+
+    asyncio.run(asyncio.wait_for(run(), 60))
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for task in Path(f"/proc/{pid}/task").iterdir() for child in (task / "children").read_text().split()]
+
+
+@pytest.mark.skipif(driver() is None or not Path("/proc/self/task").exists(), reason="needs an engine, and Linux to look at it")
+def test_a_question_that_nobody_waits_for_ends_with_its_engines() -> None:
+    engines: list[int] = []
+
+    async def run() -> None:
+        with PlannerProcess() as planner:
+            question = asyncio.create_task(planner.plan(tower(60)))
+            while not engines:
+                await asyncio.sleep(0.05)
+                engines.extend(children(planner.pid) if planner.pid is not None else [])
+        with pytest.raises(RemoteError, match="ended before it had an answer"):
+            await question
+
+    started = time.monotonic()
+    asyncio.run(asyncio.wait_for(run(), 60))
+    assert time.monotonic() - started < 25, "it may take 30 s to find a plan"
+    deadline = time.monotonic() + 10
+    while any(Path(f"/proc/{pid}").exists() for pid in engines) and time.monotonic() < deadline:
+        time.sleep(0.05)  # until init has noticed
+    assert not [pid for pid in engines if Path(f"/proc/{pid}").exists() and "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()]

@@ -1,0 +1,326 @@
+"""Looking back: what happened and how the map was; undoing changes of the map; objects that got other names; files of before."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.types import FunctionType, ObjectType, Value
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import (
+    Define,
+    Defined,
+    Definitions,
+    Events,
+    History,
+    MapPage,
+    ReadEvents,
+    ReadHistory,
+    ReadMap,
+    ReadOntology,
+    RenameObject,
+    Revision,
+    Undo,
+    Updated,
+    UpdateMap,
+)
+from somrs.storage.repository_store import RepositoryStore
+from tests.support.keeper import Keeper, definitions
+from tests.support.lab import lab
+
+JAR: dict[str, Value] = {"PositionX": 1.0, "PositionY": 1.1, "PositionZ": 0.7}
+
+
+@pytest.fixture
+def keeper(tmp_path: Path) -> Iterator[Keeper]:
+    keeper = Keeper(tmp_path / "repository.sqlite")
+    yield keeper
+    keeper.settle()
+    assert keeper.replica.map == keeper.contents.map
+    kept = keeper.contents
+    keeper.restart()
+    assert (keeper.contents.map, keeper.contents.changed_at) == (kept.map, kept.changed_at)
+    keeper.close()
+
+
+def update(keeper: Keeper, *changes: Change, situation: str | None = None, author: str = "Anna") -> int:
+    return keeper.say(UpdateMap(changes=changes, situation=situation, author=author), Updated).version
+
+
+# The map at a version
+
+
+def test_the_map_is_told_as_it_was(keeper: Keeper) -> None:
+    was = [keeper.contents.map]
+    for body in (
+        UpdateMap(situation="Jar1 isOn Table2"),
+        UpdateMap(changes=(ObjectAdded(Object(name="Jar9", type="Jar", values=JAR)), FactAdded(Fact("isOn", ("Jar9", "Table1"))))),
+        UpdateMap(changes=(ObjectRemoved("Table2"), FactAdded(Fact("isOn", ("Jar1", "Table1"))))),
+        UpdateMap(changes=(ValueSet("Jar9", "Color", "Red"), ValueSet("Jar2", "Color", None))),
+        UpdateMap(changes=(ObjectRemoved("Jar2"), ObjectAdded(Object(name="Jar2", type="Can", values=JAR)))),
+    ):
+        keeper.say(body, Updated)
+        was.append(keeper.contents.map)
+    for version, map in enumerate(was):
+        assert keeper.at(version)[1] == map
+    keeper.restart()
+    assert keeper.at(2)[1] == was[2]
+
+
+def test_the_ontology_is_told_as_it_was_with_the_map(keeper: Keeper) -> None:
+    before = definitions(keeper.contents.ontology)
+    keeper.say(Define(renamed=(Renaming(section=Section.TYPES, name="Jar", to="Pot"),)), Defined)
+    update(keeper, ValueSet("Jar1", "Color", "Red"))
+    ontology, map = keeper.at(0)
+    assert definitions(ontology) == before
+    assert map.objects["Jar1"].type == "Jar"
+    assert keeper.at(2)[1].objects["Jar1"].type == "Pot"
+
+
+def test_a_large_map_of_the_past_comes_in_pages_of_one_version(tmp_path: Path) -> None:
+    ontology, map = lab()
+    jars = [Object(name=f"Jar-{n}", type="Jar", values={**JAR, "Label": "x" * (n % 300)}) for n in range(1000)]
+    keeper = Keeper(tmp_path / "repository.sqlite", ontology, map.changed(ObjectAdded(jar) for jar in jars))
+    was = keeper.contents.map
+    update(keeper, ObjectRemoved("Jar-500"))
+    assert keeper.at(0)[1] == was
+    first = keeper.say(ReadMap(at_version=0), MapPage)
+    update(keeper, ValueSet("Jar-501", "Color", "Red"))
+    second = keeper.say(ReadMap(at_version=0, after=first.objects[-1].name), MapPage)
+    assert (first.version, second.version) == (0, 0)
+    assert len(first.objects) <= 200
+    keeper.close()
+
+
+@pytest.mark.parametrize("question", [ReadMap(at_version=7), ReadMap(at_version=-1), ReadOntology(at_version=7)])
+def test_a_version_that_never_was_is_a_fault(keeper: Keeper, question: ReadMap | ReadOntology) -> None:
+    assert "up to version 0" in keeper.say(question, Fault).text
+
+
+# What happened
+
+
+def test_what_happened_is_told_from_either_end(keeper: Keeper) -> None:
+    for n in range(5):
+        update(keeper, ValueSet("Jar1", "PositionX", float(n + 10)), author=f"Robot{n}")
+    keeper.say(Define(definitions=Definitions(types=(ObjectType(name="Tray", parent="Support"),))), Defined)
+    latest = keeper.say(ReadEvents(limit=2), Events)
+    assert [event.version for event in latest.events] == [6, 5]
+    assert latest.more
+    assert [event.version for event in keeper.events(ReadEvents(before=3))] == [2, 1]
+    later = keeper.say(ReadEvents(after=3, limit=2), Events)
+    assert ([event.version for event in later.events], later.more) == ([4, 5], True)
+    event = keeper.events(ReadEvents(before=4, limit=1))[0]
+    assert (event.version, event.author, event.changes) == (3, "Robot2", (ValueSet("Jar1", "PositionX", 12.0),))
+    assert event.before == (ValueSet("Jar1", "PositionX", 11.0),)
+    assert keeper.say(ReadEvents(after=3, before=5), Fault).text
+
+
+def test_a_brief_account_counts_the_changes(keeper: Keeper) -> None:
+    update(keeper, situation="Jar1 isOn Table2")
+    keeper.say(Define(definitions=Definitions(types=(ObjectType(name="Tray", parent="Support"),))), Defined)
+    defined, moved = keeper.events(ReadEvents(brief=True))
+    assert (moved.changes, moved.before, moved.all_changes, moved.revision) == ((), (), 2, None)
+    assert (defined.all_changes, defined.revision) == (0, Revision())
+    assert [event.version for event in keeper.events(ReadEvents(ontology=True))] == [2]
+
+
+def test_an_event_that_is_too_long_for_a_message_is_told_in_part(keeper: Keeper) -> None:
+    jars = tuple(ObjectAdded(Object(name=f"Jar-{n}", type="Jar", values={**JAR, "Label": "x" * 100})) for n in range(500))
+    update(keeper, *jars)
+    (event,) = keeper.events()
+    assert event.all_changes == 500
+    assert 50 < len(event.changes) < 250
+    assert event.before == ()
+    assert keeper.say(ReadHistory(object="Jar-7"), History).events[0].all_changes == 500
+    assert keeper.say(Undo(version=1), Updated) == Updated(version=2)
+    assert keeper.contents.map == lab()[1]
+
+
+# Undoing
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        UpdateMap(situation="Jar1 isOn Table2"),
+        UpdateMap(changes=(ObjectAdded(Object(name="Jar9", type="Jar", values=JAR)), FactAdded(Fact("isOn", ("Jar9", "Table1"))))),
+        UpdateMap(changes=(ObjectRemoved("Table1"),)),
+        UpdateMap(changes=(ValueSet("Jar1", "Color", "Red"), ValueSet("Jar2", "Color", None))),
+        UpdateMap(changes=(ObjectRemoved("Jar2"), ObjectAdded(Object(name="Jar2", type="Can", values=JAR)))),
+        UpdateMap(changes=(FactRemoved(Fact("isAdjacentTo", ("Room2", "Room1"))),)),
+        RenameObject(name="Jar1", to="Krug"),
+        RenameObject(name="Storey1", to="Ground"),
+    ],
+)
+def test_undoing_brings_back_what_was_and_undoing_that_what_came(keeper: Keeper, body: UpdateMap | RenameObject) -> None:
+    before = keeper.contents.map
+    keeper.say(body, Updated)
+    after = keeper.contents.map
+    assert after != before
+    assert keeper.say(Undo(version=1, author="Ben"), Updated) == Updated(version=2)
+    assert keeper.contents.map == before
+    event = keeper.events()[0]
+    assert (event.undoes, event.author) == (1, "Ben")
+    assert keeper.say(Undo(version=2), Updated) == Updated(version=3)
+    assert keeper.contents.map == after
+
+
+def test_what_has_nothing_to_do_with_it_does_not_stand_in_the_way(keeper: Keeper) -> None:
+    update(keeper, ValueSet("Jar1", "Color", "Red"))
+    update(keeper, situation="Jar1 isOn Table2 AND Jar1.PositionX = 8")
+    keeper.say(Undo(version=1), Updated)
+    assert "Color" not in keeper.contents.map.objects["Jar1"].values
+    assert keeper.contents.map.holds("isOn", ("Jar1", "Table2"))
+
+
+@pytest.mark.parametrize(
+    ("first", "then", "said"),
+    [
+        ([ValueSet("Jar1", "Color", "Red")], [ValueSet("Jar1", "Color", "Blue")], "Color was Red after it, and is Blue now"),
+        ([ValueSet("Jar1", "Color", "Red")], [ValueSet("Jar1", "Color", None)], "is not given now; Jar1 changed in version 2"),
+        ([ValueSet("Jar1", "Color", "Red")], [ObjectRemoved("Jar1")], "Jar1 is not on the map any more"),
+        ([ObjectRemoved("Jar1")], [ObjectAdded(Object(name="Jar1", type="Can", values=JAR))], "there is a Jar1 on the map again"),
+        ([FactRemoved(Fact("isOn", ("Jar1", "Table1")))], [FactAdded(Fact("isOn", ("Jar1", "Table1")))], "holds again"),
+        (
+            [ObjectAdded(Object(name="Jar9", type="Jar", values=JAR))],
+            [FactAdded(Fact("isOn", ("Jar9", "Table1")))],
+            "Jar9 isOn Table1 was said since",
+        ),
+        ([ObjectAdded(Object(name="Jar9", type="Jar", values=JAR))], [ValueSet("Jar9", "Color", "Red")], "Jar9 is not as it was"),
+    ],
+)
+def test_what_was_changed_since_stands_in_the_way(keeper: Keeper, first: list[Change], then: list[Change], said: str) -> None:
+    update(keeper, *first)
+    update(keeper, *then)
+    told = keeper.broken(Undo(version=1))
+    assert any(said in rule.message for rule in told), told
+    assert all("version 1 cannot be undone" in rule.message for rule in told)
+    keeper.say(Undo(version=2), Updated)
+    keeper.say(Undo(version=1), Updated)
+    assert keeper.contents.map == lab()[1]
+
+
+def test_what_would_break_a_rule_is_not_undone(keeper: Keeper) -> None:
+    update(keeper, FactRemoved(Fact("isOn", ("Jar1", "Table1"))))
+    update(keeper, FactAdded(Fact("isIn", ("Jar1", "Table2"))))
+    assert [rule.rule for rule in keeper.broken(Undo(version=1))] == ["exclusive"]
+
+
+# Other names
+
+
+def test_an_object_is_renamed_with_everything_that_is_said_of_it(keeper: Keeper) -> None:
+    assert keeper.say(RenameObject(name="Table1", to="Bench", author="Anna"), Updated) == Updated(version=1)
+    map = keeper.contents.map
+    assert "Table1" not in map.objects
+    assert map.objects["Bench"].values == lab()[1].objects["Table1"].values
+    assert map.holds("isOn", ("Jar1", "Bench"))
+    assert keeper.events()[0].renamed == (Renaming(section=Section.OBJECTS, name="Table1", to="Bench"),)
+
+
+def test_the_ontology_goes_on_speaking_of_what_was_renamed(keeper: Keeper) -> None:
+    way = FunctionType(name="way", parameters=("Table", "Table"), values={"Table1 Table2": 3.0, "Table2 Table1": 4.0})
+    near = ObjectType(name="NearJar", parent="Jar")
+    keeper.say(Define(definitions=Definitions(functions=(way,), types=(near,))), Defined)
+    keeper.say(RenameObject(name="Table1", to="Bench"), Updated)
+    assert keeper.contents.ontology.functions["way"].values == {"Bench Table2": 3.0, "Table2 Bench": 4.0}
+    assert keeper.replica.ontology.functions["way"].values == {"Bench Table2": 3.0, "Table2 Bench": 4.0}
+    keeper.say(Undo(version=2), Updated)
+    assert keeper.contents.ontology.functions["way"] == way
+    assert keeper.contents.map == lab()[1]
+
+
+def test_nothing_gets_a_name_of_which_the_ontology_says_something(keeper: Keeper) -> None:
+    way = FunctionType(name="way", parameters=("Table", "Table"), values={"Table1 Table2": 3.0})
+    keeper.say(Define(definitions=Definitions(functions=(way,))), Defined)
+    update(keeper, ObjectRemoved("Table2"))
+    assert "the function way speaks of another Table2" in keeper.broken(RenameObject(name="Jar2", to="Table2"))[0].message
+
+
+def test_history_stays_with_what_was_renamed_and_not_with_the_name(keeper: Keeper) -> None:
+    update(keeper, ValueSet("Jar1", "Color", "Red"))
+    keeper.say(RenameObject(name="Jar1", to="Krug"), Updated)
+    update(keeper, ObjectAdded(Object(name="Jar1", type="Can", values=JAR)))
+    update(keeper, ValueSet("Krug", "Color", "Blue"))
+    keeper.say(RenameObject(name="Krug", to="Kanne"), Updated)
+    history = keeper.say(ReadHistory(object="Kanne"), History)
+    assert [event.version for event in history.events] == [5, 4, 2, 1]
+    assert [event.version for event in keeper.say(ReadHistory(object="Kanne", limit=3), History).events] == [5, 4, 2]
+    assert 3 in [event.version for event in keeper.say(ReadHistory(object="Jar1"), History).events]
+
+
+def test_undoing_a_new_name_takes_along_what_came_since(keeper: Keeper) -> None:
+    keeper.say(RenameObject(name="Jar1", to="Krug"), Updated)
+    update(keeper, situation="Krug isOn Table2")
+    keeper.say(Undo(version=1), Updated)
+    assert keeper.contents.map.holds("isOn", ("Jar1", "Table2"))
+
+
+@pytest.mark.parametrize(
+    ("rename", "said"),
+    [
+        (RenameObject(name="Jar7", to="Krug"), "there is no object Jar7"),
+        (RenameObject(name="Jar1", to="Jar2"), "an object of this name is on the map already"),
+        (RenameObject(name="Jar1", to="a b"), "no name that formulas can use"),
+        (RenameObject(name="Robot1", to="Rob"), "is a device"),
+    ],
+)
+def test_what_cannot_be_renamed(keeper: Keeper, rename: RenameObject, said: str) -> None:
+    assert said in keeper.broken(rename)[0].message
+
+
+def test_a_renaming_minds_what_was_changed_meanwhile(keeper: Keeper) -> None:
+    update(keeper, ValueSet("Jar1", "Color", "Red"))
+    (rule,) = keeper.broken(RenameObject(name="Jar1", to="Krug", expected_version=0))
+    assert rule.rule == "overtaken"
+    keeper.say(RenameObject(name="Jar1", to="Krug", expected_version=1), Updated)
+
+
+# Files of before
+
+OLD = """
+DROP TABLE revised; DROP TABLE renamed; DROP INDEX revisions;
+ALTER TABLE events DROP COLUMN before; ALTER TABLE events DROP COLUMN renamed; ALTER TABLE events DROP COLUMN undoes;
+ALTER TABLE events ADD COLUMN definitions TEXT;
+UPDATE events SET definitions = json_extract(revision, '$.after');
+ALTER TABLE events DROP COLUMN revision;
+PRAGMA user_version = 1;
+"""
+"""What makes a file of the first format, in which events were kept without what was before them."""
+
+
+def test_a_file_of_the_first_format_is_gone_on_with(tmp_path: Path) -> None:
+    path = tmp_path / "repository.sqlite"
+    keeper = Keeper(path)
+    update(keeper, ValueSet("Jar1", "Color", "Red"))
+    keeper.say(Define(definitions=Definitions(types=(ObjectType(name="Tray", parent="Support"),)), author="Anna"), Defined)
+    kept = keeper.contents
+    keeper.close()
+    with sqlite3.connect(path) as db:
+        db.executescript(OLD)
+    db.close()
+
+    keeper = Keeper(path)
+    assert ([*keeper.contents.ontology], keeper.contents.map, keeper.contents.version) == ([*kept.ontology], kept.map, 2)
+    assert keeper.contents.since == 2
+    assert keeper.contents.defined_at == kept.defined_at
+    assert keeper.contents.defined_at[Named(section=Section.TYPES, name="Tray")].author == "Anna"
+    tray, colour = keeper.events()
+    assert tray.revision is not None
+    assert tray.revision.after.types[0].name == "Tray"
+    assert colour.changes == (ValueSet("Jar1", "Color", "Red"),)
+    assert keeper.say(ReadEvents(), Events).since == 2
+
+    update(keeper, ValueSet("Jar1", "Color", "Blue"))
+    assert keeper.at(2)[1].objects["Jar1"].values["Color"] == "Red"
+    assert "from version 2 on" in keeper.say(ReadMap(at_version=1), Fault).text
+    keeper.say(Undo(version=3), Updated)
+    assert "what was before version 1 is not known" in keeper.broken(Undo(version=1))[0].message
+    keeper.close()
+    RepositoryStore.open(path).close()

@@ -1,0 +1,105 @@
+"""Robots that share rooms: they never touch each other, and do not wait for ever."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+
+from somrs.devices.simulator.link.commands import Done, DriveTo, Fault, Gave
+from somrs.devices.simulator.motion.traffic import Capsule, segment_distance
+from somrs.ontology.objects import Map, Object
+from tests.support.simulator_room import Run, box, robot, room, shell
+
+
+def drive_all(run: Run, goals: dict[str, tuple[float, float]], limit: float = 120.0) -> dict[str, Done | Gave]:
+    ends = {name: run.start(name, DriveTo(x=x, y=y)) for name, (x, y) in goals.items()}
+    run.until(lambda: all(ends.values()), limit)
+    return {name: end[0] for name, end in ends.items()}
+
+
+def test_two_robots_that_change_places_pass_each_other() -> None:
+    run = Run(room((1.5, 3, 0), (6.5, 3, math.pi)))
+    ends = drive_all(run, {"Robot1": (6.5, 3), "Robot2": (1.5, 3)})
+    assert all(isinstance(end, Done) for end in ends.values()), ends
+    assert not run.collisions
+
+
+def test_crossing_robots_never_touch() -> None:
+    chance = random.Random(7)
+    for _ in range(4):
+        places = [(chance.uniform(2, 5.2), chance.uniform(0.6, 3.9)) for _ in range(4)]
+        if min(math.dist(a, b) for a, b in itertools.combinations(places, 2)) < 0.8:
+            continue
+        run = Run(room((*places[0], 0), (*places[1], 0)))
+        ends = drive_all(run, {"Robot1": places[2], "Robot2": places[3]})
+        assert all(isinstance(end, Done) for end in ends.values()), ends
+        assert not run.collisions
+
+
+def corridor() -> list[Object]:
+    """A corridor 1 m wide and 6 m long between two rooms: no two robots pass each other in it."""
+    objects = [box("Floor1", "Floor", (6, 0, -0.1), (14, 4, 0.1))]
+    for side, name in ((1, "N"), (-1, "S")):
+        objects.append(box(f"Long{name}", "Wall", (6, side * 0.55, 0), (6, 0.1, 2.5)))
+        objects += [box(f"End{name}{x}", "Wall", (x, side * 1.3, 0), (0.1, 1.4, 2.5)) for x in (3.05, 8.95)]
+    return objects
+
+
+def test_robots_that_meet_in_a_corridor_do_not_wait_for_ever() -> None:
+    run = Run(Map([*corridor(), robot("Robot1", (1, 0.2, 0)), robot("Robot2", (11, -0.2, math.pi), 0.6)]))
+    ends = drive_all(run, {"Robot1": (11, 0), "Robot2": (1, 0)})
+    assert all(isinstance(end, Done) for end in ends.values()), ends
+    assert not run.collisions
+
+
+def test_an_idle_robot_makes_way() -> None:
+    run = Run(Map([*corridor(), robot("Robot1", (6, 0, 0)), robot("Robot2", (11, 0, math.pi))]))
+    ends = drive_all(run, {"Robot2": (1, 0)})
+    assert isinstance(ends["Robot2"], Done), ends
+    assert not run.collisions
+
+
+def test_a_robot_that_cannot_pass_gives_up_after_a_while() -> None:
+    run = Run(Map([*corridor(), robot("Robot1", (6, 0, 0)), robot("Robot2", (11, 0, math.pi))]))
+    run.simulation.fault("Robot1", Fault.DRIVE)
+    end = run.do("Robot2", DriveTo(x=1, y=0))
+    assert isinstance(end, Gave)
+    assert end.reason == "blocked"
+    assert "Robot1" in end.description
+
+
+def doorway(open: bool) -> Map:
+    walls = [box("Low", "Wall", (4, 1.2, 0), (0.1, 2.4, 2.5)), box("Up", "Wall", (4, 4.8, 0), (0.1, 2.4, 2.5))]
+    door = box("Door1", "Door", (4, 3, 0), (0.1, 1.2, 2.1), Open=open)
+    return Map([*shell(), *walls, door, robot("Robot1", (2, 3, 0))])
+
+
+def test_a_closed_door_blocks_and_an_open_one_does_not() -> None:
+    shut = Run(doorway(open=False)).do("Robot1", DriveTo(x=6, y=3))
+    assert isinstance(shut, Gave)
+    assert shut.reason == "unreachable"
+    run = Run(doorway(open=True))
+    run.all("Robot1", DriveTo(x=6, y=3))
+    assert abs(run.simulation.state("Robot1").x - 6) < 0.03
+    assert not run.collisions
+
+
+def test_robots_stand_where_they_were_sent_and_look_there() -> None:
+    run = Run(room())
+    run.all("Robot1", DriveTo(x=3, y=2, yaw=1.0))
+    state = run.simulation.state("Robot1")
+    assert math.dist((state.x, state.y), (3, 2)) < 0.02
+    assert abs(state.yaw - 1.0) < 0.03
+
+
+def test_the_gap_between_capsules_is_what_sampling_finds() -> None:
+    chance = random.Random(3)
+    for _ in range(50):
+        a, b, c, d = ((chance.uniform(-1, 1), chance.uniform(-1, 1)) for _ in range(4))
+        shares = [i / 60 for i in range(61)]
+        ones = [(a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])) for s in shares]
+        twos = [(c[0] + s * (d[0] - c[0]), c[1] + s * (d[1] - c[1])) for s in shares]
+        slow = min(math.dist(p, q) for p in ones for q in twos)
+        assert abs(segment_distance(a, b, c, d) - slow) < 0.05
+        assert Capsule(a, b, 0.1).gap(Capsule(c, d, 0.2)) == segment_distance(a, b, c, d) - 0.1 - 0.2

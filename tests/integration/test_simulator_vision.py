@@ -1,0 +1,115 @@
+"""What cameras see: in range, in their field of view, hidden by nothing; and how robots look for something."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from somrs.devices.simulator.link.commands import Done, DriveTo, Fault, Gave, Grip, LookAround, LookAt, Seen, Sense
+from somrs.ontology.objects import Object
+from somrs.ontology.types import Value
+from tests.support.simulator_room import Run, box, robot, room, thing
+
+PATROL = robot("Patrol1", (2.5, 2.5, 0.0), type="PatrolRobot")
+
+
+def hung(x: float, y: float, z: float, turned: float, **values: Value) -> Object:
+    return thing("Camera1", "Camera", x, y, z, RotationZ=turned, **values)
+
+
+def seen(run: Run, viewer: str, radius: float | None = None) -> dict[str, Seen]:
+    done = run.do(viewer, Sense(radius=radius))
+    assert isinstance(done, Done)
+    return {one.object: one for one in done.seen}
+
+
+def test_a_camera_sees_what_is_in_range_and_in_its_field_of_view() -> None:
+    # From the north-west corner, over the cupboard, it looks to the south-east.
+    run = Run(room(more=[hung(0.1, 5.9, 2.3, -0.8, OperationRange=6)]))
+    before = seen(run, "Camera1")
+    assert {"Jar002", "Robot1"} < set(before)
+    assert before["Jar002"].on == "Cupboard001"
+    assert (before["Jar002"].x, before["Jar002"].y) == pytest.approx((0.43, 3.9), abs=0.005)
+    assert "Platform001" not in before, "it is 8 m away"
+    for turned, inside in ((-0.8, True), (2.3, False)):
+        away = Run(room(more=[hung(0.1, 5.9, 2.3, turned, OperationRange=6)]))
+        assert ("Jar002" in seen(away, "Camera1")) is inside
+    level = Run(room(more=[hung(1.2, 3.9, 2.2, math.pi, RotationY=0)]))
+    assert "Jar002" not in seen(level, "Camera1"), "it is below what a camera sees that looks straight ahead"
+    assert "Jar002" in seen(Run(room(more=[hung(1.2, 3.9, 2.2, math.pi, RotationY=1)])), "Camera1")
+
+
+def test_walls_and_furniture_hide_things() -> None:
+    screen = box("Wall9", "Wall", (1.8, 3.9, 0), (0.1, 2, 2.5))
+    assert "Jar002" in seen(Run(room(one=(3, 3.9, math.pi))), "Robot1")
+    assert "Jar002" not in seen(Run(room(one=(3, 3.9, math.pi), more=[screen])), "Robot1")
+    under = thing("Cup1", "Cup", 6.5, 2.1, 0.0)
+    behind = Run(room(more=[under, hung(6.5, 0.1, 0.5, math.pi / 2, RotationY=0)]))
+    assert "Cup1" not in seen(behind, "Camera1"), "the platform is before it"
+    above = Run(room(more=[under, hung(6.5, 0.1, 2.4, math.pi / 2, RotationY=0.8)]))
+    assert "Cup1" in seen(above, "Camera1")
+
+
+def test_what_a_robot_holds_is_seen_in_its_hand() -> None:
+    run = Run(room(more=[hung(0.1, 5.9, 2.3, -0.8)]))
+    run.all("Robot1", Grip(object="Jar002"), DriveTo(x=2, y=4))
+    found = seen(run, "Camera1")
+    assert (found["Jar002"].held_by, found["Jar002"].on) == ("Robot1", None)
+    assert found["Robot1"].held_by is None
+    robot = run.simulation.state("Robot1")
+    assert (found["Robot1"].x, found["Robot1"].y, found["Robot1"].yaw) == pytest.approx((robot.x, robot.y, robot.yaw), abs=1e-6)
+    run.simulation.fault("Robot1", Fault.SILENT)
+    assert seen(run, "Camera1")["Jar002"].held_by == "Robot1", "a robot need not speak to be seen"
+
+
+def test_a_camera_takes_no_other_commands() -> None:
+    run = Run(room(more=[hung(0.1, 5.9, 2.3, -0.8)]))
+    end = run.do("Camera1", DriveTo(x=1, y=1))
+    assert isinstance(end, Gave)
+    assert end.reason == "not-possible"
+    assert not run.simulation.busy
+
+
+def test_a_robot_goes_where_it_can_see_a_place_and_stops_when_it_sees_the_thing() -> None:
+    screen = box("Wall9", "Wall", (1.8, 3.9, 0), (0.1, 2, 2.5))
+    run = Run(room(more=[screen, robot("Patrol1", (5, 4, 0), type="PatrolRobot")]))
+    assert "Jar002" not in seen(run, "Patrol1")
+    done = run.do("Patrol1", LookAt(x=0.43, y=3.9, z=0.9, object="Jar002"))
+    assert isinstance(done, Done)
+    assert "Jar002" in [one.object for one in done.seen]
+    assert not run.collisions
+    start = run.simulation.time
+    again = run.do("Patrol1", LookAt(x=7.5, y=5.5, z=0.3, object="Jar002"))
+    assert isinstance(again, Done)
+    assert run.simulation.time - start < 2, "it sees the jar already, and need not drive to the other corner"
+
+
+def test_turning_about_it_sees_all_around() -> None:
+    run = Run(room(more=[PATROL]))
+    ahead = seen(run, "Patrol1")
+    assert "Cupboard001" not in ahead, "that is behind it"
+    done = run.do("Patrol1", LookAround())
+    assert isinstance(done, Done)
+    assert {"Cupboard001", "Jar002", "Robot1", "Platform001", "Table001"} <= {one.object for one in done.seen}
+    where = run.simulation.state("Patrol1")
+    assert (where.x, where.y) == pytest.approx((2.5, 2.5), abs=0.02)
+
+
+def test_what_cannot_be_seen_from_anywhere_is_given_up() -> None:
+    run = Run(room(more=[PATROL]))
+    end = run.do("Patrol1", LookAt(x=20, y=20, z=0.5))
+    assert isinstance(end, Gave)
+    assert end.reason == "unreachable"
+    run.simulation.fault("Patrol1", Fault.DRIVE)
+    end = run.do("Patrol1", LookAt(x=6, y=5.5, z=0.5))
+    assert isinstance(end, Gave)
+    assert end.reason == "drive-dead"
+
+
+def test_cameras_come_and_go() -> None:
+    run = Run(room())
+    run.simulation.add(hung(0.1, 5.9, 2.3, -0.8))
+    assert "Jar002" in seen(run, "Camera1")
+    run.simulation.remove("Camera1")
+    assert "Camera1" not in run.simulation.linked

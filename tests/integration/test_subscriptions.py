@@ -1,0 +1,311 @@
+"""Watching tasks as they run: rows of a list, and of one task its events, bids and messages, only what is new."""
+
+from __future__ import annotations
+
+import pickle
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from somrs.kernel.component import Answered, Ask, Received, Send, Started
+from somrs.protocol.messages.clients import (
+    ContractView,
+    Messages,
+    MessageView,
+    Phase,
+    ReadMessages,
+    ReadTasks,
+    Records,
+    StepView,
+    TaskNews,
+    TaskRecord,
+    TasksNews,
+    WatchTask,
+    WatchTasks,
+)
+from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.frp import Fault, Outcome, State
+from somrs.protocol.soap import soap
+from somrs.protocol.soap.document import MOST_BYTES
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Advance, Done, Order
+from somrs.task_manager.manager import REMEMBERED
+from tests.integration.test_task_manager import WISH, breaks
+from tests.support.relay import Relay
+from tests.support.virtual_system import Robot, VirtualSystem, done
+
+
+def two() -> VirtualSystem:
+    """The first one breaks. Numbers are as they come off the wire, and out of a journal."""
+    return VirtualSystem(Robot("Robot1", price=10.0, duration=60.0, works=breaks), Robot("Robot2", price=25.0, duration=30.0))
+
+
+def news(system: VirtualSystem, task: str, **wanted: float) -> TaskNews:
+    found = system.ask(WatchTask(task=task, **wanted))  # type: ignore[arg-type]  # keyword arguments of WatchTask
+    assert isinstance(found, TaskNews), found
+    return found
+
+
+def rows(system: VirtualSystem, after: int, wait: float = 0.0) -> TasksNews:
+    found = system.ask(WatchTasks(after=after, wait=wait))
+    assert isinstance(found, TasksNews), found
+    return found
+
+
+def messages(system: VirtualSystem, task: str, after: int = 0) -> Messages:
+    found = system.ask(ReadMessages(task=task, after=after))
+    assert isinstance(found, Messages), found
+    return found
+
+
+def until(system: VirtualSystem, task: str, state: State) -> None:
+    assert system.world.run(60, lambda: any(step.state is state for step in system.view(task).steps))
+
+
+def test_bids_are_seen_while_the_task_runs_and_who_lost_says_why() -> None:
+    system = two()
+    task = system.submit(WISH)
+    until(system, task, State.EXECUTING)
+    found = news(system, task, contracts=0, wait=0)
+    bids = {contract.service: contract for contract in found.contracts}
+    assert {(bid.price, bid.duration) for bid in bids.values()} == {(10, 60), (25, 30)}
+    won, lost = bids["Robot1.TransferObject"], bids["Robot2.TransferObject"]
+    assert (won.accepted, won.state) == (True, State.EXECUTING)
+    assert won.start is not None
+    assert won.finish == won.start + 60
+    assert (lost.accepted, lost.state, lost.reason) == (False, State.ENDED, "another service was chosen by price")
+
+
+def test_only_contracts_that_changed_come_again() -> None:
+    system = two()
+    task = system.submit(WISH)
+    until(system, task, State.EXECUTING)
+    before = news(system, task, contracts=0, wait=0)
+    same = news(system, task, contracts=before.contracts_at, after=len(before.events), messages=before.messages, wait=0)
+    assert same.contracts == ()
+    assert same.contracts_at == before.contracts_at
+    assert system.world.run(60, lambda: any("failed" in event.text for event in system.manager.transactions[task].events))
+    later = news(system, task, contracts=before.contracts_at, after=len(before.events))
+    assert (later.contracts[0].service, later.contracts[0].state) == ("Robot1.TransferObject", State.FAILED)
+
+
+def test_a_message_that_tells_of_no_event_is_news_to_those_who_follow_messages() -> None:
+    def works(order: Order) -> Work:
+        yield 5.0, Advance(fraction=0.5)
+        yield 20.0, Done(situation=done(order))
+
+    system = VirtualSystem(Robot("Robot1", 10, 25, works=works))
+    task = system.submit(WISH)
+    until(system, task, State.EXECUTING)
+    known = news(system, task, wait=0)
+    began = system.world.now
+    heard = news(system, task, after=len(known.events), messages=known.messages)
+    assert heard.messages > known.messages
+    assert heard.view.steps[0].fraction > 0 or heard.events == ()
+    assert system.world.now - began < 10
+
+
+def test_messages_are_read_behind_those_that_are_known_and_stay_where_they_are_when_the_task_is_over() -> None:
+    system = two()
+    task = system.submit(WISH)
+    until(system, task, State.EXECUTING)
+    first = messages(system, task)
+    assert [message.type for message in first.messages[:2]] == ["Arrange", "Arrange"]
+    assert messages(system, task, after=len(first.messages)).messages == ()
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    (record,) = [one for one in system.world.records["tm"] if isinstance(one, TaskRecord)]
+    assert record.messages[: len(first.messages)] == first.messages
+    assert news(system, task).messages == len(record.messages)
+
+
+def test_a_thousand_messages_come_in_pages_that_fit_the_wire() -> None:
+    def works(order: Order) -> Work:
+        for number in range(1200):
+            yield 1.0, Advance(fraction=number / 1200, situation=None, note="")
+        yield 1.0, Done(situation=done(order))
+
+    system = VirtualSystem(Robot("Robot1", 10, 1200, works=works))
+    task = system.submit(WISH)
+    assert system.world.run(1190, lambda: system.manager.transactions[task].passed > 1100)
+    found: list[MessageView] = []
+    more = True
+    while more:
+        page = messages(system, task, after=len(found))
+        assert len(soap.encode(_from_manager(page))) < MOST_BYTES
+        found += page.messages
+        more = page.more
+    assert len(found) >= 1100
+    assert [message.type for message in found].count("Execute") == 1
+
+
+def _from_manager(body: object) -> Message:
+    return Message(header=Header(sender="tm", recipient="client", message_id="urn:uuid:1"), body=body)  # type: ignore[arg-type]
+
+
+def test_the_list_tells_of_what_changed_only() -> None:
+    system = two()
+    begun = rows(system, 0)
+    assert begun.rows == ()
+    task = system.submit(WISH, priority=7)
+    came = rows(system, begun.version)
+    assert [(row.task, row.effect, row.priority) for row in came.rows] == [(task, WISH, 7)]
+    other = system.submit("Tin001 isOn Cupboard001")
+    system.finish(other)
+    changed = rows(system, came.version)
+    assert {row.task for row in changed.rows} == {task, other}
+    (row,) = [row for row in changed.rows if row.task == other]
+    assert (row.outcome, row.fraction) == (Outcome.ACCOMPLISHED, 1.0)
+    system.finish(task)
+    assert {row.task: row.phase for row in rows(system, 0).rows} == {task: Phase.ENDED, other: Phase.ENDED}
+    (row,) = [row for row in rows(system, 0).rows if row.task == task]
+    assert row.setbacks == 1
+    assert (row.steps, row.done) == (1, 1)
+
+
+def test_a_list_that_nothing_happens_to_is_answered_when_its_time_is_over() -> None:
+    system = two()
+    version, began = rows(system, 0).version, system.world.now
+    assert rows(system, version, wait=12).rows == ()
+    assert 12 <= system.world.now - began < 13
+
+
+def test_a_row_shows_who_works_and_how_far_it_is() -> None:
+    def works(order: Order) -> Work:
+        yield 5.0, Advance(fraction=0.5)
+        yield 60.0, Done(situation=done(order))
+
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=works))
+    task = system.submit(WISH)
+    until(system, task, State.EXECUTING)
+    system.world.run(10)
+    (row,) = rows(system, 0).rows
+    assert (row.task, row.services, row.fraction) == (task, ("Robot1.TransferObject",), 0.5)
+
+
+def test_who_follows_the_list_is_told_that_a_new_task_manager_knows_nothing_of_it() -> None:
+    system = two()
+    system.submit(WISH)
+    before = rows(system, 0)
+    system.world.remove("tm")
+    system.world.add("tm", system._new_manager(), system._plan, journaled=True)
+    system.world.run(5)
+    after = rows(system, before.version)
+    assert after.begun != before.begun
+    assert after.rows == ()
+
+
+def test_the_list_goes_on_where_it_was_after_a_restart() -> None:
+    system = two()
+    task = system.submit(WISH)
+    until(system, task, State.EXECUTING)
+    before = rows(system, 0)
+    for snapshot in (False, True):
+        system.restart_manager(snapshot=snapshot)
+        after = rows(system, before.version)
+        assert after.begun == before.begun
+        assert after.version >= before.version
+    system.finish(task)
+    assert [row.outcome for row in rows(system, before.version).rows] == [Outcome.ACCOMPLISHED]
+
+
+def test_tasks_that_are_forgotten_are_not_in_the_list() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 1))
+    tasks = [system.submit("Tin001 isOn Cupboard001") for _ in range(REMEMBERED + 3)]
+    system.finish(tasks[-1])
+    found: set[str] = set()
+    after, more = 0, True
+    while more:
+        page = rows(system, after)
+        assert len(soap.encode(_from_manager(page))) < MOST_BYTES
+        found |= {row.task for row in page.rows}
+        after, more = page.version, page.more
+    assert found == {*tasks[3:]}
+
+
+def test_a_task_of_long_ago_has_its_messages_in_the_archive() -> None:
+    """The Task Manager asks its records; here they are answered by hand."""
+    system = two()
+    task = system.submit(WISH)
+    system.finish(task)
+    manager = system.manager
+    header = Header(sender="client", recipient="tm", message_id="urn:uuid:q1", reply_to="client")
+    effects = manager.handle(Received(Message(header=header, body=ReadMessages(task="urn:uuid:gone"))), system.world.now)
+    (asked,) = [effect for effect in effects if isinstance(effect, Ask)]
+    (answer,) = manager.handle(Answered(asked.question, Records(records=())), system.world.now)
+    assert isinstance(answer, Send)
+    assert isinstance(answer.message.body, Fault)
+    assert "there is no task urn:uuid:gone" in answer.message.body.text
+
+
+@settings(max_examples=15, deadline=None)
+@given(pauses=st.lists(st.floats(0.0, 30.0), min_size=1, max_size=8), restart=st.booleans())
+def test_news_put_together_are_the_whole(pauses: list[float], restart: bool) -> None:
+    """Whoever follows a task by its news, however slowly, has in the end what whoever asks for all of it gets."""
+    system = two()
+    task = system.submit(WISH)
+    events, heard, contracts, at = 0, 0, dict[str, ContractView](), 0
+    passed: list[MessageView] = []
+    for pause in pauses:
+        system.world.run(pause)
+        if restart:
+            system.restart_manager()
+            system.world.run(0.1)
+        if system.manager.transactions[task].outcome is not None:
+            break
+        found = news(system, task, after=events, messages=heard, contracts=at, wait=0)
+        assert [event.number for event in found.events] == [*range(events + 1, events + 1 + len(found.events))]
+        events, heard, at = events + len(found.events), found.messages, found.contracts_at
+        contracts |= {contract.participant: contract for contract in found.contracts}
+        if system.manager.transactions[task].outcome is None:
+            passed += messages(system, task, after=len(passed)).messages
+    if system.manager.transactions[task].outcome is None:
+        whole = news(system, task, contracts=0, wait=0)
+        more = news(system, task, after=events, contracts=at, wait=0)
+        contracts |= {contract.participant: contract for contract in more.contracts}
+        assert contracts == {contract.participant: contract for contract in whole.contracts}
+        assert events + len(more.events) == len(whole.events)
+        assert [*messages(system, task).messages][: len(passed)] == passed
+
+
+def test_a_manager_that_is_watched_is_a_pickle() -> None:
+    system = two()
+    task = system.submit(WISH)
+    until(system, task, State.EXECUTING)
+    count = len(system.manager.transactions[task].events)
+    manager: object = pickle.loads(pickle.dumps(system.manager))
+    assert isinstance(manager, type(system.manager))
+    header = Header(sender="client", recipient="tm", message_id="urn:uuid:q1", reply_to="client")
+    manager.handle(Received(Message(header=header, body=WatchTask(task=task, after=count))), system.world.now)
+    again = pickle.loads(pickle.dumps(manager))
+    effects = again.handle(Started("tm"), system.world.now)
+    assert not [effect for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, TaskNews)]
+    again.transactions[task].cancel(system.world.now, "enough")
+    assert again.transactions[task].events[-1].text == "stopping: enough"
+    told = again.handle(Started("tm"), system.world.now)
+    assert [effect for effect in told if isinstance(effect, Send) and isinstance(effect.message.body, TaskNews)]
+
+
+def test_a_plan_that_is_too_long_for_a_message_comes_in_parts() -> None:
+    relay = Relay(couriers=10, parcels=10)
+    task = relay.submit(relay.goal)
+    assert relay.world.run(600, lambda: relay.manager.transactions[task].phase is Phase.EXECUTING)
+    whole, parts, rest = relay.view(task), list[object](), 0
+    while True:
+        page = news(relay, task, parts=rest, contracts=0, wait=0)
+        assert len(soap.encode(_from_manager(page))) < MOST_BYTES
+        parts += [*page.view.steps, *page.view.work]
+        if page.rest is None:
+            break
+        rest = page.rest
+    assert rest > 0
+    assert [part.step for part in parts if isinstance(part, StepView)] == [step.step for step in whole.steps]
+    assert len(parts) == len(whole.steps) + len(whole.work)
+    contracts, events = [*page.contracts], len(page.events)
+    while page.more:
+        page = news(relay, task, parts=rest, contracts=page.contracts_at, after=events, wait=0)
+        assert len(soap.encode(_from_manager(page))) < MOST_BYTES
+        contracts, events = [*contracts, *page.contracts], events + len(page.events)
+    assert len({contract.participant for contract in contracts}) == len(whole.steps)
+    listed = relay.ask(ReadTasks())
+    assert len(soap.encode(_from_manager(listed))) < MOST_BYTES

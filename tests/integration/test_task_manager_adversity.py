@@ -1,0 +1,254 @@
+"""The Task Manager when others are away, late, or come back: one case each, on virtual time."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from somrs.kernel.component import Effect, Input
+from somrs.ontology.objects import ObjectRemoved
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import CancelTask, Phase, Policy, Preview, Previewed, Submit, TaskRejected
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.knowledge import Updated, UpdateMap
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Advance, Order, ServiceFailed
+from somrs.task_manager.manager import REMEMBERED, TaskManager
+from tests.support.virtual_system import Robot, Script, VirtualSystem
+
+WISH = "Jar002 isOn Platform001"
+ROBOT1 = "devices/Robot1"
+
+
+def until_executing(system: VirtualSystem, task: str) -> None:
+    assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
+    system.world.run(1)
+
+
+def update(system: VirtualSystem, body: UpdateMap, seconds: float = 1.0) -> None:
+    """Somebody changes the map."""
+    id = message_id("person", system.world.now)
+    system.world.send(Message(header=Header(sender="client", recipient="repository", message_id=id, reply_to="client"), body=body))
+    system.world.run(seconds)
+
+
+def test_a_task_cancelled_while_services_are_asked_stays_cancelled() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, mute=True))
+    task = system.submit(WISH)
+    system.world.run(1)
+    assert ("Arrange", "Robot1") in system.said(task)
+    system.ask(CancelTask(task=task))
+    events = len(system.manager.transactions[task].events)
+    system.world.run(300)
+    assert (system.view(task).phase, system.view(task).outcome) == (Phase.ENDED, Outcome.CANCELLED)
+    assert len(system.manager.transactions[task].events) == events
+    assert system.world.timers("tm") == {"replica"}
+
+
+def test_an_execute_that_was_lost_on_the_way_is_said_again() -> None:
+    """A Query alone would find the robot alive, and waiting to be told to start, for ever."""
+    system = VirtualSystem(Robot("Robot1", 10, 60))
+    task = system.submit(WISH)
+    assert system.world.run(60, lambda: ("Execute", "Robot1") in system.said(task))
+    system.world.cut_off(ROBOT1)
+    system.world.run(25)
+    system.world.reconnect(ROBOT1)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+
+
+def test_the_repository_may_be_away_when_the_work_is_done() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60))
+    task = system.submit(WISH)
+    until_executing(system, task)
+    system.world.cut_off("repository")
+    system.world.run(200)
+    assert system.view(task).outcome is None
+    system.world.reconnect("repository")
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert system.map.holds("isOn", ("Jar002", "Platform001"))
+
+
+def holds_the_jar(order: Order) -> Work:
+    """It stops by itself when it notices that nobody hears it, and says what it had come to."""
+    yield 10.0, Advance(fraction=0.3, situation="Jar002 isHeldBy Robot1")
+    yield 500.0, ServiceFailed("too slow", None)
+
+
+def test_what_a_robot_did_that_had_been_given_up_comes_to_the_map() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=holds_the_jar))
+    task = system.submit(WISH)
+    until_executing(system, task)
+    system.world.cut_off(ROBOT1)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.FAILED
+    assert "fell silent" in view.explanation
+    assert not list(system.map.facts_about("Jar002")), "nothing is assumed"
+    assert system.map.objects["Jar002"].values["Unknown"] is True
+    system.world.reconnect(ROBOT1)
+    system.world.run(60)
+    assert system.map.holds("isHeldBy", ("Jar002", "Robot1"))
+    assert "Unknown" not in system.map.objects["Jar002"].values
+    assert system.devices["Robot1"].idle
+
+
+@pytest.mark.parametrize(
+    ("meanwhile", "then"),
+    [
+        pytest.param("Jar002 isOn Cupboard002", ("isOn", ("Jar002", "Cupboard002")), id="what others said since of the same jar stays"),
+        pytest.param("Jar001 isHeldBy Robot1", ("isHeldBy", ("Jar002", "Robot1")), id="what is said of one jar says nothing of the other"),
+    ],
+)
+def test_a_late_report_counts_for_what_nobody_spoke_of_since(meanwhile: str, then: tuple[str, tuple[str, str]]) -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=holds_the_jar))
+    task = system.submit(WISH)
+    until_executing(system, task)
+    system.world.cut_off(ROBOT1)
+    system.finish(task)
+    update(system, UpdateMap(situation=meanwhile, author="a person"))
+    system.world.reconnect(ROBOT1)
+    system.world.run(60)
+    assert system.map.holds(*then)
+
+
+def test_what_the_task_speaks_of_may_go() -> None:
+    def loses(order: Order) -> Work:
+        yield 10.0, ServiceFailed("it broke", None)
+
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=loses))
+    task = system.submit(WISH)
+    until_executing(system, task)
+    update(system, UpdateMap(changes=(ObjectRemoved("Jar002"),), author="a person"))
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.FAILED
+    assert "does not fit the map any more" in view.explanation
+    assert "Jar002" in view.explanation
+
+
+def test_work_for_a_task_manager_that_was_restarted_is_sent_home() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60))
+    task = system.submit(WISH)
+    until_executing(system, task)
+    system.world.remove("tm")
+    system.world.add("tm", TaskManager("tm", repository="repository", registry="registry"))
+    system.world.run(30)
+    assert system.said(task)[-1] == ("End", "Robot1")
+    assert system.devices["Robot1"].idle
+
+
+def test_without_a_repository_clients_hear_what_is_wrong() -> None:
+    system = VirtualSystem()
+    system.world.remove("repository")
+    system.world.remove("tm")
+    system.world.add("tm", TaskManager("tm", repository="repository", registry="registry"))
+    for question in (Submit(effect=WISH), Preview(effect=WISH)):
+        answer = system.ask(question)
+        assert isinstance(answer, frp.Fault)
+        assert "repository does not answer" in answer.text
+
+
+def test_without_a_registry_clients_hear_what_is_wrong() -> None:
+    system = VirtualSystem()
+    system.world.remove("registry")
+    answer = system.ask(Preview(effect=WISH))
+    assert isinstance(answer, Previewed)
+    assert "registry could not be reached" in answer.explanation
+    (view,) = system.finish(system.submit(WISH))
+    assert "registry could not be reached" in view.explanation
+
+
+def test_amounts_that_are_none_are_rejected() -> None:
+    system = VirtualSystem()
+    for task, name in (
+        (Submit(effect=WISH, deadline=-5.0), "deadline"),
+        (Submit(effect=WISH, deadline=math.nan), "deadline"),
+        (Submit(effect=WISH, time_value=math.inf), "time_value"),
+    ):
+        answer = system.ask(task)
+        assert isinstance(answer, TaskRejected)
+        assert name in answer.problem
+
+
+def test_the_oldest_tasks_that_are_over_are_forgotten() -> None:
+    robot = Robot("Robot1", 10, 6_000)
+    system = VirtualSystem(robot)
+    alive = system.submit(WISH)
+    until_executing(system, alive)
+    over = [system.submit("Jar001 isOn Cupboard002") for _ in range(REMEMBERED + 10)]
+    system.finish(over[-1])
+    assert len(system.manager.transactions) == REMEMBERED
+    assert alive in system.manager.transactions, "a task that is not over is never forgotten"
+    assert over[0] not in system.manager.transactions
+    assert over[-1] in system.manager.transactions
+
+
+class Stranger:
+    """Takes whatever comes, and says nothing."""
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        return []
+
+
+def test_a_device_that_takes_messages_and_never_answers_is_left_out() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60), Robot("Robot2", 25, 30))
+    system.world.remove(ROBOT1)
+    system.world.add(ROBOT1, Stranger())
+    (view,) = system.finish(system.submit(WISH))
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert view.steps[0].service == "Robot2.TransferObject"
+
+
+def drops(after: float) -> Script:
+    def works(order: Order) -> Work:
+        yield after, ServiceFailed("it slipped", f"{order.inputs['Object']} isOn Floor001")
+
+    return works
+
+
+BOTH = "Jar001 isOn Platform001 AND Jar002 isOn Platform001"
+
+
+def test_a_second_report_that_is_on_its_way_is_awaited_before_anyone_is_asked() -> None:
+    """FRP, property 5: two robots drop their jars at nearly the same time."""
+
+    system = VirtualSystem(Robot("Robot1", 1, 20, works=drops(10.0)), Robot("Robot2", 1, 20, works=drops(9.9985)), Robot("Robot3", 1, 500))
+    task = system.submit(BOTH, policy=Policy.TIME)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    kinds = [type(m.body) for m in system.world.messages]
+    failed = [number for number, kind in enumerate(kinds) if kind is frp.Failed]
+    assert len(failed) == 2
+    assert kinds.index(UpdateMap) < failed[1], "the second fails while the first report is on its way"
+    asked_again = kinds.index(frp.Arrange, failed[0])
+    assert kinds[failed[0] : asked_again].count(Updated) == 2
+
+
+def test_nothing_begins_while_the_plan_is_made_anew() -> None:
+    """One of two steps turns out to be impossible when both are to begin: the other may not be in the next plan."""
+    robot1, robot2 = Robot("Robot1", 1, 60), Robot("Robot2", 1, 60)
+    system = VirtualSystem(robot1, robot2)
+    task = system.submit(BOTH, policy=Policy.TIME)
+    assert system.world.run(60, lambda: "Arrange" in [kind for kind, _ in system.said(task)])
+    jar = system.view(task).steps[0].inputs["Object"]
+    system.world.cut_off("registry")
+    update(system, UpdateMap(situation=f"{jar} isHeldBy Robot3", author="a person"), seconds=0.05)
+    system.world.run(5)
+    assert system.view(task).phase is Phase.PLANNING
+    assert not robot1.orders
+    assert not robot2.orders
+    update(system, UpdateMap(situation=f"{jar} isOn Cupboard002", author="a person"))
+    system.world.reconnect("registry")
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert len(robot1.orders) == len(robot2.orders) == 1
+
+
+def test_a_robot_that_fails_while_its_terms_for_another_step_are_awaited_does_not_get_it() -> None:
+    first = Robot("Robot1", 1, 20, works=drops(10.0))
+    system = VirtualSystem(first, Robot("Robot2", 1, 20, works=drops(9.9)), Robot("Robot3", 1, 500))
+    (view,) = system.finish(system.submit(BOTH, policy=Policy.TIME))
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert len(first.orders) == 1

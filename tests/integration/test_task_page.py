@@ -1,0 +1,125 @@
+"""How the window tells the story of a task: each failure, which rung of the ladder answered it, and what came of that."""
+
+from __future__ import annotations
+
+from somrs.client.task_report import view
+from somrs.gui.pages.task import asked_about
+from somrs.gui.pages.task_ending import consequences
+from somrs.gui.pages.task_story import Chapter, failures, story, summary
+from somrs.gui.pages.task_words import gist
+from somrs.ontology.services import Handler, Occasion
+from somrs.protocol.messages.clients import CancelTask, TaskRecord
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Order, ServiceFailed
+from tests.integration.test_recovery import BOTH, WISH, goes_silent, holding, patrolled, puts_back, until_one_is_done
+from tests.support.virtual_system import Robot, VirtualSystem
+
+
+def told(system: VirtualSystem) -> list[Chapter]:
+    """The story of the only task, which is over."""
+    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
+    return story(view(record), record.events)
+
+
+def slips(order: Order) -> Work:
+    yield 5.0, ServiceFailed("it slipped", f"{order.inputs['Object']} isOn Floor001")
+
+
+def rungs(chapter: Chapter) -> list[str]:
+    return [line.rung for line in chapter.lines if line.rung]
+
+
+def test_a_task_without_failures_is_stated_planned_done_and_over() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60))
+    system.finish(system.submit(WISH))
+    chapters = told(system)
+    assert [chapter.title for chapter in chapters] == ["client stated the task", "Planned: 1 step", "step1 is done", "Accomplished"]
+    assert summary(chapters) == "no failures"
+
+
+def test_another_takes_over_and_does_it() -> None:
+    system = VirtualSystem(Robot("Robot1", 1, 10, works=slips), Robot("Robot2", 25, 60))
+    system.finish(system.submit(WISH))
+    (failure,) = failures(told(system))
+    assert (failure.title, failure.text, failure.left) == ("Failure 1: Robot1.TransferObject", "failed: it slipped", "Jar002 isOn Floor001")
+    assert rungs(failure) == ["Rung 1: replace"]
+    assert (failure.result, failure.result_tone) == ("Robot2.TransferObject did it: Jar002 isOn Platform001", "good")
+    assert failure.ended is not None
+    assert 59 < failure.ended - failure.at < 62
+
+
+def test_what_was_laid_down_goes_before_the_ladder_and_its_plan_is_not_the_tasks() -> None:
+    tidy = Handler(on=Occasion.FAILURE, service_type="TransferObject", when="?Object isOn Floor001", effect="?Object isOn Cupboard001")
+    system = VirtualSystem(Robot("Robot1", 1, 10, works=slips), Robot("Robot2", 25, 60))
+    system.finish(system.submit(WISH, handlers=(tidy,)))
+    chapters = told(system)
+    (failure,) = failures(chapters)
+    assert rungs(failure) == ["As laid down", "Rung 1: replace"]
+    assert "Robot2.TransferObject: Jar002 isOn Cupboard001" in [line.text for line in failure.lines]
+    assert [chapter.title for chapter in chapters].count("Planned: 1 step") == 1
+    assert summary(chapters) == "1 failure, answered by: as laid down, replace"
+
+
+def test_silence_is_one_failure_from_the_first_sign_to_what_was_seen() -> None:
+    system = patrolled("Platform001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    task = system.submit(WISH)
+    goes_silent(system, task)
+    system.finish(task)
+    (failure,) = failures(told(system))
+    assert failure.text == "is silent; asking for its state"
+    assert failure.step == "step1"
+    assert rungs(failure) == ["Look"]
+    assert failure.result == "It was done after all."
+
+
+def test_questions_about_what_is_looked_at_are_the_tasks() -> None:
+    system = patrolled("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    task = system.submit(WISH)
+    goes_silent(system, task)
+    assert asked_about(system.view(task)) == frozenset()
+    assert system.world.run(600, lambda: any(work.step.startswith("look") for work in system.view(task).work))
+    assert asked_about(system.view(task)) == {"Jar002"}
+    system.finish(task)
+    assert asked_about(system.view(task)) == frozenset()
+
+
+def test_a_new_plan_ends_the_failure_that_it_is_for() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=puts_back), Robot("Robot2", 25, 60))
+    system.finish(system.submit(WISH))
+    (failure,) = failures(told(system))
+    assert rungs(failure) == ["Rung 2: plan anew", "Rung 3: undo"]
+    assert failure.result == "The task goes on by a new plan of 1 step."
+
+
+def test_undoing_because_the_task_ends_is_no_rung_of_a_failure() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1")))
+    system.finish(system.submit(WISH))
+    chapters = told(system)
+    (failure,) = failures(chapters)
+    assert failure.result == "Nothing helped: rung 4, the task was given up."
+    (undoing,) = [chapter for chapter in chapters if chapter.title == "Undoing what was done"]
+    assert undoing.lines[0].text == "step1: others are to restore Jar002 isOn Cupboard001"
+    assert undoing.tone == "bad"
+    assert chapters[-1].title == "Failed"
+    assert any("could not be undone, and it left Jar002 isHeldBy Robot1" in line.text for line in chapters[-1].lines)
+
+
+def test_before_a_task_is_cancelled_it_is_said_what_will_be_undone() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, undoes=puts_back))
+    task = system.submit(BOTH)
+    assert consequences(system.view(task)) == ["Nothing was done yet, so nothing has to be undone."]
+    until_one_is_done(system, task)
+    said = consequences(system.view(task))
+    assert said[0].startswith("Robot1.TransferObject is stopped (step2, ")
+    assert said[-1].startswith("What Robot1.TransferObject did is undone: again Jar001 isOn Cupboard002")
+    system.ask(CancelTask(task=task))
+    system.finish(task)
+    assert system.map.holds("isOn", ("Jar001", "Cupboard002"))
+    assert [chapter.title for chapter in told(system)][-2:] == ["Undoing what was done", "Cancelled"]
+
+
+def test_figures_are_left_out_where_more_is_said_than_they_say() -> None:
+    figures = "Jar002.PositionX = 7.9 AND Jar002.PositionY = 2.56 AND Jar002.PositionZ = 0.3"
+    robot = "Robot2.PositionX = 7.3 AND Robot2.PositionY = 2.9 AND Robot2.RotationZ = -0.4"
+    assert gist(f"Jar002 isOn Platform001 AND {figures} AND {robot}") == "Jar002 isOn Platform001"
+    assert gist(f"it left {figures} AND {robot}") == "it left Jar002 at 7.9, 2.56 m"

@@ -1,0 +1,141 @@
+"""A Repository with its store on a real disk and somebody who follows it, in one process: for tests of what changes and how it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TypeVar
+
+from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Wake
+from somrs.kernel.replica import Replica
+from somrs.ontology.objects import Map
+from somrs.ontology.types import Ontology
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.knowledge import (
+    Alteration,
+    BrokenRule,
+    Consider,
+    Considered,
+    Event,
+    Events,
+    MapPage,
+    OntologyPage,
+    ReadEvents,
+    ReadMap,
+    ReadOntology,
+    Rejected,
+)
+from somrs.repository.component import Repository
+from somrs.repository.entries import Contents
+from somrs.storage.repository_store import RepositoryStore
+from tests.support.lab import REPOSITORY, lab, records, request
+
+B = TypeVar("B")
+FOLLOWER = "http://here/follower"
+
+
+class Keeper:
+    """Messages are handed over at once; what is to be kept is on disk before anything else happens."""
+
+    def __init__(self, path: Path, ontology: Ontology | None = None, map: Map | None = None) -> None:
+        self.store = RepositoryStore.open(path)
+        if self.store.load() is None:
+            given = lab() if ontology is None or map is None else (ontology, map)
+            self.store.initialise(*given)
+        self.repository = Repository(REPOSITORY, self.loaded())
+        self.now = 1.0
+        self.replica = Replica(FOLLOWER, REPOSITORY)
+        self._rings_at: float | None = None
+        self._follow(self.replica.start(self.now))
+
+    @property
+    def contents(self) -> Contents:
+        return self.repository.contents
+
+    def loaded(self) -> Contents:
+        """What the file holds."""
+        found = self.store.load()
+        assert found is not None
+        return found
+
+    def restart(self) -> None:
+        self.store.close()
+        self.store = RepositoryStore.open(self.store.path)
+        self.repository = Repository(REPOSITORY, self.loaded())
+        self._feed(Started(REPOSITORY))
+
+    def close(self) -> None:
+        self.store.close()
+
+    def say(self, body: Body, answer: type[B], identity: str | None = None) -> B:
+        """The answer to a request, of which there must be one, of that type."""
+        self.now += 1.0
+        message = request(body, identity=identity)
+        said = [one for one in self._feed(Received(message)) if one.message.header.relates_to == message.header.message_id]
+        (send,) = said
+        assert isinstance(send.message.body, answer), send.message.body
+        return send.message.body
+
+    def broken(self, change: Alteration) -> tuple[BrokenRule, ...]:
+        """Why a change is rejected, which is what considering it says; and that it left no trace."""
+        before, version = self.contents.map, self.contents.version
+        considered = self.say(Consider(change=change), Considered)
+        rejected = self.say(change, Rejected)
+        assert rejected.broken == considered.broken
+        assert (self.contents.map, self.contents.version) == (before, version)
+        return rejected.broken
+
+    def events(self, wanted: ReadEvents | None = None) -> tuple[Event, ...]:
+        return self.say(wanted if wanted is not None else ReadEvents(limit=1000), Events).events
+
+    def at(self, version: int) -> tuple[Ontology, Map]:
+        """The ontology and the map as they were at a version."""
+        pages = [self.say(ReadOntology(at_version=version), OntologyPage)]
+        while pages[-1].more:
+            pages.append(self.say(ReadOntology(at_version=version, after=pages[-1].next), OntologyPage))
+        maps = [self.say(ReadMap(at_version=version), MapPage)]
+        while maps[-1].more:
+            maps.append(self.say(ReadMap(at_version=version, after=maps[-1].objects[-1].name), MapPage))
+        ontology = Ontology(definition for page in pages for definition in page.definitions.each())
+        return ontology, Map([o for page in maps for o in page.objects], [f for page in maps for f in page.facts])
+
+    def settle(self) -> None:
+        """Let time go on until the follower noticed what it could not be told."""
+        for _ in range(20):
+            if self.replica.version == self.contents.version:
+                return
+            self.now = max(self.now, self._rings_at or 0.0)
+            self._hear(Rang("replica"))
+        raise AssertionError(f"the follower stays at {self.replica.version}, and the Repository is at {self.contents.version}")
+
+    def _feed(self, event: Input) -> list[Send]:
+        """What is said to others than the follower."""
+        effects = self.repository.handle(event, self.now)
+        for entry in records(effects):
+            self.store.record(entry)  # type: ignore[arg-type]  # a Repository records entries
+        said: list[Send] = []
+        for effect in effects:
+            if isinstance(effect, Ask):
+                said += self._feed(Answered(effect.question, self.store.answer(effect.task)))
+            elif isinstance(effect, Send) and effect.message.header.recipient == FOLLOWER:
+                self._hear(Received(effect.message))
+            elif isinstance(effect, Send):
+                said.append(effect)
+        return said
+
+    def _hear(self, event: Input) -> None:
+        news = self.replica.handle(event, self.now)
+        assert news is not None
+        self._follow(news.effects)
+
+    def _follow(self, effects: list[Effect]) -> None:
+        for effect in effects:
+            match effect:
+                case Send(message):
+                    self._feed(Received(message))
+                case Wake(_, at):
+                    self._rings_at = at
+
+
+def definitions(ontology: Ontology) -> dict[tuple[str, str], object]:
+    """The ontology, to be compared with another whose definitions may be in another order."""
+    return {(type(definition).__name__, definition.name): definition for definition in ontology}

@@ -1,0 +1,171 @@
+"""A relay of couriers: each carries every parcel from its own place to the next one's. Plans of any length, with work side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from somrs.entish import Name, Term
+from somrs.entish.formula import substitute
+from somrs.entish.parse import parse
+from somrs.ontology.effects import changes
+from somrs.ontology.files.loading import load_text
+from somrs.ontology.objects import Map
+from somrs.ontology.services import PROVIDER, Parameter, ServiceType
+from somrs.ontology.truth import holds
+from somrs.ontology.types import Ontology
+from somrs.planner.model.causal import linked
+from somrs.planner.model.plan import Plan, Step
+from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.validation import after
+from somrs.runtime.virtual import Work
+from somrs.service_manager.sdk.orders import Capability, Done, Order, Profile
+from tests.support.virtual_system import Robot, VirtualSystem
+
+TAKE = ServiceType(
+    name="Take",
+    inputs=(Parameter(name="Parcel", type="Graspable"), Parameter(name="Place", type="Place")),
+    precondition="?Parcel isOn ?Place AND ?Provider isAt ?Place",
+    effect="?Parcel isHeldBy ?Provider",
+)
+GO = ServiceType(
+    name="Go",
+    inputs=(Parameter(name="From", type="Place"), Parameter(name="To", type="Place")),
+    precondition="?Provider isAt ?From",
+    effect="?Provider isAt ?To",
+)
+PUT = ServiceType(
+    name="Put",
+    inputs=(Parameter(name="Parcel", type="Graspable"), Parameter(name="Place", type="Place")),
+    precondition="?Parcel isHeldBy ?Provider AND ?Provider isAt ?Place",
+    effect="?Parcel isOn ?Place",
+)
+SERVICES = (TAKE, GO, PUT)
+
+SECONDS = 10.0
+"""That each step takes."""
+
+
+BUILDING = """
+map: Relay
+objects:
+  Building001:
+    type: Building
+    parts:
+      Storey001:
+        type: Storey
+        parts:
+          Floor001: {type: Floor, at: [0, 0, -0.1], Shape: {Form: Box, Width: 20, Depth: 20, Height: 0.1}}"""
+
+
+def site(couriers: int, parcels: int) -> str:
+    places = [f"          Place{n}: {{type: Place, at: [{n}, 0]}}" for n in range(couriers + 1)]
+    devices = [f"  Courier{n}: {{type: PioneerP3DX, at: [{n}, 1]}}" for n in range(couriers)]
+    things = [f"  Parcel{n}: {{type: Jar, at: [0, 0, 0]}}" for n in range(parcels)]
+    facts = [f"  - Courier{n} isAt Place{n}" for n in range(couriers)] + [f"  - Parcel{n} isOn Place0" for n in range(parcels)]
+    return "\n".join([BUILDING, *places, *devices, *things, "facts:", *facts])
+
+
+def carried(couriers: int, parcels: int) -> list[Step]:
+    """One parcel after the other, from courier to courier."""
+    steps: list[Step] = []
+
+    def add(type: ServiceType, courier: int, **inputs: str) -> None:
+        bound: dict[str, Term] = {name: Name(value) for name, value in inputs.items()}
+        all = {**bound, PROVIDER: Name(f"Courier{courier}")}
+        assert type.precondition is not None
+        steps.append(
+            Step(
+                id=f"step{len(steps) + 1}",
+                service_type=type.name,
+                inputs=bound,
+                effect=substitute(parse(type.effect), all),
+                precondition=substitute(parse(type.precondition), all),
+                provider=f"Courier{courier}",
+            )
+        )
+
+    for parcel in range(parcels):
+        for courier in range(couriers):
+            here, there = f"Place{courier}", f"Place{courier + 1}"
+            add(TAKE, courier, Parcel=f"Parcel{parcel}", Place=here)
+            add(GO, courier, From=here, To=there)
+            add(PUT, courier, Parcel=f"Parcel{parcel}", Place=there)
+            add(GO, courier, From=there, To=here)
+    return steps
+
+
+def goal(couriers: int, parcels: int) -> str:
+    return " AND ".join(f"Parcel{n} isOn Place{couriers}" for n in range(parcels))
+
+
+def problem(couriers: int, parcels: int) -> Problem:
+    ontology, map = loaded(couriers, parcels)
+    providers = tuple(f"Courier{n}" for n in range(couriers))
+    available = tuple(Available(type, providers) for type in SERVICES)
+    return Problem(ontology=ontology, map=map, goal=parse(goal(couriers, parcels)), services=available)
+
+
+def loaded(couriers: int, parcels: int) -> tuple[Ontology, Map]:
+    found = load_text(site(couriers, parcels), "relay.yaml")
+    assert found.map is not None
+    return found.ontology, found.map
+
+
+def maps_of(steps: Sequence[Step], problem: Problem) -> list[Map]:
+    """The map before the first step, and those after each."""
+    maps = [problem.map]
+    for step in steps:
+        maps.append(after(step, maps[-1], problem))
+    return maps
+
+
+def longest(plan: Plan) -> int:
+    """The steps of the longest chain of links."""
+    depth: dict[str, int] = {}
+    for step in plan.topological():
+        depth[step.id] = 1 + max((depth[before] for before in plan.before(step.id)), default=0)
+    return max(depth.values(), default=0)
+
+
+class Relay(VirtualSystem):
+    """Couriers on virtual time, with a plan that is known beforehand. Each looks, when it begins and when it is done, whether what its
+    step needs is so, whatever the map says; `wrong` is what was not."""
+
+    def __init__(self, couriers: int, parcels: int) -> None:
+        known = problem(couriers, parcels)
+        self.goal = goal(couriers, parcels)
+        steps = carried(couriers, parcels)
+        self.plan = Plan(tuple(steps), linked(steps, maps_of(steps, known), known))
+        self.wrong: list[str] = []
+        self.begun: list[str] = []
+        self._truth, self._ontology = known.map, known.ontology
+        super().__init__(site=site(couriers, parcels))
+        for number in range(couriers):
+            robot = Robot(f"Courier{number}", price=1, duration=SECONDS, works=self._work)
+            capabilities = tuple(Capability(type=type, method=type.name, stoppable=True) for type in SERVICES)
+            self._join(robot, Profile(name=robot.name, type="PioneerP3DX", capabilities=capabilities, lease=3600))
+        self.world.run(5)
+
+    def _work(self, order: Order) -> Work:
+        self.begun.append(order.participant)
+        self._look(order)
+        yield SECONDS, self._done(order)
+
+    def _done(self, order: Order) -> Done:
+        self._look(order)
+        self._truth = self._truth.changed(changes(parse(order.effect), self._truth, self._ontology))
+        return Done(situation=order.effect)
+
+    def learn(self, situation: str) -> None:
+        """Somebody else makes that so."""
+        self._truth = self._truth.changed(changes(parse(situation), self._truth, self._ontology))
+
+    def _look(self, order: Order) -> None:
+        assert order.precondition is not None
+        if not holds(parse(order.precondition), self._truth, self._ontology):
+            self.wrong.append(f"{order.participant}: {order.precondition}")
+
+    def _plan(self, task: object) -> Work:
+        assert isinstance(task, Problem)
+        self.problems.append(task)
+        yield 0.0, self.plan

@@ -1,0 +1,164 @@
+"""A whole system in one process, with real sockets and files: Repository, Registry, Task Manager, devices, and the desk at it.
+
+Quick to start, for what pages and programs see through the desk; devices take as long for their work as they say.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+
+from somrs.api.service import Desk, desk_of
+from somrs.client.client import Addresses
+from somrs.deployment.device import DeviceRunner
+from somrs.deployment.system import free_ports
+from somrs.ontology.files.loading import load_text
+from somrs.planner.model.problem import Problem
+from somrs.planner.planning import plan
+from somrs.protocol.messages.clients import ReadRecords
+from somrs.registry.component import Registry
+from somrs.repository.component import Repository
+from somrs.runtime.host import Host
+from somrs.runtime.node import Report
+from somrs.scheduling.scheduler import Clock
+from somrs.service_manager.sdk.device import Device, Situation, Task, service
+from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+from somrs.storage.archive import FILE
+from somrs.storage.journal import Journal
+from somrs.storage.repository_store import RepositoryStore
+from somrs.task_manager.manager import TaskManager
+from tests.support.virtual_system import SITE
+
+HERE = "127.0.0.1"
+
+
+class Porter(Device):
+    """Takes things wherever they are to be, in `seconds`, but for those that it `drops`. `steps`: so often it says how far it is."""
+
+    type = "PioneerP3DX"
+
+    def __init__(self, name: str, price: float = 10.0, seconds: float = 0.2, *, drops: bool = False, steps: int = 2) -> None:
+        super().__init__(name)
+        self.price, self.seconds, self.drops, self.steps = price, seconds, drops, steps
+        self.refuses = ""
+        """Why it gives no terms."""
+        self.thinks = 0.0
+        """Seconds that it takes to say its terms."""
+        self.done: list[str] = []
+
+    async def _able(self, task: Task) -> None:
+        await asyncio.sleep(self.thinks)
+        if self.refuses:
+            raise Refusal(self.refuses)
+
+    @service(
+        "TransferObject",
+        price=lambda self, task: self.price,
+        duration=lambda self, task: self.seconds,
+        able=lambda self, task: self._able(task),
+    )
+    async def transfer(self, task: Task) -> Situation:
+        thing, place = str(task.inputs["Object"]), str(task.inputs["Destination"])
+        for number in range(self.steps):
+            await asyncio.sleep(self.seconds / self.steps)
+            await task.progress((number + 1) / self.steps)
+        if self.drops:
+            raise ServiceFailed("it slipped out of the hand", f"{thing} isOn Floor001")
+        self.done.append(thing)
+        return f"{thing} isOn {place}"
+
+    @transfer.compensation
+    async def bring_back(self, task: Task, situation: object) -> Situation:
+        return str(situation)
+
+
+class SmallSystem:
+    """The parts of a running system. The Task Manager can be ended and started again, with its journal."""
+
+    def __init__(self, data: Path, porters: Sequence[Porter]) -> None:
+        self.data, self.porters = data, porters
+        ports = free_ports(HERE, 2)
+        url, self._port = f"http://{HERE}:{ports[0]}", ports[1]
+        task_manager = f"http://{HERE}:{ports[1]}/task-manager"
+        self.addresses = Addresses(repository=f"{url}/repository", registry=f"{url}/registry", task_manager=task_manager)
+        self._rim = Host(HERE, ports[0])
+        self._devices: list[DeviceRunner] = []
+        self._manager: tuple[Host, Journal] | None = None
+        self._store: RepositoryStore | None = None
+
+    @property
+    def manager(self) -> TaskManager:
+        assert self._manager is not None
+        component = self._manager[0]._nodes[self.addresses.task_manager].component
+        assert isinstance(component, TaskManager)
+        return component
+
+    async def start(self) -> None:
+        self.data.mkdir(exist_ok=True)
+        loaded = load_text(SITE, "site.yaml")
+        assert loaded.map is not None
+        self._store = store = RepositoryStore.open(self.data / "repository.sqlite")
+        if store.load() is None:
+            store.initialise(loaded.ontology, loaded.map)
+        contents = store.load()
+        assert contents is not None
+        await self._rim.start()
+        self._rim.add(
+            "/repository", lambda address: Repository(address, contents), carry_out=store.carry_out, keep=store.keep, disk=store.disk
+        )
+        self._rim.add("/registry", lambda address: Registry(address, repository=self.addresses.repository))
+        await self.start_manager()
+        for porter in self.porters:
+            runner = DeviceRunner(porter, self.addresses, self.data)
+            await runner.start()
+            self._devices.append(runner)
+
+    async def start_manager(self) -> None:
+        journal, host = Journal(self.data / FILE, "here"), Host(HERE, self._port)
+        await host.start()
+
+        async def carry_out(task: object, report: Report) -> object:
+            if isinstance(task, ReadRecords):
+                return await journal.answer(task)
+            assert isinstance(task, Problem), "a Task Manager asks for nothing else"
+            return await asyncio.to_thread(plan, task)
+
+        def made(address: str) -> TaskManager:
+            return TaskManager(address, repository=self.addresses.repository, registry=self.addresses.registry)
+
+        host.add_journaled("/task-manager", made, journal, carry_out=carry_out)
+        self._manager = host, journal
+
+    async def stop_manager(self) -> None:
+        assert self._manager is not None
+        host, journal = self._manager
+        self._manager = None
+        await host.stop()
+        journal.close()
+
+    async def stop(self) -> None:
+        for runner in self._devices:
+            await runner.stop()
+        if self._manager is not None:
+            await self.stop_manager()
+        await self._rim.stop()
+        if self._store is not None:
+            self._store.close()
+
+
+@asynccontextmanager
+async def running(data: Path, *porters: Porter, clock: Clock | None = None) -> AsyncIterator[tuple[SmallSystem, Desk]]:
+    """The system, and the desk at it. `clock`: what standing orders go by."""
+    system = SmallSystem(data, porters)
+    async with AsyncExitStack() as stack:
+        stack.push_async_callback(system.stop)
+        await system.start()
+        yield system, await stack.enter_async_context(desk_at(system, clock))
+
+
+@asynccontextmanager
+async def desk_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[Desk]:
+    async with desk_of(system.addresses, system.data, clock=clock) as desk, desk.orders.running():
+        yield desk

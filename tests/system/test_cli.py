@@ -1,0 +1,135 @@
+"""The `somrs` command as a user meets it: as a program, with what it prints and how it exits."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import subprocess
+import sys
+from enum import StrEnum
+from pathlib import Path
+
+import pytest
+
+from somrs.cli.main import FaultOption
+from somrs.cli.tasks import FormatOption, OutcomeOption, PolicyOption, TableOption
+from somrs.client.export import Format, Table
+from somrs.devices.simulator.link.commands import Fault
+from somrs.protocol.messages.clients import Policy
+from somrs.protocol.messages.frp import Outcome
+from tests.support.paths import SCENARIO_1, SHARED
+
+OFFICE = SHARED / "sites" / "office.building.yaml"
+COMMANDS = [
+    "demo",
+    "up",
+    "do",
+    "tasks",
+    "task",
+    "cancel",
+    "export",
+    "services",
+    "questions",
+    "answer",
+    "plan",
+    "check",
+    "import",
+    "schema",
+    "fault",
+    "picture",
+    "map",
+    "ontology",
+    "run",
+]
+
+
+def somrs(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=60)
+
+
+def test_help_names_every_command() -> None:
+    said = somrs("--help")
+    assert said.returncode == 0
+    for command in COMMANDS:
+        assert f"\n  {command} " in said.stdout, command
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help(command: str) -> None:
+    said = somrs(command, "--help")
+    assert said.returncode == 0
+    assert "Usage:" in said.stdout
+
+
+def test_help_needs_none_of_the_heavy_libraries() -> None:
+    """What makes `--help` slow is imports; that it is quick is measured in benchmarks/."""
+    code = (
+        "import sys, runpy; sys.argv = ['somrs', '--help']\n"
+        "try: runpy.run_module('somrs.cli.main', run_name='__main__')\n"
+        "except SystemExit: pass\n"
+        "print('HEAVY', [m for m in ('mujoco', 'numpy', 'aiohttp', 'uvicorn', 'lxml', 'pint', 'pydantic', 'lark') if m in sys.modules])"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert "HEAVY []" in said.stdout, said.stdout + said.stderr
+
+
+def test_check_accepts_the_demo_site() -> None:
+    said = somrs("check", SCENARIO_1)
+    assert said.returncode == 0, said.stdout
+    assert "all is well" in said.stdout
+
+
+def test_check_reports_every_error_at_once_with_its_line(tmp_path: Path) -> None:
+    site = tmp_path / "wrong.yaml"
+    site.write_text(
+        "map: Wrong\n"
+        "objects:\n"
+        "  Building1: {type: Building, parts: {Storey1: {type: Storey, parts: {Floor1: {type: Floor, at: [0, 0, 0],"
+        " Shape: {Form: Box, Width: 9, Depth: 9, Height: 0.1}}}}}}\n"
+        "  Jar1: {type: Jarr, at: [1, 1, 0]}\n"
+        "  Jar2: {type: Jar, at: [1, 1, 0], Weight: 900 kg}\n"
+        "facts:\n"
+        "  - Jar2 isOnn Floor1\n"
+    )
+    said = somrs("check", site)
+    assert said.returncode == 1
+    for line, part in ((4, "Jarr"), (5, "Weight"), (7, "isOnn")):
+        assert any(f"wrong.yaml:{line}:" in told and part in told for told in said.stdout.splitlines()), (line, said.stdout)
+    assert "Traceback" not in said.stdout + said.stderr
+    found = json.loads(somrs("check", site, "--json").stdout)
+    assert {problem["line"] for problem in found} == {4, 5, 7}
+    assert all(problem["file"] and problem["subject"] and problem["rule"] for problem in found)
+
+
+@pytest.mark.parametrize(
+    ("offered", "known"),
+    [(PolicyOption, Policy), (OutcomeOption, Outcome), (FormatOption, Format), (TableOption, Table), (FaultOption, Fault)],
+)
+def test_whatever_there_is_can_be_chosen(offered: type[StrEnum], known: type[StrEnum]) -> None:
+    """The options are written down once more, so that --help need not import what they stand for."""
+    assert [option.value for option in offered] == [value.value for value in known]
+
+
+def test_without_a_running_system_commands_say_how_to_start_one(tmp_path: Path) -> None:
+    commands = ("do 'A isOn B'", "tasks", "task last", "export", "services", "plan 'A isOn B'", "map query 'A isOn B'")
+    for arguments in map(shlex.split, commands):
+        said = somrs(*arguments, cwd=tmp_path)
+        assert said.returncode == 2
+        assert "somrs up" in said.stderr
+        assert "Traceback" not in said.stderr
+
+
+def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
+    for arguments in (["check", "nowhere.yaml"], ["up", "nowhere.yaml"], ["import", "nowhere.building.yaml"], ["import", "some.txt"]):
+        said = somrs(*arguments, cwd=tmp_path)
+        assert said.returncode in (1, 2), arguments
+        assert arguments[1] in said.stdout + said.stderr
+        assert "Traceback" not in said.stderr, said.stderr
+
+
+@pytest.mark.skipif(not OFFICE.exists(), reason="the office is not in ../shared/sites")
+def test_import_writes_a_map_that_passes_the_check(tmp_path: Path) -> None:
+    said = somrs("import", OFFICE, "-o", "office.yaml", cwd=tmp_path)
+    assert said.returncode == 0, said.stdout + said.stderr
+    assert somrs("check", "office.yaml", cwd=tmp_path).returncode == 0

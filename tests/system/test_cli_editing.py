@@ -1,0 +1,96 @@
+"""`somrs ontology` and `somrs map` as a user meets them: programs, beside a Repository that runs as one."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from somrs.client.client import Addresses
+from somrs.ontology.files.loading import load_definitions, upper
+from tests.support.paths import SCENARIO_1
+from tests.system.test_cli import somrs
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The folder of a system of which only the Repository runs."""
+    folder = tmp_path_factory.mktemp("cli") / "data"
+    command = [sys.executable, "-m", "somrs.cli.main", "run", "repository", "--site", str(SCENARIO_1), "--data", str(folder)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        address = json.loads(program.stdout.readline())["at"]
+        Addresses(repository=address, registry="http://127.0.0.1:1/registry", task_manager="http://127.0.0.1:1/tm").write(folder)
+        yield folder
+        program.terminate()
+
+
+def run(data: Path, *arguments: str | Path, code: int = 0) -> str:
+    """What the command says; it exits with the code, and without a stack trace."""
+    said = somrs(*arguments, "--data", data)
+    assert said.returncode == code, said.stdout + said.stderr
+    assert "Traceback" not in said.stderr
+    return said.stdout + said.stderr
+
+
+def plain(said: str) -> str:
+    """A table's text, however its lines were broken."""
+    return " ".join(said.split())
+
+
+def test_an_ontology_is_edited_and_what_was_done_is_undone(data: Path, tmp_path: Path) -> None:
+    file = tmp_path / "vats.yaml"
+    file.write_text("types:\n  Vat: {parent: Support}\n")
+    assert "added type Vat" in run(data, "ontology", "import", file, "--dry-run")
+    assert "version 1" in run(data, "ontology", "import", file, "--author", "Anna")
+    assert "version 2" in run(data, "ontology", "rename", "type", "Vat", "Tub")
+    assert "version 3" in run(data, "ontology", "remove", "types", "Cup", "Bottle")
+    said = plain(run(data, "ontology", "history"))
+    for part in ("Anna", "added type Vat", "renamed type Vat to Tub", "removed type Cup"):
+        assert part in said, said
+    events = json.loads(run(data, "ontology", "history", "--limit", "2", "--json"))
+    assert [event["version"] for event in events] == [3, 2]
+    assert "version 4" in run(data, "ontology", "undo", "3")
+    assert "undid version 3" in plain(run(data, "ontology", "history", "--limit", "1"))
+    assert "before version 4" in plain(run(data, "ontology", "history", "--limit", "1"))
+    out = tmp_path / "out.yaml"
+    run(data, "ontology", "export", out)
+    assert "Tub" in load_definitions(out.read_text(), "out.yaml", upper()).types
+    assert "Jar:" not in out.read_text()
+    run(data, "ontology", "export", out, "--whole")
+    assert "Jar:" in out.read_text()
+
+
+def test_what_cannot_be_done_is_said_with_all_that_stands_in_the_way(data: Path, tmp_path: Path) -> None:
+    said = run(data, "ontology", "remove", "type", "Jar", code=1)
+    assert "Jar002: no type is called Jar" in said
+    dry = run(data, "ontology", "remove", "type", "Jar", "--dry-run", code=1)
+    assert "it would not be done" in dry
+    assert "removed type Jar" in dry
+    assert "attribute, relation, function, type, service" in run(data, "ontology", "remove", "thing", "Jar", code=2)
+    assert "neither removed nor renamed" in run(data, "ontology", "rename", "type", "Device", "Machine", code=1)
+    assert "there is no version 99" in run(data, "ontology", "undo", "99", code=1)
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("types:\n  Vat2: {parent: Suport}\n")
+    assert "wrong.yaml:2: Vat2: no type is called Suport" in run(data, "ontology", "import", wrong, code=2)
+    assert "nowhere.yaml" in run(data, "ontology", "import", tmp_path / "nowhere.yaml", code=2)
+
+
+def test_a_map_is_looked_back_on_and_its_changes_undone(data: Path) -> None:
+    run(data, "map", "update", "Jar002.Weight = 0.7", "--author", "Anna")
+    run(data, "map", "rename", "Jar003", "Krug", "--author", "Ben")
+    said = plain(run(data, "map", "events", "--limit", "2"))
+    for part in ("Anna", "Jar002.Weight = 0.7", "Ben", "renamed object Jar003 to Krug"):
+        assert part in said, said
+    renamed, weighed = json.loads(run(data, "map", "events", "--limit", "2", "--json"))
+    assert "Jar002.Weight" in run(data, "map", "undo", str(weighed["version"]), "--dry-run")
+    run(data, "map", "undo", str(weighed["version"]))
+    assert "0.7" not in run(data, "map", "show", "Jar002")
+    assert "Ben" in run(data, "map", "history", "Krug")
+    run(data, "map", "undo", str(renamed["version"]))
+    assert "Jar003" in run(data, "map", "show", "Jar003")
+    assert "is a device" in run(data, "map", "rename", "Robot1", "Rob", code=1)

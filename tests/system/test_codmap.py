@@ -1,0 +1,118 @@
+"""Planning problems played by the whole system, as `make bench-codmap` plays published ones."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from somrs.sites.pddl import classical, read
+from tests.support.paths import SHARED
+from verification.codmap.play import play
+from verification.codmap.referee import judges, objections
+
+PUBLISHED = SHARED / "benchmarks" / "codmap"
+
+DOMAIN = """
+(define (domain courier)
+  (:requirements :typing :multi-agent :unfactored-privacy)
+  (:types place locatable - object  van parcel - locatable)
+  (:predicates (at ?x - locatable ?p - place) (road ?a ?b - place) (:private ?v - van (in ?b - parcel ?v - van)))
+  (:action drive :agent ?v - van :parameters (?from ?to - place)
+    :precondition (and (at ?v ?from) (road ?from ?to)) :effect (and (at ?v ?to) (not (at ?v ?from))))
+  (:action load :agent ?v - van :parameters (?b - parcel ?p - place)
+    :precondition (and (at ?v ?p) (at ?b ?p)) :effect (and (in ?b ?v) (not (at ?b ?p))))
+  (:action unload :agent ?v - van :parameters (?b - parcel ?p - place)
+    :precondition (and (at ?v ?p) (in ?b ?v)) :effect (and (at ?b ?p) (not (in ?b ?v)))))
+"""
+"""Two towns, a van in each, and a depot where parcels change vans."""
+
+PROBLEM = """
+(define (problem two-towns) (:domain courier)
+  (:objects east west depot - place  red blue - parcel (:private van1 van1 - van) (:private van2 van2 - van))
+  (:init (at van1 east) (at van2 west) (road east depot) (road depot east) (road west depot) (road depot west)
+    (at red east) (at blue west))
+  (:goal (and (at red west) (at blue east))))
+"""
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """The folder of the problem."""
+    folder = tmp_path / "courier" / "two-towns"
+    folder.mkdir(parents=True)
+    (folder / "domain.pddl").write_text(DOMAIN, encoding="utf-8")
+    (folder / "problem.pddl").write_text(PROBLEM, encoding="utf-8")
+    return folder
+
+
+def test_a_goal_is_reached_in_the_world_and_the_referee_agrees(place: Path) -> None:
+    result = play(place, limit=30.0)
+    assert (result.trouble, result.accomplished, result.agents) == ("", True, 2)
+
+
+def test_who_does_not_need_the_other_does_not_wait_for_it(place: Path) -> None:
+    apart = PROBLEM.replace("(road west depot) (road depot west)", "")
+    apart = apart.replace("(at red west) (at blue east)", "(at red depot) (at blue mill)")
+    apart = apart.replace("west depot - place", "west depot mill - place").replace("(at blue west))", "(at blue west) (road west mill))")
+    (place / "problem.pddl").write_text(apart, encoding="utf-8")
+    result = play(place, limit=30.0)
+    assert (result.trouble, result.steps, result.makespan) == ("", 6, 3.0)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_goal_that_can_be_reached_is_reached_whatever_fails(place: Path, seed: int) -> None:
+    result = play(place, 30.0, 0.3, seed)
+    assert result.trouble == "", "\n".join(result.notes)
+    assert result.accomplished or result.leaver is not None or result.out_of_reach
+
+
+def test_what_the_files_get_wrong_is_said_and_nothing_is_played(place: Path) -> None:
+    (place / "problem.pddl").write_text(PROBLEM.replace("(at red east)", "(at red nowhere)"), encoding="utf-8")
+    assert "nowhere" in play(place, 30.0).trouble
+
+
+def test_a_problem_without_a_plan_does_not_pass(place: Path) -> None:
+    (place / "problem.pddl").write_text(PROBLEM.replace("(road east depot)", ""), encoding="utf-8")
+    result = play(place, 30.0)
+    assert result.steps is None
+    assert "at west" in result.trouble
+
+
+def test_the_referee_knows_a_plan_from_one_that_is_none(place: Path) -> None:
+    files = place / "domain.pddl", place / "problem.pddl"
+    assert read(*files).name == "two-towns"
+    texts = classical(*files)
+    legs = ["(load van1 red east)", "(drive van1 east depot)", "(drive van1 depot west)", "(unload van1 red west)"]
+    back = ["(load van1 blue west)", "(drive van1 west depot)", "(drive van1 depot east)", "(unload van1 blue east)"]
+    assert objections(*texts, "\n".join([*legs, *back])) == []
+    blue_is_where_it_was, red_was_never_loaded = legs, [*legs[1:], *back]
+    for wrong in (blue_is_where_it_was, red_was_never_loaded):
+        found = objections(*texts, "\n".join(wrong))
+        assert [one.partition(":")[0] for one in found] == judges()
+
+
+def test_the_command_prints_a_table_and_a_closing_line(place: Path) -> None:
+    folder = place.parents[1]
+    shutil.copytree(place, place.parent / "other")
+    said = subprocess.run(
+        [sys.executable, "-m", "verification.codmap", str(folder), "--limit", "30"], capture_output=True, text=True, check=False
+    )
+    assert said.returncode == 0, said.stderr
+    assert "2 of 2" in said.stdout
+    assert said.stdout.strip().endswith("2 passed, 0 failed")
+
+
+@pytest.mark.skipif(not PUBLISHED.is_dir(), reason=f"there are no published problems in {PUBLISHED}")
+@pytest.mark.parametrize(
+    "name", ["depot/pfile2", "driverlog/pfile3", "elevators08/p02", "logistics00/probLOGISTICS-6-0", "zenotravel/pfile4"]
+)
+def test_published_problems(name: str) -> None:
+    result = play(PUBLISHED / name, 60.0)
+    assert result.trouble == ""
+    assert result.steps is not None
+    assert result.makespan is not None
+    assert result.makespan <= result.steps

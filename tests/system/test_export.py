@@ -1,0 +1,52 @@
+"""A whole system of real processes: what is said of tasks at the command line, and what is kept of them over kills and restarts."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from somrs.cli.task_commands import do, tasks
+from somrs.client.export import Format, Table, export
+from somrs.deployment.system import System
+from somrs.protocol.messages.clients import Submit, TaskRecord
+from somrs.protocol.messages.frp import Outcome
+from tests.support.paths import SCENARIO_1
+
+
+async def exported(data: Path, out: Path) -> list[TaskRecord]:
+    await export(out, data, Format.JSONL, Table.TASKS)
+    return [msgspec.json.decode(line, type=TaskRecord) for line in out.read_bytes().splitlines()]
+
+
+def test_what_is_over_is_exported_while_the_system_runs_when_it_is_killed_and_when_it_is_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, out = tmp_path / "run", tmp_path / "tasks.jsonl"
+
+    async def run() -> None:
+        async with System([SCENARIO_1], data, speed="max") as system:
+            assert await do(Submit(effect="Jar002 isOn Platform001"), data, wait=True, json=False) == 0
+            said = capsys.readouterr().out
+            assert said.count("✔ accomplished") == 1
+            assert said.count("\n") == len(said.splitlines()), "the last line is a whole one"
+            assert await do(Submit(effect="Jar003 isOn Platform001", deadline=0.001), data, wait=True, json=False) == 1
+            assert capsys.readouterr().out.count("the deadline of 0.001 s is over") == 1
+            running = await exported(data, out)
+            assert [record.outcome for record in running] == [Outcome.FAILED, Outcome.ACCOMPLISHED]
+            assert {message.type for message in running[1].messages} >= {"Arrange", "Terms", "Accept", "Execute", "Completed", "End"}
+            system.programs["task-manager"].process.kill()
+            await system.programs["task-manager"].process.wait()
+            assert await exported(data, out) == running, "its addresses are still there, and nobody listens at them"
+        assert await exported(data, out) == running
+        async with System([SCENARIO_1], data, speed="max"):
+            assert await exported(data, out) == running
+            capsys.readouterr()
+            await tasks(data, history=False, limit=20, json=False)
+            assert "no task is running" in capsys.readouterr().out
+            await tasks(data, history=True, limit=20, json=False)
+            assert running[1].task.rpartition(":")[2][:8] in capsys.readouterr().out
+
+    asyncio.run(run())

@@ -1,0 +1,284 @@
+"""What must hold of whole systems in which anything goes wrong; and that it is noticed when it does not hold."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from somrs.kernel.component import Component, Effect, Input, Rang, Received
+from somrs.protocol.messages.clients import CancelTask, Policy
+from somrs.protocol.messages.frp import Accept, Outcome
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.runtime.virtual import Moment, World
+from somrs.service_manager.sdk.orders import Kept, Profile
+from somrs.task_manager.claims import Claims
+from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.participants import Participants
+from somrs.task_manager.reports import Reports, Then
+from somrs.task_manager.work import Ledger
+from tests.support.paths import ROOT
+from verification.fault_runs.draw import draw
+from verification.fault_runs.hands import DeviceManager, Hands
+from verification.fault_runs.likeness import difference
+from verification.fault_runs.properties import Property
+from verification.fault_runs.result import Result, played, run
+from verification.fault_runs.shrink import fewest, shrunk
+from verification.fault_runs.stage import Parts
+from verification.fault_runs.story import AT_WORK, Act, Character, Cut, Fault, Kill, Misdeed, Setting, Story, Undo, Wish
+
+
+@pytest.fixture(scope="module")
+def many() -> Result:
+    total = Result()
+    for seed in range(150):
+        total.add(run(seed))
+    return total
+
+
+def test_whatever_goes_wrong_the_properties_hold(many: Result) -> None:
+    assert not many.failed
+    assert many.runs == 150
+
+
+def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many: Result) -> None:
+    assert sum(many.troubled.values()) > 150
+    for outcome in Outcome:
+        assert many.troubled[outcome]
+    for rung in (
+        "replaced",
+        "planned anew",
+        "waited for another task",
+        "looks",
+        "nothing assumed",
+        "undone by others",
+        "undone by the participant",
+        "stranded",
+    ):
+        assert many.rungs[rung], f"nothing was {rung}"
+
+
+PRINTED = """
+from verification.fault_runs.draw import draw
+from verification.fault_runs.result import played
+for seed in range(40, 47):
+    story = draw(seed)
+    stage, violation = played(story)
+    print(story, violation, stage.log, stage.reality.deeds, [m.header.message_id for m in stage.world.messages])
+"""
+
+
+def test_a_seed_is_one_run_whatever_the_hashes_of_strings_are() -> None:
+    runs = {
+        subprocess.run(
+            [sys.executable, "-c", PRINTED], cwd=ROOT, env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, check=True
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert len(runs) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "last"), [(["--runs", "4", "--jobs", "2"], "4 passed, 0 failed"), (["--seed", "7"], "1 passed, 0 failed")]
+)
+def test_from_the_command_line(arguments: list[str], last: str) -> None:
+    line = [sys.executable, "-m", "verification.fault_runs", *arguments]
+    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == last
+
+
+# Defects that are planted have to be noticed
+
+
+def carrier(number: int, **more: object) -> Character:
+    return Character(name=f"Robot{number}", services=("TransferObject",), price=number, **{"duration": 10.0, **more})  # type: ignore[arg-type]
+
+
+LOOKER = Character(name="Robot9", services=("RecognizeSituation",), price=1, duration=3.0)
+
+
+def story(*faults: Fault, devices: tuple[Character, ...] = (), wish: str = "Jar1 isOn Table2", **more: object) -> Story:
+    return Story(
+        seed=0,
+        setting=Setting.FLAT,
+        managers=1,
+        tables=("Table1", "Table2", "Table3"),
+        shelves=(),
+        doors=(),
+        things=(("Jar1", "Table1"), ("Jar2", "Table1"), ("Jar3", "Table1")),
+        devices=devices or (carrier(1), carrier(2), LOOKER),
+        wishes=(Wish(at=0.0, to="tm1", effect=wish, **more),),  # type: ignore[arg-type]
+        faults=faults,
+    )
+
+
+def noticed(played_story: Story, parts: Parts | None = None) -> Property | None:
+    _, violation = played(played_story, parts)
+    return violation.property if violation is not None else None
+
+
+class Devices(Parts):
+    """Parts with other Service Managers."""
+
+    def __init__(self, kind: type[DeviceManager]) -> None:
+        self.kind = kind
+
+    def service_manager(self, profile: Profile, hands: Hands, kept: list[Kept], saw: Callable[[str, Input], None]) -> DeviceManager:
+        return self.kind(profile, hands, kept, saw)
+
+
+class Managers(Parts):
+    """Parts with other Task Managers."""
+
+    def __init__(self, kind: type[TaskManager]) -> None:
+        self.kind = kind
+
+    def task_manager(self, address: str) -> TaskManager:
+        return self.kind(address, repository="repository", registry="registry")
+
+
+CUT_OFF = story(Cut(at=2.0, target=AT_WORK, seconds=100.0), devices=(carrier(1, duration=200.0), carrier(2, duration=200.0), LOOKER))
+
+
+def test_a_device_that_goes_on_when_it_is_cut_off_is_noticed() -> None:
+    class Careless(DeviceManager):
+        def _undelivered(self, message: object, now: float) -> None:
+            pass
+
+    assert noticed(CUT_OFF) is None
+    assert noticed(CUT_OFF, Devices(Careless)) is Property.HANDS
+
+
+def test_who_was_not_heard_to_begin_may_have_begun_late() -> None:
+    """The device hears that it is to begin just before it is given up, and then is cut off again."""
+    for reached in (20.0, 39.8):
+        cuts = Cut(at=0.1105, target="devices/Robot1", seconds=reached), Cut(at=0.1120 + reached, target="devices/Robot1", seconds=30.0)
+        assert noticed(story(*cuts, devices=(carrier(1, duration=100.0), carrier(2), LOOKER))) is None
+
+
+def test_a_device_that_works_on_terms_that_ran_out_is_noticed() -> None:
+    class Generous(DeviceManager):
+        def handle(self, event: Input, now: float) -> list[Effect]:
+            if isinstance(event, Rang) and event.timer.startswith("expire"):
+                return []
+            accepted = isinstance(event, Received) and isinstance(event.message.body, Accept)
+            return super().handle(event, now - 60.0 if accepted else now)
+
+    late = story(devices=(carrier(1, valid_for=2.0), carrier(2, mute=True)))
+    assert noticed(late) is None
+    assert noticed(late, Devices(Generous)) is Property.CONTRACT
+
+
+def test_a_task_manager_that_waits_for_ever_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    dies = story(Misdeed(nth=0, act=Act.DIE))
+    assert noticed(dies) is None
+    monkeypatch.setattr(Participants, "silent", lambda *_: None)
+    monkeypatch.setattr(Participants, "overdue", lambda *_: None)
+    assert noticed(dies) is Property.HOME
+
+
+DROPS = tuple(Misdeed(nth=number, act=Act.DROP) for number in range(1, 9))
+HALF_DONE = story(*DROPS, devices=(carrier(1),), wish="Jar1 isOn Table2 AND Jar2 isOn Table2")
+
+
+def test_tasks_that_do_not_leave_each_other_what_they_were_promised_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    wishes = [Wish(at=2.0 * number, to="tm1", effect=f"Jar1 isOn Table{number}", policy=Policy.TIME) for number in (2, 3)]
+    quarrel = replace(story(), wishes=tuple(wishes))
+    assert noticed(quarrel) is None
+    monkeypatch.setattr(Claims, "conflicts", lambda *_: {})
+    monkeypatch.setattr(Claims, "taken", lambda *_: frozenset())
+    assert noticed(quarrel) is Property.HANDS
+
+
+def test_a_task_manager_that_leaves_what_it_did_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert noticed(HALF_DONE) is None
+    monkeypatch.setattr(Ledger, "to_undo", lambda *_: [])
+    assert noticed(HALF_DONE) is Property.SILENCE
+
+
+def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    slips = story(Misdeed(nth=0, act=Act.DROP), Cut(at=5.0, target="repository", seconds=20.0))
+    assert noticed(slips) is None
+
+    def put(self: Reports, update: UpdateMap, then: Then, now: float) -> None:
+        then(None, now)
+        self._settled(now)
+
+    monkeypatch.setattr(Reports, "put", put)
+    assert noticed(slips) is Property.MAP
+
+
+def test_a_task_manager_that_does_not_say_that_it_is_over_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert noticed(story()) is None
+    monkeypatch.setattr(Participants, "end", lambda *_: None)
+    assert noticed(story()) is Property.HOME
+    gone = story(Kill(at=15.0, target="devices/Robot1", seconds=None), devices=(carrier(1), LOOKER))
+    assert noticed(gone) is Property.ORPHAN
+
+
+@pytest.mark.parametrize("snapshot", [False, True])
+def test_a_journal_that_loses_what_came_last_is_noticed(snapshot: bool) -> None:
+    class Forgetful(Parts):
+        def revive(self, world: World, address: str, make: Callable[[], Component]) -> None:
+            if address == "tm1":
+                del world._places[address].entries[-1:]
+            super().revive(world, address, make)
+
+    killed = story(Kill(at=4.0, target="tm1", moment=Moment.KEPT, snapshot=snapshot))
+    assert noticed(killed) is None
+    assert noticed(killed, Forgetful()) is Property.RESTART
+
+
+def test_a_service_manager_whose_records_are_lost_is_noticed() -> None:
+    class Blank(Parts):
+        def service_manager(self, profile: Profile, hands: Hands, kept: list[Kept], saw: Callable[[str, Input], None]) -> DeviceManager:
+            return super().service_manager(profile, hands, [], saw)
+
+    killed = story(Kill(at=4.0, target=AT_WORK))
+    assert noticed(killed) is None
+    assert noticed(killed, Blank()) is Property.RESTART
+
+
+def test_a_task_manager_that_cannot_handle_an_input_is_noticed() -> None:
+    class Brittle(TaskManager):
+        def handle(self, event: Input, now: float) -> list[Effect]:
+            if isinstance(event, Received) and isinstance(event.message.body, CancelTask):
+                raise KeyError("task")
+            return super().handle(event, now)
+
+    assert noticed(story(cancelled=3.0)) is None
+    assert noticed(story(cancelled=3.0), Managers(Brittle)) is Property.BREAKS
+
+
+# How failures are told
+
+
+def test_a_failing_story_is_made_as_short_as_it_can_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Ledger, "to_undo", lambda *_: [])
+    seed = next(seed for seed in range(300) if len(draw(seed).faults) >= 4 and noticed(draw(seed)) is Property.SILENCE)
+    short = shrunk(draw(seed), lambda candidate: noticed(candidate) is Property.SILENCE)
+    assert noticed(short) is Property.SILENCE
+    assert len(short.faults) <= 1
+    assert len(short.wishes) == 1
+    assert len(short.devices) <= 3
+    assert "Robot" in short.words()
+
+
+def test_nothing_can_be_left_out_of_the_fewest() -> None:
+    assert fewest(range(100), lambda kept: {7, 61} <= set(kept)) == [7, 61]
+    assert fewest(range(100), lambda kept: True) == []
+    assert fewest([5], lambda kept: kept == [5]) == [5]
+
+
+def test_what_differs_is_found_wherever_it_is() -> None:
+    robot = carrier(1)
+    assert difference([{"a": robot, "b": 1}], [{"a": carrier(1), "b": 1.0}]) is None
+    assert (difference([{"a": robot}], [{"a": carrier(2)}]) or "").startswith(".0.'a'.")
+    shared = [1]
+    assert "something else" in (difference([shared, shared], [[1], [1]]) or "")
+    assert difference({1, 2}, {1, 3}) is not None
+    assert difference(carrier(1, undo=Undo.NO), carrier(1, undo=Undo.FAIL)) is not None

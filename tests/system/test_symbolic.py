@@ -1,0 +1,282 @@
+"""Symbolic worlds: what is true in them, what they reject, and whole systems whose devices are nothing but their services' effects."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from somrs.cli.importing import brought_in
+from somrs.client.client import Client
+from somrs.deployment.system import System, symbolic
+from somrs.devices.symbolic.agent import Faults, Mishap, SymbolicAgent
+from somrs.devices.symbolic.lines import Begin, Came, Do, Estimate, Estimated, Hello, Welcome
+from somrs.devices.symbolic.link import ask
+from somrs.devices.symbolic.server import WorldServer
+from somrs.devices.symbolic.world import SymbolicWorld
+from somrs.errors import RemoteError, UsageError
+from somrs.ontology.files.site import dump_site
+from somrs.ontology.objects import Change, Fact, FactAdded
+from somrs.ontology.truth import holds
+from somrs.protocol.messages.clients import Submit, TaskView
+from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.sdk.orders import Done, Halt, Order, Perform, Quote, Quoted, ServiceFailed
+from somrs.sites.pddl import Imported, read
+from tests.support.paths import ROOT
+from tests.support.pddl_harbour import written
+from tests.support.virtual_system import VirtualSystem
+
+PARCELS = ROOT / "examples" / "parcels"
+
+
+@pytest.fixture
+def parcels() -> Imported:
+    return read(PARCELS / "domain.pddl", PARCELS / "problem.pddl")
+
+
+@pytest.fixture
+def world(parcels: Imported) -> SymbolicWorld:
+    return SymbolicWorld(parcels.ontology, parcels.map)
+
+
+# The world
+
+
+@pytest.mark.parametrize(
+    ("service", "inputs", "provider", "why"),
+    [
+        ("load", {"x": "letter", "p": "harbour"}, "van1", "van1 at harbour and letter lies harbour do not hold"),
+        ("drive", {"from": "mill", "to": "harbour"}, "van1", "street(van1, mill, harbour) does not hold"),
+        ("load", {"x": "letter", "p": "mill"}, "van3", "there is no van3 in this world"),
+        ("load", {"x": "letter", "p": "mill"}, "crate", "crate is a parcel, and a van is needed"),
+        ("load", {"x": "mill", "p": "letter"}, "van1", "mill is a place, and a parcel is needed"),
+        ("load", {"x": "letter"}, "van1", "load was not told its p"),
+        ("fly", {}, "van1", "there is no service type fly in this world"),
+    ],
+)
+def test_what_cannot_be_done_changes_nothing_and_is_told_why(
+    world: SymbolicWorld, service: str, inputs: dict[str, str], provider: str, why: str
+) -> None:
+    before = world.map
+    assert world.perform(service, inputs, provider) == why
+    assert world.map == before
+    assert not world.deeds
+    assert why in world.rejected[0]
+
+
+def test_what_is_done_holds(world: SymbolicWorld) -> None:
+    assert world.perform("load", {"x": "letter", "p": "mill"}, "van1") is None
+    assert world.map.holds("in", ("letter", "van1"))
+    assert not world.map.holds("lies", ("letter", "mill"))
+    assert [(deed.service, deed.provider) for deed in world.deeds] == [("load", "van1")]
+    assert world.refusal("load", {"x": "letter", "p": "mill"}, "van1") == "letter lies mill does not hold"
+
+
+def test_what_fails_on_the_way_leaves_a_part_and_says_which(world: SymbolicWorld) -> None:
+    assert world.partly("load", {"x": "letter", "p": "mill"}, "van1") == "letter in van1 AND letter lies mill"
+    assert world.map.holds("in", ("letter", "van1"))
+    assert world.map.holds("lies", ("letter", "mill"))
+    assert not world.deeds[0].whole
+
+
+def test_what_cannot_even_begin_leaves_nothing(world: SymbolicWorld) -> None:
+    assert world.partly("load", {"x": "letter", "p": "harbour"}, "van1") == "NOT letter in van1 AND NOT letter lies harbour"
+    assert not world.deeds
+
+
+def test_who_looks_sees_what_holds_and_what_does_no_more(world: SymbolicWorld) -> None:
+    world.perform("load", {"x": "letter", "p": "mill"}, "van1")
+    assert world.seen("letter") == "NOT letter lies mill AND letter in van1 AND letter.Unknown = FALSE"
+    assert world.seen("market") == "market.Unknown = FALSE"
+
+
+def test_a_service_costs_what_its_type_says(world: SymbolicWorld) -> None:
+    assert world.cost("drive", {"from": "mill", "to": "market"}, "van1") == 4
+    assert world.cost("load", {"x": "letter", "p": "mill"}, "van1") == 1
+
+
+# Devices on virtual time
+
+
+def system_of(imported: Imported, faults: Faults) -> tuple[VirtualSystem, SymbolicWorld, dict[str, SymbolicAgent]]:
+    system = VirtualSystem(site=dump_site(imported.ontology, imported.map))
+    world = SymbolicWorld(imported.ontology, imported.map)
+    agents = {name: SymbolicAgent(name=name, world=world, services=services, faults=faults) for name, services in imported.agents.items()}
+    for name, agent in agents.items():
+        manager = ServiceManager(agent.profile(), repository="repository", registry="registry")
+        system.world.add(f"devices/{name}", manager, agent.carry_out)
+    system.world.run(5)
+    return system, world, agents
+
+
+def test_a_team_does_an_imported_task(parcels: Imported) -> None:
+    system, world, _ = system_of(parcels, lambda order: None)
+    (view,) = system.finish(system.submit(parcels.task))
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert holds(parcels.goal, world.map, parcels.ontology)
+    assert len(world.deeds) == 12
+    assert not world.rejected
+
+
+def test_a_team_recovers_from_works_that_fail_with_a_part_of_their_effect(parcels: Imported) -> None:
+    mishaps = [Mishap(), Mishap(happens=lambda changes: changes[:1]), None, None, Mishap(happens=lambda changes: changes[:1])]
+
+    def faults(order: Order) -> Mishap | None:
+        return mishaps.pop(0) if mishaps else None
+
+    system, world, _ = system_of(parcels, faults)
+    (view,) = system.finish(system.submit(parcels.task))
+    assert not mishaps
+    assert not world.rejected
+    assert view.outcome is Outcome.ACCOMPLISHED, view
+    assert holds(parcels.goal, world.map, parcels.ontology)
+
+
+def order(method: str, **inputs: str) -> Order:
+    return Order(participant="p", method=method, inputs=inputs, effect="?x in ?Provider")
+
+
+def test_nothing_is_done_before_its_time_is_over(parcels: Imported, world: SymbolicWorld) -> None:
+    agent = SymbolicAgent(name="van1", world=world, services=parcels.agents["van1"])
+    assert [*agent.carry_out(Quote(order("drive", **{"from": "mill", "to": "market"})))] == [(0.0, Quoted(price=4, duration=4))]
+    work = agent.carry_out(Perform(order("load", x="letter", p="mill")))
+    seconds, _ = next(work)
+    assert seconds == 1
+    assert not world.deeds
+    assert [*agent.carry_out(Halt(order("load", x="letter", p="mill")))] == [(0.0, Done(situation="NOT letter in van1"))]
+    seconds, done = next(work)
+    assert isinstance(done, Done)
+    assert len(world.deeds) == 1
+
+
+def test_a_device_says_why_it_cannot_and_what_holds(parcels: Imported, world: SymbolicWorld) -> None:
+    agent = SymbolicAgent(name="van1", world=world, services=parcels.agents["van1"])
+    ((_, failed),) = agent.carry_out(Perform(order("load", x="crate", p="mill")))
+    assert isinstance(failed, ServiceFailed)
+    assert failed.description == "van1 cannot: crate lies mill does not hold"
+    assert failed.situation == "van1 at mill AND NOT crate lies mill AND NOT crate in van1"
+
+
+def test_a_device_that_leaves_is_not_heard_of_again(parcels: Imported, world: SymbolicWorld) -> None:
+    def half(changes: Sequence[Change]) -> Sequence[Change]:
+        return [change for change in changes if isinstance(change, FactAdded)]
+
+    mishap = Mishap(happens=half, leaves=True)
+    agent = SymbolicAgent(name="van1", world=world, services=parcels.agents["van1"], faults=lambda order: mishap)
+    said = [*agent.carry_out(Perform(order("load", x="letter", p="mill")))]
+    assert not any(isinstance(value, Done | ServiceFailed) for _, value in said)
+    assert agent.left
+    assert [*agent.carry_out(Quote(order("load", x="letter", p="mill")))] == []
+    assert Fact("in", ("letter", "van1")) in set(world.map.facts())
+
+
+# Over the network
+
+
+def test_all_devices_share_the_world_of_one_program(parcels: Imported, world: SymbolicWorld) -> None:
+    async def run() -> None:
+        server = WorldServer(world, speed=2)
+        await server.start()
+        where = f"127.0.0.1:{server.port}"
+        welcome = await ask(where, Hello(device="van1"), Welcome)
+        assert welcome == Welcome(type="van", services=("drive", "load", "unload"))
+        drive = {"from": "mill", "to": "market"}
+        assert await ask(where, Estimate(device="van1", service="drive", inputs=drive), Estimated) == Estimated(cost=4, seconds=2)
+        assert (await ask(where, Begin(device="van1", service="drive", inputs=drive), Came)).refusal is None
+        assert not world.deeds
+        came = await ask(where, Do(device="van1", service="drive", inputs=drive), Came)
+        assert came == Came(situation="van1 at market AND NOT van1 at mill")
+        again = await ask(where, Do(device="van1", service="drive", inputs=drive), Came)
+        assert again.refusal == "van1 at mill does not hold"
+        with pytest.raises(RemoteError, match="there is no van7 in this world"):
+            await ask(where, Hello(device="van7"), Welcome)
+        with pytest.raises(RemoteError, match="no service type fly"):
+            await ask(where, Begin(device="van1", service="fly", inputs={}), Came)
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(b"what?\n")
+        assert b"is no line of a symbolic world" in await reader.readline()
+        writer.close()
+        await server.stop()
+
+    asyncio.run(run())
+
+
+def test_a_system_has_bodies_or_none() -> None:
+    assert symbolic([("van1", "somrs.devices.symbolic.device:SymbolicDevice"), ("Anna", "somrs.devices.person.device:Person")])
+    assert not symbolic([("Robot1", "somrs.devices.simulator.drivers.manipulator:Manipulator")])
+    with pytest.raises(UsageError, match="van1 is a device of a symbolic world, and Robot1 one of the simulator"):
+        symbolic(
+            [
+                ("van1", "somrs.devices.symbolic.device:SymbolicDevice"),
+                ("Robot1", "somrs.devices.simulator.drivers.manipulator:Manipulator"),
+            ]
+        )
+
+
+@asynccontextmanager
+async def running(folder: Path) -> AsyncIterator[tuple[System, Client]]:
+    (folder / "run").mkdir()
+    files = brought_in([PARCELS / "domain.pddl", PARCELS / "problem.pddl"], folder / "run")
+    async with System(files, folder / "run", speed="20") as system, Client(system.addresses) as client:
+        yield system, client
+
+
+async def wish(client: Client, effect: str) -> TaskView:
+    view: TaskView | None = None
+    task = await client.submit(Submit(effect=effect))
+    async with asyncio.timeout(60):
+        async for news in client.news(task):
+            view = news.view
+    assert view is not None
+    return view
+
+
+def test_a_whole_system_does_an_imported_task_though_its_map_is_wrong(tmp_path: Path, parcels: Imported) -> None:
+    """The map says that a van is where it is not: the world rejects the first step, the map learns the truth, and all is done."""
+
+    async def run() -> None:
+        async with running(tmp_path) as (system, client):
+            offered = {offer.service for offer in await client.services()}
+            assert offered == {f"{van}.{service}" for van in ("van1", "van2") for service in ("drive", "load", "unload")}
+            await client.update(UpdateMap(situation="van1 at market AND NOT van1 at mill", author="somebody who is wrong"))
+            view = await wish(client, parcels.task)
+            assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+            assert "van1 at market does not hold" in (system.data / "logs" / "world.log").read_text()
+            assert (await client.query(parcels.task, 1)).rows
+            assert system.addresses.simulator is None
+
+    asyncio.run(run())
+
+
+def somrs(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_the_command_writes_a_site_and_says_what_to_do_next(tmp_path: Path) -> None:
+    target = tmp_path / "parcels.yaml"
+    said = somrs("import", PARCELS / "domain.pddl", PARCELS / "problem.pddl", "-o", target)
+    assert said.returncode == 0, said.stderr
+    assert said.stdout.splitlines() == [
+        f"{target}: 8 objects, 2 devices, 3 service types, and all is well. Next: somrs up {target}",
+        "and in another terminal: somrs do 'letter lies harbour AND crate lies mill'",
+    ]
+    assert somrs("check", target).returncode == 0
+
+
+def test_the_command_names_what_it_cannot_read(tmp_path: Path) -> None:
+    domain, problem = written(tmp_path, problem="(define (problem p) (:domain harbour)\n(:init (storms))\n(:goal (storm)))")
+    said = somrs("import", domain, problem)
+    assert said.returncode == 2
+    assert f"{problem}:2: init: there is no predicate storms" in said.stderr
+    assert "Traceback" not in said.stderr
+    alone = somrs("import", domain)
+    assert alone.returncode == 2
+    assert "first the domain, then the problem" in alone.stderr

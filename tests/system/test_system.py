@@ -1,0 +1,266 @@
+"""Whole systems of real processes, with the simulator and over SOAP/HTTP: what the README promises."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import msgspec
+import pytest
+from rich.console import Console
+
+from somrs.cli.importing import importer, write_import
+from somrs.client.client import Addresses, Client
+from somrs.client.trace import Line
+from somrs.demo.scenarios import play
+from somrs.deployment.system import System
+from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.link.link import OperatorLink
+from somrs.errors import UsageError
+from somrs.protocol.messages.clients import Submit, TaskView
+from somrs.protocol.messages.frp import Outcome
+from tests.support.paths import ROOT, SCENARIO_1, SHARED
+
+OFFICE = SHARED / "sites" / "office.building.yaml"
+
+
+async def finished(client: Client, task: str) -> TaskView:
+    view: TaskView | None = None
+    async for news in client.news(task):
+        view = news.view
+    assert view is not None
+    return view
+
+
+async def wish(client: Client, effect: str) -> TaskView:
+    return await asyncio.wait_for(finished(client, await client.submit(Submit(effect=effect))), 120)
+
+
+@asynccontextmanager
+async def running(data: Path, *site: Path) -> AsyncIterator[tuple[System, Client, OperatorLink]]:
+    async with System(site, data, speed="max") as system, Client(system.addresses) as client:
+        host, _, port = (system.addresses.simulator or "").rpartition(":")
+        async with OperatorLink(host, int(port)) as operator:
+            yield system, client, operator
+
+
+def lines_of(out: Path) -> list[Line]:
+    return [msgspec.json.decode(line, type=Line) for line in (out / "messages.jsonl").read_bytes().splitlines()]
+
+
+def test_a_transaction_survives_dead_robots_a_dead_task_manager_and_a_client_that_changes_its_mind(tmp_path: Path) -> None:
+    said = Console(file=(tmp_path / "said.txt").open("w"), width=150)
+    code = asyncio.run(play("2", tmp_path / "out", None, said))
+    assert code == 0, (tmp_path / "said.txt").read_text()
+    told = (tmp_path / "said.txt").read_text()
+    assert "NO" not in told.split("Seen to be so")[1]
+    assert "<svg" in (tmp_path / "out" / "timeline.svg").read_text()
+
+
+@pytest.mark.parametrize("scenario", ["1", "1b"])
+def test_the_papers_scenario(scenario: str, tmp_path: Path) -> None:
+    said = Console(file=(tmp_path / "said.txt").open("w"), width=150)
+    out = tmp_path / "out"
+    code = asyncio.run(play(scenario, out, None, said))
+    assert code == 0, (tmp_path / "said.txt").read_text()
+    lines = [line for line in lines_of(out) if line.type != "Progress"]
+    types = [line.type for line in lines]
+    arrangement = ["Arrange", "Arrange", "Terms", "Terms"]
+    assert types[:4] == arrangement
+    assert sorted(types[4:6]) == ["Accept", "Cancel"]
+    if scenario == "1":
+        assert types[6:] == ["Execute", "Completed", "End"]
+    else:
+        assert types[6:] == ["Execute", "Failed", "Arrange", "Terms", "Accept", "Execute", "Completed", "End", "End"]
+        failed = lines[types.index("Failed")]
+        again = lines[types.index("Arrange", 6)]
+        for axis in "XYZ":
+            found = re.search(rf"Jar002\.Position{axis} = [-\d.]+", str(failed.body["situation"]))
+            assert found is not None
+            assert found[0] in str(again.body["precondition"])
+        assert {line.recipient for line in lines if line.type == "End"} == {"Robot1.TransferObject", "Robot2.TransferObject"}
+        assert failed.sender != again.recipient
+    assert len({line.transaction for line in lines}) == 1
+    ET.parse(out / "messages.svg")
+    assert (out / "map-before.yaml").read_text() != (out / "map-after.yaml").read_text()
+    pictures = sorted(picture.stem for picture in out.glob("?.png"))
+    if "no pictures" not in (tmp_path / "said.txt").read_text():
+        assert pictures == (["A", "B", "F"] if scenario == "1" else ["A", "B", "C", "D", "E", "F"])
+
+
+def test_an_unknown_scenario_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="7"):
+        asyncio.run(play("7", tmp_path / "out", None))
+
+
+@pytest.mark.skipif(not OFFICE.exists(), reason="the office is not in ../shared/sites")
+def test_the_office(tmp_path: Path) -> None:
+    """Two delivery robots, two tasks at once, and one for something that is nowhere."""
+    bring_in = importer(OFFICE)
+    assert bring_in is not None
+    office = tmp_path / "office.map.yaml"
+    write_import(bring_in, OFFICE, office)
+    parcel = tmp_path / "parcel.yaml"
+    parcel.write_text(
+        "uses: [office.map.yaml]\n"
+        "map: Parcels\n"
+        "objects:\n"
+        "  Carton001: {type: Carton, at: [7.0, -3.5, 0]}\n"
+        "  Carton002: {type: Carton, at: [7.0, -3.5, 0]}\n"
+        "facts:\n"
+        "  - Carton001 isOn supplies\n"
+    )
+
+    async def run() -> None:
+        async with running(tmp_path / "run", parcel) as (_, client, operator):
+            first = await client.submit(Submit(effect="Coke001 isOn lounge"))
+            second = await client.submit(Submit(effect="Carton001 isOn coe"))
+            views = await asyncio.wait_for(asyncio.gather(finished(client, first), finished(client, second)), 200)
+            assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 2, views
+            assert (await operator.seen("Coke001")).on == "lounge"
+            assert (await operator.seen("Carton001")).on == "coe"
+            nowhere = await wish(client, "Carton002 isOn lounge")
+            assert nowhere.outcome is Outcome.FAILED
+            assert "Carton002" in nowhere.explanation
+            with pytest.raises(UsageError, match="Coke001"):
+                await client.submit(Submit(effect="Coke007 isOn lounge"))
+
+    asyncio.run(run())
+
+
+def test_a_new_kind_of_device_joins_while_the_system_runs(tmp_path: Path) -> None:
+    """The tutorial docs/your-own-device.md, with the file that it is about."""
+    data = tmp_path / "run"
+    tutorial = (ROOT / "docs" / "your-own-device.md").read_text()
+    found = re.search(r'somrs do "(.+)"', tutorial)
+    assert found is not None
+    effect = found[1]
+
+    async def run() -> None:
+        async with running(data, SCENARIO_1) as (_, client, operator):
+            with pytest.raises(UsageError, match="wasWashedBy"):
+                await client.submit(Submit(effect=effect))
+            washer = subprocess.Popen(
+                [sys.executable, ROOT / "examples" / "jar_washer.py", "--name", "Washer001", "--data", data], stdout=subprocess.PIPE
+            )
+            try:
+                assert washer.stdout is not None
+                ready = json.loads(await asyncio.to_thread(washer.stdout.readline))
+                assert ready["ready"] == "Washer001"
+                view = await wish(client, effect)
+                assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+                assert [step.service_type for step in view.steps] == ["TransferObject", "WashJar", "TransferObject"]
+                assert view.steps[1].service == "Washer001.WashJar"
+                assert (await operator.seen("Jar002")).on == "Platform001"
+            finally:
+                washer.send_signal(signal.SIGTERM)
+                assert await asyncio.to_thread(washer.wait, 20) == 0
+            assert "Washer001.WashJar" not in {offer.service for offer in await client.services()}
+            gone = await wish(client, "Jar003 wasWashedBy Washer001")
+            assert gone.outcome is Outcome.FAILED
+            assert "wasWashedBy" in gone.explanation
+
+    asyncio.run(run())
+
+
+def test_the_repository_survives_a_kill(tmp_path: Path) -> None:
+    """What was acknowledged is there when the same data folder is started again."""
+
+    async def run() -> None:
+        async with running(tmp_path / "run", SCENARIO_1) as (system, client, _):
+            view = await wish(client, "Jar002 isOn Platform001")
+            assert view.outcome is Outcome.ACCOMPLISHED
+            system.programs["repository"].process.kill()
+        async with running(tmp_path / "run", SCENARIO_1) as (_, client, operator):
+            assert (await client.query("Jar002 isOn Platform001")).rows
+            assert (await operator.seen("Jar002")).on == "Platform001", "the world is built from the map that was kept"
+
+    asyncio.run(run())
+
+
+def test_a_robot_that_falls_silent_with_the_jar_ends_the_task_and_is_not_asked_again(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with running(tmp_path / "run", SCENARIO_1) as (_, client, operator):
+            await operator.schedule("Robot1", Fault.SILENT, carried=1.0)
+            view = await wish(client, "Jar002 isOn Platform001")
+            assert view.outcome is Outcome.FAILED
+            assert "said nothing" in view.explanation
+            assert (await client.query("Robot1.Working = FALSE")).rows
+            other = await wish(client, "Jar003 isOn Platform001")
+            assert other.outcome is Outcome.ACCOMPLISHED, other.explanation
+            assert other.steps[0].service == "Robot2.TransferObject"
+
+    asyncio.run(run())
+
+
+def test_another_site_does_not_go_on_with_the_map_of_the_one_before(tmp_path: Path) -> None:
+    other = tmp_path / "other.yaml"
+    other.write_text(SCENARIO_1.read_text())
+
+    async def run() -> None:
+        async with running(tmp_path / "run", SCENARIO_1) as (system, client, _):
+            with pytest.raises(UsageError, match="in use"):
+                async with System([SCENARIO_1], tmp_path / "run"):
+                    pass
+            assert Addresses.read(tmp_path / "run") == system.addresses, "the one that runs can still be found"
+            assert await client.services()
+        with pytest.raises(UsageError, match="--fresh"):
+            async with System([other], tmp_path / "run"):
+                pass
+
+    asyncio.run(run())
+
+
+def test_whatever_is_killed_is_started_again(tmp_path: Path) -> None:
+    """One process after the other; then a task, as if nothing had been."""
+
+    async def run() -> None:
+        async with running(tmp_path / "run", SCENARIO_1) as (system, client, _):
+            told: list[str] = []
+            keeping = asyncio.create_task(system.keep_running(told.append))
+            for name, program in system.programs.items():
+                program.process.kill()
+                async with asyncio.timeout(60):
+                    while f"{name} is back" not in told:
+                        await asyncio.sleep(0.05)
+            keeping.cancel()
+            assert f"Robot1 ended (signal SIGKILL; see {tmp_path / 'run' / 'logs' / 'Robot1.log'}); starting it again" in told
+            async with asyncio.timeout(60):
+                while len(await client.services()) < 2:  # the robots' leases are with the Registry that was killed
+                    await asyncio.sleep(0.1)
+            assert (await wish(client, "Jar002 isOn Platform001")).outcome is Outcome.ACCOMPLISHED
+
+    asyncio.run(run())
+
+
+def test_without_opengl_everything_is_there_but_the_pictures(tmp_path: Path) -> None:
+    environment = {**os.environ, "MUJOCO_GL": "disable", "SOMRS_GRAPHICS": "disable"}
+    command = [sys.executable, "-m", "somrs.cli.main", "demo", "1", "--out", str(tmp_path / "out")]
+    said = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120)
+    assert said.returncode == 0, said.stdout + said.stderr
+    assert "no pictures" in said.stdout
+    assert not list((tmp_path / "out").glob("*.png"))
+    assert {"messages.jsonl", "messages.svg", "map-before.yaml", "map-after.yaml"} <= {file.name for file in (tmp_path / "out").iterdir()}
+
+
+def test_a_system_that_cannot_start_says_why_and_leaves_nothing_running(tmp_path: Path) -> None:
+    site = tmp_path / "empty.yaml"
+    site.write_text("ontology: empty\n")
+
+    async def run() -> None:
+        system = System([site], tmp_path / "run")
+        with pytest.raises(UsageError, match="no map"):
+            async with system:
+                pass
+        assert all(program.process.returncode is not None for program in system.programs.values())
+
+    asyncio.run(run())

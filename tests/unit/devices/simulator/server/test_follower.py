@@ -1,0 +1,154 @@
+"""A simulated world that follows the Repository's map while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+from msgspec import structs
+
+from somrs.devices.simulator.link.commands import Approach, Command, Done, DriveTo, Gave, Grip, Place
+from somrs.devices.simulator.server.follower import Follower
+from somrs.kernel.component import Component, Effect, Rang, Received, Send, Started
+from somrs.kernel.replica import GAP_TIME
+from somrs.ontology.files.loading import load_text, upper
+from somrs.ontology.naming import Renaming, Section
+from somrs.ontology.objects import FactAdded, Object, ObjectAdded, ObjectRemoved
+from somrs.protocol.messages.knowledge import Alteration, Define, Definitions, RenameObject, UpdateMap
+from somrs.repository.component import Repository
+from somrs.repository.entries import Contents
+from tests.support.lab import REPOSITORY, request
+from tests.support.looking_lab import SITE
+
+FOLLOWER = "http://here/simulator"
+DOOR = "  Door1: {type: Door, at: [6, 5, 0], Shape: {Form: Box, Width: 0.1, Depth: 2, Height: 2.1}, Open: true}\nfacts:"
+
+
+class Both:
+    """A Repository and a world that follows it, joined by a network that loses nothing."""
+
+    def __init__(self) -> None:
+        loaded = load_text(SITE.replace("facts:", DOOR), base=upper())
+        assert loaded.map is not None
+        self.repository = Repository(REPOSITORY, Contents(ontology=loaded.ontology, map=loaded.map))
+        self.follower = Follower(FOLLOWER, REPOSITORY)
+        self.now = 0.0
+        self._carry(self.follower.handle(Started(FOLLOWER), 0.0))
+        assert self.follower.simulation is not None
+        self.simulation = self.follower.simulation
+
+    def _carry(self, effects: Iterable[Effect]) -> None:
+        sent = [effect.message for effect in effects if isinstance(effect, Send)]
+        while sent:
+            message = sent.pop(0)
+            parts: dict[str, Component] = {REPOSITORY: self.repository, FOLLOWER: self.follower}
+            to = parts.get(message.header.recipient)
+            if to is not None:
+                sent += [effect.message for effect in to.handle(Received(message), self.now) if isinstance(effect, Send)]
+
+    def update(self, update: Alteration) -> None:
+        self._carry(self.repository.handle(Received(request(update)), 0.0))
+        self.now += 2 * GAP_TIME  # what it could not be told, it notices
+        self._carry(self.follower.handle(Rang("replica"), self.now))
+        assert self.follower.replica.version == self.repository.contents.version
+
+    def drive(self, command: Command, robot: str = "Patrol1") -> Done | Gave:
+        ends: list[Done | Gave] = []
+        self.simulation.command(robot, command, ends.append)
+        while not ends:
+            assert self.simulation.time < 300
+            self.simulation.step()
+        return ends[0]
+
+
+def test_a_door_that_is_closed_on_the_map_is_closed_in_the_world() -> None:
+    both = Both()
+    there, back = DriveTo(x=4, y=5), DriveTo(x=8, y=5)
+    assert isinstance(both.drive(there), Done)
+    both.update(UpdateMap(situation="Door1.Open = FALSE"))
+    end = both.drive(back)
+    assert isinstance(end, Gave)
+    assert end.reason == "unreachable"
+    both.update(UpdateMap(situation="Door1.Open = TRUE"))
+    assert isinstance(both.drive(back), Done)
+
+
+def test_what_is_measured_moves_nothing() -> None:
+    both = Both()
+    before = both.simulation.seen("Jar1")
+    both.update(UpdateMap(situation="Jar1.PositionX = 3 AND Jar1 isOn Floor1"))
+    assert both.simulation.seen("Jar1") == before
+
+
+def test_what_comes_to_the_map_and_goes_from_it_comes_and_goes() -> None:
+    both = Both()
+    cup = Object(name="Cup1", type="Cup", values={"PositionX": 10.5, "PositionY": 4.0, "PositionZ": 0.3})
+    both.update(UpdateMap(changes=(ObjectAdded(cup),)))
+    assert both.simulation.seen("Cup1").on == "Platform1"
+    both.update(UpdateMap(changes=(ObjectRemoved("Cup1"),)))
+    assert "Cup1" not in both.simulation.scene.world.solids
+
+
+def called(section: Section, name: str, to: str) -> Define:
+    return Define(renamed=(Renaming(section=section, name=name, to=to),))
+
+
+@pytest.mark.parametrize("type", ["Jar", "PatrolRobot", "Platform", "Building"])
+def test_what_is_of_a_type_with_another_name_stays_as_it_is(type: str) -> None:
+    both = Both()
+    assert isinstance(both.drive(DriveTo(x=4, y=5)), Done)
+    before = both.simulation.scene.pose("Jar1"), both.simulation.scene.pose("Patrol1")
+    if type != "PatrolRobot":  # which SO-MRS relies on
+        both.update(called(Section.TYPES, type, "Other"))
+    else:
+        both.update(Define(definitions=Definitions(types=(structs.replace(upper().types[type], name="Other", parent=type),))))
+        robot = structs.replace(both.repository.contents.map.objects["Patrol1"], type="Other")
+        facts = tuple(FactAdded(fact) for fact in both.repository.contents.map.facts_about("Patrol1"))
+        both.update(UpdateMap(changes=(ObjectRemoved("Patrol1"), ObjectAdded(robot), *facts)))
+    assert (both.simulation.scene.pose("Jar1"), both.simulation.scene.pose("Patrol1")) == before
+    assert isinstance(both.drive(DriveTo(x=8, y=5)), Done)
+
+
+def test_a_thing_with_another_name_stays_where_it_is() -> None:
+    both = Both()
+    both.simulation.move("Jar1", 3.0, 4.0, 0.0)
+    for _ in range(50):
+        both.simulation.step()
+    before = both.simulation.seen("Jar1")
+    both.update(RenameObject(name="Jar1", to="Krug"))
+    after = both.simulation.seen("Krug")
+    assert (after.x, after.y, after.z) == pytest.approx((before.x, before.y, before.z), abs=1e-4)
+    assert "Jar1" not in both.simulation.scene.world.solids
+    both.update(RenameObject(name="Platform1", to="Stage1"))
+    assert "Stage1" in both.simulation.scene.world.solids
+
+
+def test_a_thing_in_a_robots_hand_may_get_another_name_or_go() -> None:
+    both = Both()
+    assert isinstance(both.drive(Approach(object="Jar1"), "Robot1"), Done)
+    assert isinstance(both.drive(Grip(object="Jar1"), "Robot1"), Done)
+    both.update(RenameObject(name="Jar1", to="Krug"))
+    assert both.simulation.seen("Krug").held_by == "Robot1"
+    assert isinstance(both.drive(DriveTo(x=4, y=5), "Robot1"), Done)
+    assert both.simulation.scene.pose("Krug")[:2] == pytest.approx((4, 5), abs=1)
+    ends: list[Done | Gave] = []
+    both.simulation.command("Robot1", Place(on="Floor1"), ends.append)
+    both.simulation.step()
+    both.update(UpdateMap(changes=(ObjectRemoved("Krug"),)))
+    while not ends:
+        assert both.simulation.time < 300
+        both.simulation.step()
+    assert isinstance(ends[0], Gave)
+    assert "Krug was taken out of the world" in ends[0].description
+    assert isinstance(both.drive(DriveTo(x=4, y=4), "Robot1"), Done)
+
+
+def test_a_change_that_no_message_can_hold_is_followed_too() -> None:
+    """It is read from the map as it is then."""
+    both = Both()
+    both.update(Define(definitions=Definitions(types=(structs.replace(upper().types["Cup"], name="Mug", doc="x" * 60_000),))))
+    mugs = [Object(name=f"Mug{n}", type="Mug", values={"PositionX": 10.5, "PositionY": 4.0, "PositionZ": 0.3 + n}) for n in range(2)]
+    both.update(UpdateMap(changes=tuple(map(ObjectAdded, mugs))))
+    both.update(called(Section.TYPES, "Mug", "Beaker"))
+    assert {"Mug0", "Mug1"} <= both.simulation.scene.world.solids.keys()
+    assert both.simulation.scene.world.solids["Mug0"].type == "Beaker"

@@ -1,0 +1,143 @@
+"""The simulated world as made from a map: what is in it, what comes and goes, and how it fails."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import numpy as np
+import pytest
+
+from somrs.devices.simulator.link.commands import Approach, Done, DriveTo, Gave, Grip, Place
+from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.solids import Role, solid_of
+from somrs.devices.simulator.world.world import triangles
+from somrs.errors import SimulationError, UsageError
+from somrs.ontology.objects import Map, Object
+from tests.support.simulator_room import ONTOLOGY, Run, box, robot, room, shell, thing
+
+
+def test_every_physical_object_of_the_map_is_in_the_world() -> None:
+    scene = Scene(room(more=[Object(name="Room1", type="CuboidRoom")]), ONTOLOGY)
+    assert set(scene.world.solids) == set(room().objects)
+    assert scene.seen("Jar002").on == "Cupboard001"
+    assert scene.seen("Robot1").on == "Floor1"
+    assert scene.pose("Robot2")[:2] == (6.5, 4.5)
+
+
+def test_types_bring_their_defaults() -> None:
+    solid = solid_of(thing("Jar1", "Jar", 1, 2, 0), ONTOLOGY)
+    assert solid is not None
+    assert (solid.role, solid.radius, solid.height, solid.weight) == (Role.THING, 0.04, 0.14, 0.3)
+
+
+def test_things_stay_where_they_are_for_a_minute() -> None:
+    run = Run(room(more=[thing("Carton1", "Carton", 4, 5.2, 0.74, RotationZ=0.5)]))
+    before = run.simulation.scene.pose("Carton1"), run.simulation.scene.pose("Jar002")
+    run.simulation.scene.step(12000)
+    after = run.simulation.scene.pose("Carton1"), run.simulation.scene.pose("Jar002")
+    assert np.allclose(before, after, atol=1e-3)
+
+
+def test_nothing_is_busy_until_somebody_says_something() -> None:
+    run = Run(room())
+    assert not run.simulation.busy
+    run.start("Robot1", DriveTo(x=3, y=3))
+    assert run.simulation.busy
+    run.until(lambda: not run.simulation.busy)
+
+
+def test_physics_that_stopped_making_sense_is_an_error() -> None:
+    run = Run(room())
+    joint = run.simulation.scene.model.joint("Jar002")
+    run.simulation.scene.data.qvel[joint.dofadr[0]] = math.nan
+    with pytest.raises(SimulationError, match="stopped making sense"):
+        run.step()
+
+
+def test_what_appears_while_it_runs_is_there_and_changes_nothing_else() -> None:
+    run = Run(room())
+    run.all("Robot1", Grip(object="Jar002"))
+    ends = run.start("Robot1", Approach(object="Platform001"))
+    for _ in range(100):
+        run.step()
+    before = run.simulation.state("Robot1"), run.simulation.seen("Jar002")
+    run.simulation.add(thing("Cup1", "Cup", 4, 5, 0.74))
+    run.simulation.add(box("Table002", "Table", (2.5, 4.5, 0), (0.8, 0.8, 0.7)))
+    run.simulation.add(robot("Robot3", (7, 5.3, 2.0)))
+    after = run.simulation.state("Robot1"), run.simulation.seen("Jar002")
+    assert (after[0].x, after[0].y, after[0].holding) == pytest.approx((before[0].x, before[0].y, "Jar002"), abs=1e-6)
+    assert math.dist((before[1].x, before[1].y, before[1].z), (after[1].x, after[1].y, after[1].z)) < 1e-6
+    run.until(lambda: ends)
+    assert isinstance(ends[0], Done)
+    run.all("Robot1", Place(on="Table002"))
+    run.all("Robot3", Grip(object="Cup1"), Place(on="Platform001"))
+    assert run.simulation.seen("Cup1").on == "Platform001"
+    assert not run.collisions
+
+
+def test_what_is_removed_is_gone() -> None:
+    run = Run(room())
+    run.all("Robot1", Grip(object="Jar002"))
+    run.simulation.remove("Jar002")
+    assert run.simulation.state("Robot1").holding is None
+    ends = run.start("Robot2", DriveTo(x=3, y=3))
+    run.step()
+    run.simulation.remove("Robot2")
+    assert [end.reason for end in ends if isinstance(end, Gave)] == ["stopped"]
+    run.simulation.remove("Platform001")
+    run.all("Robot1", DriveTo(x=6.5, y=1.5))
+    with pytest.raises(UsageError, match="not in the simulated world"):
+        run.simulation.seen("Jar002")
+
+
+def test_somebody_can_move_a_thing() -> None:
+    run = Run(room())
+    run.simulation.move("Jar002", 4, 5.2, 0.74)
+    run.until(lambda: not run.simulation.busy)
+    assert run.simulation.seen("Jar002").on == "Table001"
+    with pytest.raises(UsageError, match="not a thing"):
+        run.simulation.move("Table001", 1, 1, 0)
+
+
+def test_an_empty_map_is_no_world() -> None:
+    with pytest.raises(SimulationError, match="no physical object"):
+        Simulation(Map(), ONTOLOGY)
+
+
+@pytest.mark.parametrize(("path", "value"), [("PositionX", math.nan), ("Shape.Width", 0.0)])
+def test_an_object_that_cannot_be_built_is_named(path: str, value: float) -> None:
+    table = box("Table9", "Table", (1, 1, 0), (0.0, 0.0, 0.7) if path == "Shape.Width" else (1, 1, 0.7))
+    broken = Object(name="Table9", type="Table", values={**table.values, path: value})
+    with pytest.raises(SimulationError, match="Table9"):
+        Simulation(Map([*shell(), broken]), ONTOLOGY)
+
+
+def test_a_polygon_is_cut_into_triangles_of_its_area() -> None:
+    outline = ((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (2.0, 3.0), (2.0, 1.0), (0.0, 1.0))
+    area = sum(abs((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])) / 2 for a, b, c in triangles(outline))
+    assert area == pytest.approx(8.0)
+
+
+def test_robots_work_on_a_floor_with_an_outline() -> None:
+    text = "0,0 6,0 6,4 3,4 3,2 0,2"
+    shape: dict[str, float | str | bool] = {"Shape.Form": "Polygon", "Shape.Outline": text, "Shape.Height": 0.1}
+    floor = thing("Floor1", "Floor", 0, 0, -0.1, **shape)
+    run = Run(Map([floor, thing("Cup1", "Cup", 5, 3.2, 0), robot("Robot1", (1, 1, 0))]))
+    run.all("Robot1", Grip(object="Cup1"), DriveTo(x=1, y=1), Place(on="Floor1"))
+    assert run.simulation.seen("Cup1").on == "Floor1"
+    end = run.do("Robot1", DriveTo(x=1, y=3.5))
+    assert isinstance(end, Gave)
+    assert end.reason == "unreachable"
+
+
+def test_a_cup_is_moved_in_an_office_with_a_hundred_pieces_of_furniture() -> None:
+    chance = random.Random(5)
+    desks = [box(f"Desk{i}", "Table", (2 + 3 * (i % 10), 8 + 3 * (i // 10), 0), (1.4, 0.7, 0.74)) for i in range(60)]
+    chairs = [box(f"Chair{i}", "Chair", (2 + 3 * (i % 10), 8.8 + 3 * (i // 10), 0), (0.45, 0.45, 0.85)) for i in range(60)]
+    cups = [thing(f"Cup{i}", "Cup", 2 + 3 * (i % 10) + chance.uniform(-0.5, 0.5), 8 + 3 * (i // 10), 0.74) for i in range(10)]
+    floor = box("Floor1", "Floor", (16, 13, -0.1), (33, 27, 0.1))
+    run = Run(Map([floor, *desks, *chairs, *cups, robot("Robot1", (5, 3, 0)), robot("Robot2", (25, 3, 0))]))
+    run.all("Robot1", Grip(object="Cup3"), Place(on="Desk5"))
+    assert run.simulation.seen("Cup3").on == "Desk5"

@@ -1,0 +1,183 @@
+"""What moving and adding on the map's page comes to, and how it reads and tells values and changes."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from somrs.errors import InputError
+from somrs.gui.pages.map.moves import Move, moved
+from somrs.gui.pages.map.proposals import Spot, adding, form_for, name_for
+from somrs.gui.pages.map.readings import limits, read, text_of
+from somrs.gui.pages.map.relations import added, seats
+from somrs.gui.pages.map.words import sentences, shown
+from somrs.ontology.conformance import violations
+from somrs.ontology.files.loading import load
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ObjectRemoved, ValueSet
+from somrs.ontology.types import Ontology
+from somrs.ontology.values import value_of
+from somrs.protocol.messages.people import client, person
+from tests.support.paths import SCENARIO_1
+
+
+@pytest.fixture(scope="module")
+def known() -> tuple[Map, Ontology]:
+    loaded = load([SCENARIO_1])
+    assert loaded.map is not None
+    return loaded.map, loaded.ontology
+
+
+def after(known: tuple[Map, Ontology], changes: tuple[Change, ...]) -> Map:
+    """The map after the changes, which obeys its types."""
+    map = known[0].changed(changes)
+    assert violations(map, known[1]) == []
+    return map
+
+
+def at(map: Map, ontology: Ontology, name: str) -> tuple[float, float, float]:
+    x, y, z = (value_of(name, path, map, ontology) for path in ("PositionX", "PositionY", "PositionZ"))
+    assert isinstance(x, float)
+    assert isinstance(y, float)
+    assert isinstance(z, float | int)
+    return x, y, z
+
+
+def test_a_thing_stands_on_what_it_is_put_on(known: tuple[Map, Ontology]) -> None:
+    map, ontology = known
+    put = after(known, moved(map, ontology, Move(name="Jar002", x=4.1, y=2.3, turned=0, target="Table001")))
+    assert at(put, ontology, "Jar002") == (4.1, 2.3, 0.74)
+    assert put.holds("isOn", ("Jar002", "Table001"))
+    assert not put.holds("isOn", ("Jar002", "Cupboard001"))
+    floor = after(known, moved(map, ontology, Move(name="Jar002", x=2, y=2, turned=0, target="Floor001")))
+    assert at(floor, ontology, "Jar002")[2] == pytest.approx(0)
+
+
+def test_what_stands_on_a_table_moves_and_turns_with_it(known: tuple[Map, Ontology]) -> None:
+    map, ontology = known
+    turned = after(known, moved(map, ontology, Move(name="Table002", x=5, y=5, turned=math.pi / 2)))
+    (tx, ty, _), (cx, cy, cz) = at(map, ontology, "Table002"), at(map, ontology, "Carton001")
+    dx, dy = cx - tx, cy - ty
+    assert at(turned, ontology, "Carton001") == pytest.approx((5 - dy, 5 + dx, cz), abs=1e-4)
+    assert value_of("Carton001", "RotationZ", turned, ontology) == pytest.approx(math.pi / 2, abs=1e-5)
+    assert turned.holds("isOn", ("Carton001", "Table002"))
+
+
+def test_only_what_changed_is_said(known: tuple[Map, Ontology]) -> None:
+    map, ontology = known
+    changes = moved(map, ontology, Move(name="Chair001", x=1, y=1, turned=0))
+    assert {change.path for change in changes if isinstance(change, ValueSet)} == {"PositionX", "PositionY"}
+
+
+def test_a_robot_that_is_moved_away_is_at_its_place_no_more(known: tuple[Map, Ontology]) -> None:
+    map, ontology = known
+    there = map.changed([FactAdded(Fact("isAt", ("Robot1", "Charger001")))])
+    assert FactRemoved(Fact("isAt", ("Robot1", "Charger001"))) in moved(there, ontology, Move(name="Robot1", x=5, y=5, turned=0))
+    assert not any(isinstance(one, FactRemoved) for one in moved(there, ontology, Move(name="Robot1", x=1.1, y=0.8, turned=0)))
+
+
+def test_names_go_on_from_those_of_the_kind(known: tuple[Map, Ontology]) -> None:
+    map, _ = known
+    assert name_for("Jar", map) == "Jar004"
+    assert name_for("PioneerP3DX", map) == "Robot3"
+    assert name_for("Plant", map) == "Plant001"
+
+
+@pytest.mark.parametrize(
+    "type_name", ["Jar", "Table", "Plant", "Wall", "Door", "Window", "Camera", "PioneerP3DX", "Place", "Carton", "Pillar"]
+)
+def test_what_is_proposed_can_be_added(known: tuple[Map, Ontology], type_name: str) -> None:
+    map, ontology = known
+    spot = Spot(x=3, y=4, turned=0.5, target="Floor001", storey="Storey001")
+    name = name_for(type_name, map)
+    made = after(known, adding(type_name, name, form_for(type_name, map, ontology), spot, map, ontology))
+    assert at(made, ontology, name)[:2] == (3, 4)
+
+
+@pytest.mark.parametrize("type_name", ["Person", "Room", "Corridor"])
+def test_what_has_no_place_is_a_part_of_the_building(known: tuple[Map, Ontology], type_name: str) -> None:
+    map, ontology = known
+    made = after(known, adding(type_name, "New1", {}, None, map, ontology))
+    assert made.whole("New1") == "Building001"
+
+
+def test_a_thing_that_is_added_on_a_table_stands_on_it(known: tuple[Map, Ontology]) -> None:
+    map, ontology = known
+    made = after(known, adding("Cup", "Cup001", {}, Spot(x=4, y=2.2, target="Table001", storey="Storey001"), map, ontology))
+    assert made.holds("isOn", ("Cup001", "Table001"))
+    assert at(made, ontology, "Cup001")[2] == 0.74
+
+
+def test_values_are_read_in_any_fitting_unit(known: tuple[Map, Ontology]) -> None:
+    attributes = known[1].attributes
+    assert read("450 g", attributes["Weight"]) == pytest.approx(0.45)
+    assert read("0,5", attributes["Weight"]) == 0.5
+    assert read("90", attributes["RotationZ"]) == pytest.approx(math.pi / 2)
+    assert read("1.5 rad", attributes["RotationZ"]) == 1.5
+    assert read("80 %", attributes["Charge"]) == pytest.approx(80)
+    assert text_of(math.pi / 2, attributes["RotationZ"]) == "90"
+
+
+@pytest.mark.parametrize(
+    ("path", "text", "said"),
+    [
+        ("Weight", "heavy", "Weight is a number in kg, not 'heavy'"),
+        ("Weight", "3 m", "cannot be expressed in it"),
+        ("Weight", "-1", "at least 0"),
+        ("Charge", "120", "at most 100"),
+        ("Color", "Pink", "Color is one of Black"),
+    ],
+)
+def test_what_is_wrong_with_a_value_is_said(known: tuple[Map, Ontology], path: str, text: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        read(text, known[1].attributes[path])
+
+
+def test_ranges_of_type_and_attribute_are_told_together(known: tuple[Map, Ontology]) -> None:
+    ontology = known[1]
+    assert limits("Weight", ontology.attributes["Weight"], "Jar", ontology) == "0 to 5 kg"
+    assert limits("Charge", ontology.attributes["Charge"], "PioneerP3DX", ontology) == "0 to 100 %"
+
+
+def test_a_fact_that_is_added_drives_out_what_cannot_hold_with_it(known: tuple[Map, Ontology]) -> None:
+    map, ontology = known
+    held = Fact("isHeldBy", ("Jar002", "Robot1"))
+    put = after(known, tuple(added(held, map, ontology)))
+    assert [str(fact) for fact in put.facts_about("Jar002")] == ["Jar002 isHeldBy Robot1"]
+    other = Fact("isOn", ("Jar002", "Table001"))
+    assert [str(fact) for fact in after(known, tuple(added(other, map, ontology))).facts_about("Jar002")] == ["Jar002 isOn Table001"]
+
+
+def test_every_place_in_a_relation_that_fits_a_type_is_offered(known: tuple[Map, Ontology]) -> None:
+    said = [seat.text() for seat in seats("Door", known[1])]
+    assert "connects(this, Space, Space)" in said
+    assert "this isAdjacentTo Object" in said
+    assert "Object isAdjacentTo this" not in said
+    assert "Object isPartOf this" in said
+
+
+def test_changes_are_told_in_words(known: tuple[Map, Ontology]) -> None:
+    map, ontology = known
+    assert sentences(moved(map, ontology, Move(name="Jar002", x=8.2, y=2.5, turned=0, target="Platform001")), ontology) == [
+        "Jar002 moved to x 8.20 m, y 2.50 m, put on Platform001"
+    ]
+    assert sentences([ObjectRemoved("Jar002")], ontology) == ["Jar002 removed"]
+    assert sentences([ValueSet("Door001", "Open", False)], ontology) == ["Door001 Open set to no"]
+    assert sentences([ValueSet("Jar002", "Unknown", True)], ontology) == ["Jar002 is unknown: nobody knows where and how it is"]
+    assert shown(math.pi, ontology.attributes["RotationZ"]) == "180°"
+
+
+@pytest.mark.parametrize(
+    ("author", "said"),
+    [
+        ("Anna", "Anna"),
+        ("Robot1.TransferObject", "Robot1.TransferObject"),
+        ("urn:so-mrs:client:root@vm", "root@vm"),
+        (client("Anna Maria/2@vm"), "Anna Maria/2@vm"),
+        (client(client("root@vm")), "root@vm"),
+        ("http://127.0.0.1:4242/devices/Robot1", "Robot1"),
+        ("", "somebody"),
+    ],
+)
+def test_authors_are_told_as_people_know_them(author: str, said: str) -> None:
+    assert person(author) == said

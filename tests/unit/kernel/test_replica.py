@@ -1,0 +1,294 @@
+"""The replica: after whatever happened to messages and programs, it comes to be what the Repository has."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from somrs.kernel.component import Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
+from somrs.kernel.replica import GAP_TIME, LEASE, News, Replica
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.types import AttributeType, Kind
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.knowledge import Define, Definitions, MapPage, ReadMap, UpdateMap
+from somrs.repository.component import Repository
+from somrs.repository.entries import Contents
+from somrs.runtime.virtual import World
+from tests.support.lab import REPOSITORY, contents, request, tell
+
+OWNER = "http://here/owner"
+
+
+class Owner:
+    """A component that has a replica and nothing else."""
+
+    def __init__(self) -> None:
+        self.replica = Replica(OWNER, REPOSITORY)
+        self.news: list[News] = []
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if isinstance(event, Started):
+            return self.replica.start(now)
+        news = self.replica.handle(event, now)
+        if news is None:
+            return []
+        self.news.append(news)
+        return news.effects
+
+
+def same(replica: Replica, repository: Repository) -> bool:
+    kept = repository.contents
+    ontology = {definition.name: definition for definition in kept.ontology}
+    return replica.map == kept.map and replica.version == kept.version and {d.name: d for d in replica.ontology} == ontology
+
+
+def many_jars(number: int) -> Contents:
+    kept = contents()
+    values = {"PositionX": 8.0, "PositionY": 8.0, "PositionZ": 0.7}
+    kept.map = kept.map.changed(ObjectAdded(Object(name=f"Jar-{n:04}", type="Jar", values={**values})) for n in range(number))
+    return kept
+
+
+def test_it_reads_everything_and_follows() -> None:
+    world, owner, repository = World(), Owner(), Repository(REPOSITORY, many_jars(1000))
+    world.add(REPOSITORY, repository)
+    world.add(OWNER, owner)
+    assert world.run(10.0, lambda: owner.replica.ready)
+    assert same(owner.replica, repository)
+    assert [news.read for news in owner.news][-1]
+    world.send(request(UpdateMap(situation="Jar1 isOn Table2")))
+    world.run(1.0)
+    assert same(owner.replica, repository)
+    moved = (FactRemoved(Fact("isOn", ("Jar1", "Table1"))), FactAdded(Fact("isOn", ("Jar1", "Table2"))))
+    assert owner.news[-1].changes == moved
+    color = AttributeType(name="Smell", kind=Kind.TEXT)
+    world.send(request(Define(definitions=Definitions(attributes=(color,)))))
+    world.run(1.0)
+    assert same(owner.replica, repository)
+    assert owner.news[-1].definitions == (color,)
+
+
+def test_what_changes_while_pages_are_read_is_on_the_copy() -> None:
+    """An update between any two messages of the reading; the first pages are older than the last ones."""
+    repository, owner = Repository(REPOSITORY, many_jars(500)), Owner()
+    waiting = [effect.message for effect in owner.handle(Started(OWNER), 0.0) if isinstance(effect, Send)]
+    pages = 0
+    for step in itertools.count():
+        if not waiting:
+            break
+        to_repository = waiting.pop(0)
+        effects = repository.handle(Received(to_repository), 0.0)
+        changes: tuple[Change, ...] = (ValueSet("Jar1", "PositionX", float(step)), ValueSet("Table2", "PositionX", float(step)))
+        if step == 2:
+            changes = (*changes, ValueSet("Jar-0499", "Color", "Red"))
+        elif step == 3:
+            changes = (*changes, ObjectRemoved("Jar-0003"), ObjectRemoved("Jar-0499"), ObjectAdded(Object(name="A1", type="Room")))
+            changes = (*changes, FactAdded(Fact("isPartOf", ("A1", "Storey1"))))
+        effects += tell(repository, UpdateMap(changes=changes), 0.0)
+        for effect in effects:
+            if isinstance(effect, Send) and effect.message.header.recipient == OWNER:
+                pages += isinstance(effect.message.body, MapPage)
+                waiting += [e.message for e in owner.handle(Received(effect.message), 0.0) if isinstance(e, Send)]
+    assert pages >= 3
+    assert owner.replica.ready
+    assert same(owner.replica, repository)
+
+
+def test_a_message_that_was_lost_is_noticed_and_everything_read_again() -> None:
+    world, owner, repository = World(), Owner(), Repository(REPOSITORY, contents())
+    world.add(REPOSITORY, repository)
+    world.add(OWNER, owner)
+    world.run(1.0)
+    tell(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)  # its MapChanged goes nowhere
+    world.send(request(UpdateMap(changes=(ValueSet("Jar2", "Color", "Red"),))))
+    world.run(GAP_TIME / 2)
+    assert owner.replica.version == 0
+    world.run(GAP_TIME)
+    assert same(owner.replica, repository)
+    assert owner.news[-2].read or owner.news[-1].read
+
+
+def test_a_last_message_that_was_lost_is_noticed_when_the_lease_is_renewed() -> None:
+    world, owner, repository = World(), Owner(), Repository(REPOSITORY, contents())
+    world.add(REPOSITORY, repository)
+    world.add(OWNER, owner)
+    world.run(1.0)
+    tell(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)
+    world.run(LEASE / 3 + 2 * GAP_TIME)
+    assert same(owner.replica, repository)
+
+
+def test_it_goes_on_for_hours_and_waits_for_a_repository_that_is_away() -> None:
+    world, owner, repository = World(), Owner(), Repository(REPOSITORY, contents())
+    world.add(OWNER, owner)
+    world.run(100.0)
+    assert not owner.replica.ready
+    world.add(REPOSITORY, repository)
+    world.run(7200.0)
+    assert same(owner.replica, repository)
+    world.remove(REPOSITORY)
+    world.run(600.0)
+    tell(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)
+    world.add(REPOSITORY, Repository(REPOSITORY, repository.contents))
+    world.run(10.0)
+    assert same(owner.replica, repository)
+
+
+def test_a_repository_that_begins_anew_replaces_the_copy() -> None:
+    world, owner, repository = World(), Owner(), Repository(REPOSITORY, contents())
+    world.add(REPOSITORY, repository)
+    world.add(OWNER, owner)
+    for n in range(5):
+        world.send(request(UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n + 10)),))))
+    world.run(1.0)
+    assert owner.replica.version == 5
+    anew = Repository(REPOSITORY, many_jars(3))
+    world.add(REPOSITORY, anew)
+    world.run(LEASE)
+    assert same(owner.replica, anew)
+
+
+def test_a_repository_that_is_back_from_a_crash_says_so() -> None:
+    """What it had on disk but not yet told is known to its followers long before their leases end."""
+    world, owner, repository = World(), Owner(), Repository(REPOSITORY, contents())
+    world.add(REPOSITORY, repository)
+    world.add(OWNER, owner)
+    world.run(1.0)
+    world.remove(REPOSITORY)
+    tell(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)
+    world.add(REPOSITORY, Repository(REPOSITORY, repository.contents))
+    world.run(2 * GAP_TIME)
+    assert same(owner.replica, repository)
+
+
+def test_pages_of_two_repositories_are_not_mixed() -> None:
+    old, owner = Repository(REPOSITORY, many_jars(500)), Owner()
+    for n in range(5):
+        tell(old, UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n + 10)),)))
+    answering, anew = old, Repository(REPOSITORY, contents())
+    waiting = [effect.message for effect in owner.handle(Started(OWNER), 0.0) if isinstance(effect, Send)]
+    while waiting:
+        message = waiting.pop(0)
+        if message.body == ReadMap():
+            answering = anew
+        for effect in answering.handle(Received(message), 0.0):
+            if isinstance(effect, Send):
+                waiting += [e.message for e in owner.handle(Received(effect.message), 0.0) if isinstance(e, Send)]
+    assert same(owner.replica, anew)
+
+
+def test_its_questions_are_the_same_after_the_same_inputs_and_others_in_another_life() -> None:
+    def identity(now: float) -> str:
+        send = Replica(OWNER, REPOSITORY).start(now)[0]
+        assert isinstance(send, Send)
+        return send.message.header.message_id
+
+    assert identity(1.0) == identity(1.0)
+    assert identity(1.0) != identity(2.0)
+
+
+@pytest.mark.parametrize(
+    "event", [Rang("other"), Received(request(UpdateMap(), sender=REPOSITORY)), Undelivered(request(UpdateMap()), "x")]
+)
+def test_what_is_no_business_of_the_replica_is_left_to_its_owner(event: Input) -> None:
+    assert Replica(OWNER, REPOSITORY).handle(event, 0.0) is None
+
+
+def test_what_others_say_of_their_maps_is_left_to_the_owner() -> None:
+    body = MapPage(objects=(), facts=(), version=0, more=False)
+    assert Replica(OWNER, REPOSITORY).handle(Received(request(body, sender="http://there/other")), 0.0) is None
+
+
+# Any medium, any order
+
+
+@dataclass
+class Medium:
+    """Carries messages between a replica's owner and a Repository as badly as the test wants, on virtual time."""
+
+    repository: Repository
+    owner: Owner = field(default_factory=Owner)
+    now: float = 0.0
+    bag: list[Message] = field(default_factory=list)
+    timers: dict[tuple[str, str], float] = field(default_factory=dict)
+
+    def feed(self, who: str, event: Input) -> None:
+        component = self.owner if who == OWNER else self.repository
+        for effect in component.handle(event, self.now):
+            match effect:
+                case Send(message) if message.header.recipient in (OWNER, REPOSITORY):
+                    self.bag.append(message)
+                case Wake(timer, at):
+                    self.timers.pop((who, timer), None)
+                    if at is not None:
+                        self.timers[who, timer] = at
+
+    def deliver(self, index: int, *, keep: bool = False) -> None:
+        message = self.bag[index % len(self.bag)]
+        if not keep:
+            self.bag.remove(message)
+        self.feed(message.header.recipient, Received(message))
+
+    def change(self, body: Body) -> None:
+        self.feed(REPOSITORY, Received(request(body)))
+
+    def ring(self) -> None:
+        if self.timers:
+            (who, timer), at = min(self.timers.items(), key=lambda item: item[1])
+            del self.timers[who, timer]
+            self.now = max(self.now, at)
+            self.feed(who, Rang(timer))
+
+
+UPDATES: list[Body] = [
+    UpdateMap(changes=(ObjectAdded(Object(name="Jar5", type="Jar", values={"PositionX": 0.0, "PositionY": 0.0, "PositionZ": 0.0})),)),
+    UpdateMap(changes=(ObjectRemoved("Jar5"),)),
+    UpdateMap(changes=(ValueSet("Jar5", "Color", "Red"),)),
+    UpdateMap(situation="Jar5 isOn Table1"),
+    UpdateMap(situation="Jar5 isOn Table2"),
+    UpdateMap(situation="Jar1 isOn Table2"),
+    UpdateMap(situation="Jar1 isOn Table1 AND Jar1.Color = Blue"),
+    UpdateMap(changes=(ValueSet("Jar1", "Color", None),)),
+    Define(definitions=Definitions(attributes=(AttributeType(name="Smell", kind=Kind.TEXT),))),
+    Define(definitions=Definitions(attributes=(AttributeType(name="Smell", kind=Kind.TRUTH),))),
+]
+
+STEPS = st.one_of(
+    st.tuples(st.just("deliver"), st.integers(0, 9)),
+    st.tuples(st.just("deliver"), st.just(0)),
+    st.tuples(st.just("twice"), st.integers(0, 9)),
+    st.tuples(st.just("lose"), st.integers(0, 9)),
+    st.tuples(st.just("change"), st.integers(0, len(UPDATES) - 1)),
+    st.tuples(st.just("ring"), st.just(0)),
+    st.tuples(st.just("restart"), st.just(0)),
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(STEPS, max_size=60))
+def test_on_any_medium_it_comes_to_be_what_the_repository_has(steps: list[tuple[str, int]]) -> None:
+    medium = Medium(Repository(REPOSITORY, many_jars(250)))
+    medium.feed(OWNER, Started(OWNER))
+    for what, index in steps:
+        if what == "change":
+            medium.change(UPDATES[index])
+        elif what == "ring":
+            medium.ring()
+        elif what == "restart":
+            medium.repository = Repository(REPOSITORY, medium.repository.contents)
+            medium.feed(REPOSITORY, Started(REPOSITORY))
+        elif medium.bag and what == "lose":
+            medium.bag.pop(index % len(medium.bag))
+        elif medium.bag:
+            medium.deliver(index, keep=what == "twice")
+        assert medium.owner.replica.version <= medium.repository.contents.version
+    for _ in range(40):  # from here on the medium is fair: what is under way arrives, then time goes on
+        while medium.bag:
+            medium.deliver(0)
+        medium.ring()
+    assert same(medium.owner.replica, medium.repository)

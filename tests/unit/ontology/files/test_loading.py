@@ -1,0 +1,409 @@
+"""Ontology and map files: what can be written, what is said of mistakes, and that what is written is read back."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from importlib import resources
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from somrs.errors import ModelError, Problem
+from somrs.ontology.conformance import violations
+from somrs.ontology.consistency import ontology_violations
+from somrs.ontology.files.dump import dump_map, dump_ontology
+from somrs.ontology.files.loading import Loaded, load, load_definitions, load_text, upper
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.schema import json_schema, published
+from somrs.ontology.services import Parameter, ServiceKind, ServiceType
+from somrs.ontology.types import PART_OF, AttributeType, Constraint, FunctionType, Kind, ObjectType, Ontology, Part, RelationType, Value
+from tests.support.paths import ROOT
+
+DEMO = Path(str(resources.files("somrs.demo").joinpath("data/scenario-1.yaml")))
+DOCS = ROOT / "docs" / "ontology.md"
+
+HOUSE = """\
+map: House
+objects:
+  House:
+    type: Building
+    parts:
+      Ground:
+        type: Storey
+        parts:
+          Slab: {type: Floor, at: [0, 0, -10 cm], Shape: {Form: Box, Width: 10, Depth: 800 cm, Height: 0.1}}
+  Table1: {type: Table, at: [1, 2, 0], turned: 90 deg, Shape: {Form: Box, Width: 1.2, Depth: 0.8, Height: 0.75}}
+  Jar1: {type: Jar, at: [1, 2, 0.75], Weight: 300 g}
+facts:
+  - Jar1 isOn Table1
+"""
+
+
+def problems(text: str, base: Ontology | None = None) -> list[Problem]:
+    with pytest.raises(ModelError) as caught:
+        load_text(text, "house.yaml", base)
+    return caught.value.problems
+
+
+def the_map(loaded: Loaded) -> Map:
+    assert loaded.map is not None
+    return loaded.map
+
+
+def test_upper_ontology_is_consistent() -> None:
+    assert ontology_violations(upper()) == []
+    assert upper().is_a("PioneerP3DX", "MobileRobot")
+    assert upper().default("Jar", "Shape.Radius") == 0.04
+    assert upper().driver("DeliveryRobot") == "somrs.devices.simulator.drivers.manipulator:Manipulator"
+
+
+def test_map_is_read_with_units_positions_and_parts() -> None:
+    map = the_map(load_text(HOUSE))
+    assert map.objects["Slab"].values["PositionZ"] == -0.1
+    assert map.objects["Slab"].values["Shape.Depth"] == 8.0
+    assert map.objects["Table1"].values["RotationZ"] == pytest.approx(math.pi / 2)
+    assert map.objects["Jar1"].values["Weight"] == pytest.approx(0.3)
+    assert map.whole("Slab") == "Ground"
+    assert map.holds("isOn", ("Jar1", "Table1"))
+    assert map.roots()[0] == "House"
+
+
+def test_demo_site_tells_scenario_1() -> None:
+    loaded = load([DEMO])
+    map = the_map(loaded)
+    assert violations(map, loaded.ontology) == []
+    assert map.holds("isOn", ("Jar002", "Cupboard001"))
+    jar, cupboard = map.objects["Jar002"].values, map.objects["Cupboard001"].values
+    assert jar["PositionZ"] == cupboard["Shape.Height"]
+    front = float(cupboard["PositionX"]) + float(cupboard["Shape.Width"]) / 2
+    assert 0 < front - float(jar["PositionX"]) <= 0.2, "within reach of a robot in front of the cupboard"
+    assert map.objects["Robot1"].values["Price"] == 10
+    assert float(map.objects["Robot2"].values["Speed"]) > float(map.objects["Robot1"].values["Speed"])
+
+
+def test_yaml_words_are_names_and_exponents_are_numbers() -> None:
+    map = the_map(load_text(HOUSE.replace("Jar1", "Off")))
+    assert "Off" in map.objects
+    assert the_map(load_text(HOUSE.replace("300 g", "3e-1"))).objects["Jar1"].values["Weight"] == 0.3
+
+
+# Each mistake: what is replaced in HOUSE by what; then the line, the rule and words of the message.
+MISTAKES: list[tuple[str, str, int, str, str]] = [
+    ("type: Jar,", "type: Jarr,", 11, "unknown-type", "did you mean Jar"),
+    ("Weight: 300 g", "Wieght: 300 g", 11, "unknown-attribute", "did you mean Weight"),
+    ("Weight: 300 g", "Elevation: 3", 11, "unknown-attribute", "a Jar has no attribute Elevation"),
+    ("Weight: 300 g", "Weight: 300 mm", 11, "unit", "a number in kg"),
+    ("Weight: 300 g", "Weight: much", 11, "value", "a number in kg"),
+    ("Weight: 300 g", "Weight: 8 kg", 11, "constraint", "at most 5"),
+    ("Weight: 300 g", "Weight: -1", 11, "value", "at least 0"),
+    ("Weight: 300 g", "Color: Rde", 11, "value", "did you mean Red"),
+    ("Weight: 300 g", "Label: 12", 11, "value", "in quotes"),
+    ("Weight: 300 g", "Shape: 12", 11, "value", "is made of Form"),
+    ("Weight: 300 g", "Weight: [1]", 11, "value", "a list"),
+    ("Weight: 300 g", "Weight: 1, Weight: 2", 11, "duplicate", "already written in line 11"),
+    ("at: [1, 2, 0.75]", "at: [1, 2, 0.75], PositionX: 1", 11, "duplicate", "given twice"),
+    ("at: [1, 2, 0.75], Weight", "at: [1], Weight", 11, "structure", "at least 2 items"),
+    ("at: [1, 2, 0.75]", "at: [1, 2]", 11, "required", "must have PositionZ"),
+    ("at: [1, 2, 0.75]", "at: [1, two, 0.75]", 11, "value", "not 'two'"),
+    ("{type: Jar, ", "{", 11, "structure", "type is missing"),
+    ("Width: 1.2, ", "", 10, "constraint", "a Width, a Depth and a Height"),
+    ("facts:", "  Jar 2: {type: Jar, at: [1, 2, 0]}\nfacts:", 12, "name", "is no name"),
+    ("facts:", "  Slab: {type: Jar, at: [1, 2, 0]}\nfacts:", 12, "duplicate", "house.yaml:9"),
+    ("isOn Table1", "isOn Table2", 13, "unknown-object", "did you mean Table1"),
+    ("isOn Table1", "isOnn Table1", 13, "unknown-relation", "did you mean isOn"),
+    ("isOn Table1", "isHeldBy Table1", 13, "relation-types", "needs a Device"),
+    ("isOn Table1", "isOn Table1\n  - Jar1 isOn Slab", 14, "functional", "Jar1 isOn Table1"),
+    ("isOn Table1", "isOn Table1\n  - Jar1 isIn Slab", 14, "exclusive", "Jar1 isOn Table1"),
+    ("isOn Table1", "isOn Table1\n  - Jar1 isOn Table1", 14, "duplicate", "said already"),
+    ("isOn Table1", "isOn", 13, "formula", "ends too early"),
+    ("isOn Table1", "isOn ?x", 13, "formula", "between named objects"),
+    ("Jar1 isOn Table1", "connects(Table1)", 13, "relation-types", "joins 3 objects"),
+    ("facts:", "fakts:", 12, "structure", "did you mean facts"),
+    ("    type: Building", "   type: Building", 5, "syntax", "not YAML"),
+    ("facts:", "  Hut: {type: Room}\nfacts:", 12, "root", "House is the map's root already"),
+    ("facts:", "  Robot: {type: PioneerP3DX, PositionX: 1}\nfacts:", 12, "required", "must have PositionY"),
+    ("facts:", "  Leg: {type: FurnitureLeg, Shape: {Form: Box, Width: 1, Depth: 1, Height: 1}}\nfacts:", 12, "place", "is nowhere"),
+    ("          Slab: {type: Floor", "          Slab: {type: Wall", 8, "parts", "at least 1 of type Floor"),
+    ("map: House", "types: {Vase: {parent: Jarr}}", 1, "unknown-name", "did you mean Jar"),
+    ("map: House", "functions: {far: {parameters: [Object, Object], values: {Jar1: 3}}}", 1, "function", "should name 2 objects"),
+    (
+        "map: House",
+        "functions: {far: {parameters: [Object], attribute: Weight, values: {Jar1: 3}}}",
+        1,
+        "function",
+        "leave one of them out",
+    ),
+    ("map: House", 'services: {Go: {effect: "?Provider isAt ?To", cost: "range(?It)"}}', 1, "formula", "?It is no input"),
+    ("map: House", 'services: {Go: {effect: "?Provider isAt ?To", cost: "range("}}', 1, "formula", "this is no term"),
+    ("map: House", 'services: {Go: {effect: "?Provider isAt ?To", cost: "?Provider"}}', 1, "formula", "compares numbers"),
+    ("map: House", "types: {Vase: {parent: Vase}}", 1, "cycle", "its own ancestor"),
+    ("map: House", "types: {Vase: {parrent: Jar}}", 1, "structure", "did you mean parent"),
+    ("map: House", "types: {Vase: {}}", 1, "parent", "parent: Object"),
+    ("map: House", "types: {Jar: {parent: Object}}", 1, "duplicate", "in the ontology already"),
+    ("map: House", "types: {Vase: {parent: Jar, defaults: {Weight: a lot}}}", 1, "value", "a number in kg"),
+    ("map: House", "types: {Vase: {parent: Jar, constraints: [{attribute: Weight}]}}", 1, "constraint", "minimum, maximum or values"),
+    ("map: House", 'types: {Vase: {parent: Jar, constraints: [{formula: "?Self.Wait > 1"}]}}', 1, "formula", "Wait"),
+    ("map: House", "attributes: {Heat: {kind: number, unit: wibble}}", 1, "unit", "pint knows no unit wibble"),
+    ("map: House", "attributes: {Heat: {kind: numbr}}", 1, "structure", "'number'"),
+    ("map: House", "attributes: {Heat: {kind: enumeration}}", 1, "kind", "needs values"),
+    ("map: House", "attributes: {parts: {kind: text}}", 1, "reserved", "another name"),
+    ("map: House", "relations: {likes: {joins: [Objct, Object]}}", 1, "unknown-name", "did you mean Object"),
+    ("map: House", "functions: {heat: {parameters: [Object], attribute: Wieght}}", 1, "unknown-name", "did you mean Weight"),
+    ("map: House", 'services: {Move: {effect: "?x isOn ?y AND", inputs: {x: Jar}}}', 1, "formula", "ends too early"),
+    ("map: House", 'services: {Move: {effect: "?x isOn ?y", inputs: {x: Jarr}}}', 1, "unknown-name", "did you mean Jar"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "rule", "words"), MISTAKES, ids=lambda value: str(value)[:40])
+def test_mistake_is_named_with_its_line(old: str, new: str, line: int, rule: str, words: str) -> None:
+    assert old in HOUSE
+    found = problems(HOUSE.replace(old, new, 1))
+    assert [(problem.line, problem.rule) for problem in found] == [(line, rule)], "one problem, and nothing that only follows from it"
+    assert words in found[0].message
+    assert str(found[0]).startswith(f"house.yaml:{line}: ")
+
+
+def test_map_without_an_abstract_object_has_no_root() -> None:
+    assert [(p.line, p.rule) for p in problems("map: House\nobjects:\n  Jar1: {type: Jar, at: [0, 0, 0]}\n")] == [(2, "root")]
+    assert [p.rule for p in problems("map: House\n")] == ["root"]
+
+
+def test_all_mistakes_are_told_at_once() -> None:
+    text = HOUSE
+    for old, new in (
+        ("Jar,", "Jarr,"),
+        ("Table1}", "Table1"),
+        ("turned: 90 deg", "turned: 90 kg"),
+        ("Form: Box, Width: 10", "Form: Bx, Width: 10"),
+    ):
+        text = text.replace(old, new, 1)
+    assert [(problem.line, problem.rule) for problem in problems(text)] == [(9, "value"), (10, "unit"), (11, "unknown-type")]
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("", "structure"),
+        ("- a\n- b\n", "structure"),
+        ("map: [", "syntax"),
+        ("map: \t\n\tx: 1", "syntax"),
+        ("a: &x {b: 1}\nc: *x", "alias"),
+        ("map: " + "[" * 5000 + "]" * 5000, "syntax"),
+        ("objects: {? [a] : 1}", "syntax"),
+        ("map: \x00", "syntax"),
+    ],
+)
+def test_text_that_is_no_such_file(text: str, rule: str) -> None:
+    assert rule in {problem.rule for problem in problems(text)}
+
+
+@given(st.data())
+@settings(max_examples=150, deadline=None)
+def test_no_text_makes_loading_fail_otherwise(data: st.DataObject) -> None:
+    """A file with something overwritten is read, or its problems are told; nothing else happens."""
+    start = data.draw(st.integers(0, len(HOUSE) - 1))
+    end = data.draw(st.integers(start, min(start + 12, len(HOUSE))))
+    junk = data.draw(st.text(alphabet=":{}[]-,'\"\n |>&*!?%@#ab1.e~", max_size=8))
+    told: list[Problem] = []
+    try:
+        load_text(HOUSE[:start] + junk + HOUSE[end:])
+    except ModelError as error:
+        told = error.problems
+    assert all(problem.message for problem in told)
+
+
+def test_files_use_others_relative_to_themselves(tmp_path: Path) -> None:
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib" / "vases.yaml").write_text("ontology: vases\ntypes:\n  Vase: {parent: Jar, defaults: {Weight: 400 g}}\n")
+    (tmp_path / "house.yaml").write_text("uses: [lib/vases.yaml]\n" + HOUSE.replace("type: Jar", "type: Vase"))
+    (tmp_path / "robots.yaml").write_text("uses: [house.yaml]\nobjects:\n  Robot1: {type: PioneerP3DX, at: [3, 3]}\n")
+    loaded = load([tmp_path / "robots.yaml", tmp_path / "house.yaml"])
+    assert loaded.ontology.default("Vase", "Weight") == pytest.approx(0.4)
+    assert {"Robot1", "Jar1", "House"} <= the_map(loaded).objects.keys()
+
+
+def test_files_that_are_missing_or_say_a_thing_twice(tmp_path: Path) -> None:
+    (tmp_path / "one.yaml").write_text("uses:\n  - two.yaml\n  - three.yaml\ntypes: {Vase: {parent: Jar}}\n")
+    (tmp_path / "two.yaml").write_text("types:\n  Vase: {parent: Can}\n")
+    with pytest.raises(ModelError) as caught:
+        load([tmp_path / "one.yaml"])
+    found = {(Path(p.file).name, p.line, p.rule) for p in caught.value.problems}
+    assert found == {("one.yaml", 3, "file"), ("one.yaml", 4, "duplicate")}
+
+
+def test_definitions_build_on_the_base_ontology() -> None:
+    base = load_text("types: {Vase: {parent: Jar}}").ontology
+    assert load_text("types: {Vase: {parent: Jar}, Urn: {parent: Vase}}", base=base).ontology.is_a("Urn", "Jar")
+    assert load_text("types: {Vase: {parent: Jar}}").map is None
+
+
+def test_published_schema_is_the_models() -> None:
+    assert published() == json.loads(json.dumps(json_schema())), "write ontology/data/somrs.schema.json anew from json_schema()"
+
+
+def test_what_the_upper_ontology_has_can_be_left_out_or_defined_anew() -> None:
+    text = "without: [types Cup, types Can, services TransferObject]\ntypes:\n  Can: {parent: Graspable, doc: Ours}\n"
+    with pytest.raises(ModelError) as caught:
+        load_text(text, "own.yaml")
+    assert [(problem.line, problem.subject, problem.rule) for problem in caught.value.problems] == [(1, "TransferObject", "relied")]
+    ontology = load_text(text.replace(", services TransferObject", "")).ontology
+    assert "Cup" not in ontology.types
+    assert ontology.types["Can"].doc == "Ours"
+    written = dump_ontology(ontology, upper(), "own")
+    assert yaml.safe_load(written)["without"] == ["types Can", "types Cup"]
+    assert list(yaml.safe_load(written)["types"]) == ["Can"]
+    for whole in (written, dump_ontology(ontology, upper(), "own", whole=True)):
+        assert {(type(one), one.name): one for one in load_text(whole).ontology} == {(type(one), one.name): one for one in ontology}
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ("types Cupp", "did you mean Cup"),
+        ("cups", "names no definition"),
+        ("types Graspable", "neither removed nor renamed"),
+        ("attributes Texture", "no attribute is called Texture"),
+    ],
+)
+def test_what_cannot_be_left_out_is_said_with_its_line(entry: str, said: str) -> None:
+    found = problems(f"ontology: own\nwithout:\n  - {entry}\n")
+    assert any(said in problem.message for problem in found), found
+    assert (3 in [problem.line for problem in found]) is (entry != "attributes Texture")
+
+
+def test_definitions_of_a_text_take_the_place_of_others() -> None:
+    text = "map: X\nobjects:\n  A: {type: Nothing}\ntypes:\n  Jar: {parent: Graspable}\n  Vat: {parent: Support}\nwithout: [types Cup]\n"
+    ontology = load_definitions(text, "own.yaml", upper())
+    assert ontology.types["Jar"].defaults == {}
+    assert ontology.types["Vat"].parent == "Support"
+    assert "Cup" not in ontology.types
+    assert len([*ontology]) == len([*upper()])
+    with pytest.raises(ModelError, match=r"own.yaml:2: Jar: no type is called Grasp"):
+        load_definitions("types:\n  Jar: {parent: Grasp}\n", "own.yaml", upper())
+
+
+def test_examples_in_the_documentation_load() -> None:
+    blocks = re.findall(r"```yaml\n(.*?)```", DOCS.read_text("utf-8"), re.DOTALL)
+    assert len(blocks) >= 2
+    ontology = upper()
+    for block in blocks:
+        ontology = load_text(block, "docs/ontology.md", ontology).ontology
+
+
+def test_messages_in_the_documentation_are_those_that_are_told() -> None:
+    text = DOCS.read_text("utf-8")
+    map = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[0]
+    for old, new in (("type: Table", "type: Tabel"), ("Weight: 300 g", "Weight: 300 mm"), ("isOn Bench1", "isOn Bnch1")):
+        assert old in map
+        map = map.replace(old, new)
+    with pytest.raises(ModelError) as caught:
+        load_text(map, "workshop.yaml")
+    assert f"```\n{caught.value}\n```" in text
+
+
+# What is written is read back
+
+names = st.sampled_from(["null", "true", "Off", "e5", "y", "é", "A-1", "No", "on", "x_"]) | st.builds(
+    str.__add__, st.sampled_from("Aaé_"), st.text("ab1_", max_size=5)
+)
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+lengths = st.floats(min_value=0, max_value=1e6)
+texts = st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=30)
+positions: st.SearchStrategy[dict[str, Value]] = st.fixed_dictionaries({"PositionX": numbers, "PositionY": numbers, "PositionZ": numbers})
+extras: st.SearchStrategy[dict[str, Value]] = st.fixed_dictionaries(
+    {},
+    optional={
+        "RotationZ": numbers,
+        "RotationX": numbers,
+        "Color": st.sampled_from(upper().attributes["Color"].values),
+        "Label": texts,
+        "Texture": texts | st.sampled_from(["12", "true", "3 kg", "~", "a: b", "- x", "#"]),
+        "Weight": st.floats(0, 5),
+    },
+)
+shapes: st.SearchStrategy[dict[str, Value]] = st.one_of(
+    st.fixed_dictionaries({"Shape.Form": st.just("Box"), "Shape.Width": lengths, "Shape.Depth": lengths, "Shape.Height": lengths}),
+    st.fixed_dictionaries({"Shape.Form": st.just("Cylinder"), "Shape.Radius": lengths, "Shape.Height": lengths}),
+)
+
+
+@st.composite
+def maps(draw: st.DrawFn) -> Map:
+    """A building of some storeys with floors, furniture in some of them, and things on some furniture."""
+    fresh = iter(draw(st.lists(names, min_size=14, max_size=14, unique=True)))
+    root = next(fresh)
+    objects, facts = [Object(name=root, type="Building")], []
+    supports: list[str] = []
+    for _ in range(draw(st.integers(1, 2))):
+        storey, floor = next(fresh), next(fresh)
+        objects += [Object(name=storey, type="Storey"), Object(name=floor, type="Floor", values={**draw(positions), **draw(shapes)})]
+        facts += [Fact(PART_OF, (storey, root)), Fact(PART_OF, (floor, storey))]
+        for _ in range(draw(st.integers(0, 2))):
+            name = next(fresh)
+            objects.append(Object(name=name, type="Table", values={**draw(positions), **draw(shapes), **draw(extras)}))
+            supports.append(name)
+            facts += [Fact(PART_OF, (name, storey))] if draw(st.booleans()) else []
+    for support in supports:
+        name = next(fresh)
+        objects.append(Object(name=name, type="Can", values={**draw(positions), **draw(extras)}))
+        facts.append(Fact("isOn", (name, support)))
+    return Map(objects, facts)
+
+
+@given(maps())
+@settings(max_examples=40, deadline=None)
+def test_map_is_read_back_as_written(map: Map) -> None:
+    assert load_text(dump_map(map, upper())).map == map
+
+
+docs = st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=20)
+
+
+@st.composite
+def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | FunctionType | ObjectType | ServiceType]:
+    a, b, c, d, e, f, g, h, i = (f"New{name}" for name in draw(st.lists(names, min_size=9, max_size=9, unique=True)))
+    low = draw(st.none() | st.just(0.0) | st.floats(-1e9, 1e9))
+    return [
+        AttributeType(name=a, kind=Kind.NUMBER, unit=draw(st.sampled_from([None, "m", "km/h", "percent"])), minimum=low, doc=draw(docs)),
+        AttributeType(name=b, kind=Kind.ENUMERATION, values=tuple(draw(st.lists(names, min_size=1, max_size=3, unique=True)))),
+        AttributeType(name=c, kind=Kind.COMPLEX, attributes=(a, b)),
+        ObjectType(
+            name=d,
+            parent=draw(st.sampled_from(["Object", "Table", "Room"])),
+            attributes=(a,),
+            required=(c,),
+            parts=(Part(type="Table", minimum=draw(st.integers(0, 3)), maximum=draw(st.none() | st.integers(3, 5))),),
+            constraints=(Constraint(attribute=a, maximum=draw(numbers)), Constraint(formula=f"?Self.{a} < 3", doc=draw(docs))),
+            defaults={a: max(low or 0.0, draw(st.floats(0, 10)))},
+            doc=draw(docs),
+        ),
+        RelationType(name=e, joins=(d, "Object"), functional=draw(st.booleans()), excludes=draw(st.none() | names)),
+        RelationType(name=f, joins=(d, d), symmetric=True),
+        FunctionType(name=g, parameters=(d,), attribute=a),
+        FunctionType(name=i, parameters=(d, d), values={f"{a} {b}": draw(numbers), f"{b} {a}": 0.0}),
+        ServiceType(
+            name=h,
+            inputs=(Parameter(name="x", type=d), Parameter(name="n", type="number")),
+            outputs=(Parameter(name="y", type="Object"),),
+            kind=draw(st.sampled_from(ServiceKind)),
+            precondition=draw(st.none() | st.just(f"?x.{a} > ?n")),
+            effect=f"?x {e} ?y",
+            cost=draw(st.sampled_from([None, "3", f"{i}(?x, ?x)", f"?x.{a}"])),
+        ),
+    ]
+
+
+@given(definitions())
+@settings(max_examples=40, deadline=None)
+def test_ontology_is_read_back_as_written(new: list[AttributeType | RelationType | FunctionType | ObjectType | ServiceType]) -> None:
+    ontology = upper().extended(new)
+    assert [*load_text(dump_ontology(ontology, without=upper())).ontology] == [*ontology]
+
+
+def test_whole_upper_ontology_is_read_back() -> None:
+    assert [*load_text(dump_ontology(upper()), base=Ontology()).ontology] == [*upper()]

@@ -1,0 +1,391 @@
+"""Ontologies and maps as OWL 2 with SHACL: what is written is read back, also when an editor changed it; and another validator agrees with
+our own check."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from somrs.errors import ModelError, Problem, UsageError
+from somrs.ontology.conformance import violations
+from somrs.ontology.files.loading import Loaded, load_text, upper
+from somrs.ontology.naming import Renaming, Section
+from somrs.ontology.objects import Change, Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.owl import Format, Read, export, read, to_graph
+from somrs.ontology.types import AttributeType, Constraint, Definition, Kind, ObjectType, Ontology, RelationType
+from tests.support.paths import ROOT
+from tests.unit.ontology.files.test_loading import HOUSE, definitions, maps, the_map
+
+pyshacl = pytest.importorskip("pyshacl", reason="pySHACL is not installed")
+
+WRITE = "import sys; from somrs.ontology.owl import export; from somrs.ontology.files.loading import upper;"
+
+HERE = Path(__file__).parent
+PREFIXES = """\
+@prefix : <http://example.org/vases#> .
+@prefix type: <urn:so-mrs:type:> .
+@prefix attribute: <urn:so-mrs:attribute:> .
+@prefix relation: <urn:so-mrs:relation:> .
+@prefix object: <urn:so-mrs:object:> .
+@prefix somrs: <urn:so-mrs:owl:> .
+@prefix owl: <http://www.w3.org/2002/07/owl#> .
+@prefix rdfs: <http://www.w3.org/2000/01/rdf-schema#> .
+@prefix xsd: <http://www.w3.org/2001/XMLSchema#> .
+@prefix sh: <http://www.w3.org/ns/shacl#> .
+"""
+
+
+def turtle(text: str, base: Ontology | None = None) -> Read:
+    return read(PREFIXES + text, "vases.ttl", base or upper())
+
+
+def noted(found: Read) -> list[tuple[str, str]]:
+    return [(note.subject, note.message) for note in found.notes]
+
+
+# What is written is read back
+
+
+@pytest.mark.parametrize("format", Format)
+@pytest.mark.parametrize("site", ["scenario-1", "scenario-2"])
+def test_whole_sites_are_read_back(site: str, format: Format) -> None:
+    loaded = load_text((ROOT / "src" / "somrs" / "demo" / "data" / f"{site}.yaml").read_text("utf-8"))
+    found = read(export(loaded.ontology, loaded.map, format).decode(), "site", Ontology())
+    assert [*found.ontology] == [*loaded.ontology]
+    assert found.map == loaded.map
+    assert (found.renamings, found.notes) == ((), ())
+
+
+@given(definitions(), st.sampled_from(Format))
+@settings(max_examples=40, deadline=None)
+def test_ontology_is_read_back_as_written(new: list[Definition], format: Format) -> None:
+    ontology = upper().extended(new)
+    try:
+        text = export(ontology, None, format).decode()
+    except UsageError:
+        assert format is Format.XML, "Turtle holds everything"
+        return
+    found = read(text, "file", upper())
+    assert [*found.ontology] == [*ontology]
+    assert not found.notes
+
+
+@given(maps(), st.sampled_from(Format))
+@settings(max_examples=30, deadline=None)
+def test_map_is_read_back_as_written(map: Map, format: Format) -> None:
+    try:
+        text = export(upper(), map, format).decode()
+    except UsageError:
+        assert format is Format.XML
+        return
+    assert read(text, "file", upper()).map == map
+
+
+def test_relations_of_any_arity_are_read_back() -> None:
+    ontology = upper().extended(
+        [
+            RelationType(name="isNew", joins=("Object",)),
+            RelationType(name="between", joins=("Object", "Support", "Support"), functional=True, excludes="place", doc="In the middle"),
+        ]
+    )
+    map = Map(
+        [Object(name=name, type="Table") for name in "ABC"],
+        [Fact("isNew", ("A",)), Fact("between", ("A", "B", "C")), Fact("isAdjacentTo", ("A", "B"))],
+    )
+    found = read(export(ontology, map).decode(), "file", upper())
+    assert [*found.ontology] == [*ontology]
+    assert found.map == map
+
+
+def test_the_same_ontology_gives_the_same_file() -> None:
+    line = f"{WRITE} sys.stdout.buffer.write(export(upper()))"
+    written = {
+        subprocess.run([sys.executable, "-c", line], capture_output=True, check=True, env={"PYTHONHASHSEED": seed}).stdout
+        for seed in ("1", "2")
+    }
+    assert written == {export(upper())}
+
+
+# Another validator
+
+
+def judged(map: Map, ontology: Ontology) -> str:
+    """What pySHACL has against the map; empty when nothing."""
+    conforms, _, text = pyshacl.validate(to_graph(ontology, map, shapes=False), shacl_graph=to_graph(ontology))
+    return "" if conforms else text
+
+
+def test_the_shapes_are_shapes() -> None:
+    graph = to_graph(upper())
+    conforms, _, text = pyshacl.validate(graph, shacl_graph=graph, meta_shacl=True)
+    assert conforms, text
+
+
+@given(maps())
+@settings(max_examples=12, deadline=None)
+def test_what_our_check_accepts_the_other_accepts(map: Map) -> None:
+    assert violations(map, upper()) == []
+    assert judged(map, upper()) == ""
+
+
+WORDS = """\
+types:
+  Bench: {parent: Table, required: [Weight], parts: [{type: FurnitureLeg, minimum: 1, maximum: 2}]}
+  Stool: {parent: Chair, defaults: {Weight: 3}}
+relations:
+  between: {joins: [Object, Support, Support], functional: true}
+  isStuckTo: {joins: [PhysicalObject, Object], excludes: place}
+"""
+
+
+def house(extra: str = "", *changes: Change) -> Loaded:
+    loaded = load_text(WORDS + HOUSE + extra)
+    return Loaded(loaded.ontology, the_map(loaded).changed(changes))
+
+
+def thing(name: str, type: str, **values: float | str | bool) -> ObjectAdded:
+    place: dict[str, float | str | bool] = {"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.0}
+    return ObjectAdded(Object(name=name, type=type, values={**place, **values}))
+
+
+CYLINDER: dict[str, float | str | bool] = {"Shape.Form": "Cylinder", "Shape.Radius": 1.0, "Shape.Height": 1.0}
+BOX: dict[str, float | str | bool] = {"Shape.Form": "Box", "Shape.Width": 1.0, "Shape.Depth": 1.0, "Shape.Height": 1.0}
+LEG: list[Change] = [thing("Leg", "FurnitureLeg", **BOX), FactAdded(Fact("isPartOf", ("Leg", "Bench1")))]
+
+BROKEN: dict[str, list[Change]] = {
+    "a number that is a text": [ValueSet("Jar1", "Weight", "heavy")],
+    "a text that is a number": [ValueSet("Jar1", "Label", 3.0)],
+    "below the attribute's minimum": [ValueSet("Table1", "Shape.Height", -1.0)],
+    "above the type's maximum": [ValueSet("Jar1", "Weight", 8.0)],
+    "none of the list": [ValueSet("Jar1", "Color", "Pink")],
+    "none of the type's list": [thing("Leg", "CuboidFurnitureLeg", **CYLINDER)],
+    "a value where there are parts of it": [ValueSet("Jar1", "Shape", "round")],
+    "an attribute that its type has not": [ValueSet("Jar1", "Elevation", 3.0)],
+    "a part of a value that it has not": [ValueSet("Table1", "Shape.Weight", 3.0)],
+    "nothing where something is required": [ValueSet("Jar1", "PositionZ", None)],
+    "a shape where something is required": [thing("Bench1", "Bench", **BOX), *LEG],
+    "a part that is missing": [thing("Bench1", "Bench", Weight=3.0, **BOX)],
+    "a floor that is none": [ObjectAdded(Object(name="Slab", type="Wall", values=the_map(load_text(HOUSE)).objects["Slab"].values))],
+    "a type that there is not": [thing("Vase1", "Vase")],
+    "a relation from what it does not join": [FactAdded(Fact("isHeldBy", ("House", "Table1")))],
+    "a relation to what it does not join": [FactAdded(Fact("isHeldBy", ("Jar1", "House")))],
+    "a relation to nothing": [FactAdded(Fact("isAdjacentTo", ("Jar1", "Nobody")))],
+    "on two things at a time": [FactAdded(Fact("isOn", ("Jar1", "Slab")))],
+    "on and in": [FactAdded(Fact("isIn", ("Jar1", "Table1")))],
+    "stuck and on": [FactAdded(Fact("isStuckTo", ("Jar1", "Table1")))],
+    "between what it does not join": [FactAdded(Fact("between", ("Jar1", "House", "Table1")))],
+    "between too few": [FactAdded(Fact("between", ("Jar1", "Table1")))],
+    "between twice": [
+        thing("Table2", "Table", **BOX),
+        FactAdded(Fact("between", ("Jar1", "Table1", "Table2"))),
+        FactAdded(Fact("between", ("Jar1", "Table2", "Table1"))),
+    ],
+    "on three": [FactAdded(Fact("isAdjacentTo", ("Jar1", "Table1", "Slab")))],
+    "a part of itself": [FactAdded(Fact("isPartOf", ("House", "Ground")))],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_what_breaks_a_rule_is_refused_by_both(case: str) -> None:
+    loaded = house("", *BROKEN[case])
+    assert violations(the_map(loaded), loaded.ontology), "ours"
+    assert judged(the_map(loaded), loaded.ontology), "the other"
+
+
+def test_what_breaks_no_rule_is_accepted_by_both() -> None:
+    """Near misses of what is refused."""
+    loaded = house(
+        "",
+        *LEG[:1],
+        thing("Bench1", "Bench", Weight=3.0, **BOX),
+        *LEG[1:],
+        thing("Stool1", "Stool", **BOX),
+        thing("Table2", "Table", **BOX),
+        ValueSet("Jar1", "Weight", 5.0),
+        FactAdded(Fact("between", ("Jar1", "Table1", "Table2"))),
+        FactAdded(Fact("isStuckTo", ("Stool1", "Table1"))),
+        FactAdded(Fact("isStuckTo", ("Stool1", "Table2"))),
+    )
+    assert violations(the_map(loaded), loaded.ontology) == []
+    assert judged(the_map(loaded), loaded.ontology) == ""
+
+
+# What others made of it
+
+
+EDITED = """\
+attributes:
+  Content: {kind: enumeration, values: [Tea, Coffee, Nothing]}
+types:
+  Teapot:
+    parent: Graspable
+    attributes: [Content]
+    required: [Weight]
+    parts: [{type: FurnitureLeg, minimum: 1, maximum: 3}]
+    defaults: {Shape: {Form: Cylinder, Radius: 8 cm, Height: 18 cm}, Content: Tea}
+    constraints:
+      - {attribute: Weight, minimum: 0.1, maximum: 2, doc: Light}
+      - {attribute: Shape.Form, values: [Polygon, Box, Cylinder]}
+      - {formula: "NOT ?Self.Content = Nothing OR ?Self.Weight < 300 g", doc: Empty ones are light}
+relations:
+  between: {joins: [Object, Support, Support]}
+"""
+
+
+def edited(name: str) -> Read:
+    """`teapots` with a map, as the OWL API that Protégé is made with wrote it anew after these edits: a new class Vase below Jar, a new
+    property Temperature of it, an individual Vase7, and another label for Cup; and Vase and Cup were made disjoint."""
+    return read((HERE / name).read_text("utf-8"), name, load_text(EDITED).ontology)
+
+
+@pytest.mark.parametrize("name", ["edited.ttl", "edited.rdf"])
+def test_an_editor_may_write_it_anew_and_change_it(name: str) -> None:
+    before, found = load_text(EDITED), edited(name)
+    assert found.renamings == (Renaming(section=Section.TYPES, name="Cup", to="Mug"),)
+    temperature = AttributeType(name="Temperature", kind=Kind.NUMBER)
+    vase = ObjectType(name="Vase", parent="Jar", attributes=("Temperature",))
+    kept = {(type(one), one.name): one for one in before.ontology}
+    assert {(type(one), one.name): one for one in found.ontology} == {
+        **kept,
+        (AttributeType, "Temperature"): temperature,
+        (ObjectType, "Vase"): vase,
+    }
+    assert [*found.ontology.types][-1] == "Vase", "what is new comes last"
+    assert found.map.objects["Vase7"] == Object(name="Vase7", type="Vase", values={"Temperature": 21.5})
+    assert found.map.holds("isOn", ("Vase7", "Table1"))
+    assert len(found.map.objects) == len(the_map(load_text(HOUSE)).objects) + 1
+    assert [note.subject for note in found.notes] == ["Vase"]
+    assert "owl:disjointWith Cup" in found.notes[0].message
+
+
+def test_new_words_of_other_namespaces_are_called_by_label_or_iri() -> None:
+    found = turtle("""
+:Vase a owl:Class ; rdfs:subClassOf type:Jar ; rdfs:comment "For flowers" ;
+  rdfs:subClassOf [ a owl:Restriction ; owl:onProperty :Depth2 ; owl:cardinality 1 ] ,
+    [ a owl:Restriction ; owl:onProperty attribute:Weight ; owl:allValuesFrom [ a rdfs:Datatype ; owl:onDatatype xsd:decimal ;
+      owl:withRestrictions ( [ xsd:maxInclusive 2 ] ) ] ] ,
+    [ a owl:Restriction ; owl:onProperty [ owl:inverseOf relation:isPartOf ] ; owl:someValuesFrom type:Floor ] .
+:x17 a owl:Class ; rdfs:label "Urn" ; rdfs:subClassOf :Vase .
+:Depth2 a owl:DatatypeProperty ; rdfs:range xsd:float .
+:Broken a owl:DatatypeProperty ; rdfs:range xsd:boolean ; rdfs:domain [ a owl:Class ; owl:unionOf ( :Vase type:Cup ) ] .
+:standsBeside a owl:ObjectProperty , owl:SymmetricProperty ; rdfs:domain :Vase ; rdfs:range :Vase .
+:Urn1 a :x17 , type:Jar ; :Depth2 3 ; :Broken false ; :standsBeside object:Jar002 ; attribute:Color "Red" .
+""")
+    assert found.ontology.types["Vase"] == ObjectType(
+        name="Vase",
+        parent="Jar",
+        attributes=("Broken",),
+        required=("Depth2",),
+        parts=(found.ontology.types["Vase"].parts[0],),
+        constraints=(Constraint(attribute="Weight", maximum=2.0),),
+        doc="For flowers",
+    )
+    assert (found.ontology.types["Vase"].parts[0].type, found.ontology.types["Vase"].parts[0].minimum) == ("Floor", 1)
+    assert found.ontology.types["Urn"].parent == "Vase"
+    assert found.ontology.relations["standsBeside"] == RelationType(name="standsBeside", joins=("Vase", "Vase"), symmetric=True)
+    assert found.map.objects["Urn1"] == Object(name="Urn1", type="Urn", values={"Depth2": 3.0, "Broken": False, "Color": "Red"})
+    assert [*found.map.facts()] == [Fact("standsBeside", ("Urn1", "Jar002"))]
+    assert found.notes == ()
+
+
+def test_what_is_only_mentioned_is_not_changed() -> None:
+    """A file of somebody who needed the class above to be declared."""
+    found = turtle(":Vase a owl:Class ; rdfs:subClassOf type:Jar . type:Jar a owl:Class . relation:isOn a owl:ObjectProperty .")
+    assert [one.name for one in found.ontology] == ["Vase"]
+
+
+def test_shapes_of_others_become_rules_of_types() -> None:
+    found = turtle("""
+:JarShape a sh:NodeShape ; sh:targetClass type:Jar ;
+  sh:property [ sh:path attribute:Weight ; sh:maxInclusive 2 ; sh:minCount 1 ; sh:message "Light" ] ,
+    [ sh:path ( attribute:Shape attribute:Form ) ; sh:in ( "Cylinder" "Polygon" ) ] ,
+    [ sh:path attribute:Label ; sh:pattern "^J" ] .
+""")
+    jar = found.ontology.types["Jar"]
+    assert jar.constraints == (
+        Constraint(attribute="Shape.Form", values=("Cylinder", "Polygon")),
+        Constraint(attribute="Weight", maximum=2.0, doc="Light"),
+    )
+    assert jar.required == ("Weight",)
+    assert jar.defaults == upper().types["Jar"].defaults
+    assert any("sh:pattern" in message and "sh:minInclusive" in message for _, message in noted(found))
+
+
+NOTED = [
+    (":Vase a owl:Class .", "Vase", "Object is taken as its parent"),
+    (":Vase a owl:Class ; rdfs:subClassOf type:Jar ; owl:equivalentClass type:Cup .", "Vase", "as a formula with somrs:constraint"),
+    (":Vase a owl:Class ; rdfs:subClassOf type:Jar , [ owl:unionOf ( type:Cup type:Can ) ] .", "Vase", "a class expression"),
+    (":in a owl:ObjectProperty , owl:TransitiveProperty ; rdfs:domain type:Jar ; rdfs:range type:Jar .", "in", "not transitive"),
+    (":in a owl:ObjectProperty ; rdfs:domain type:Jar .", "in", "range is to be one class, and it has none; Object is taken"),
+    (":in a owl:ObjectProperty ; rdfs:domain type:Jar ; rdfs:range type:Jar ; owl:inverseOf :out .", "in", "in one direction only"),
+    (":Born a owl:DatatypeProperty ; rdfs:range xsd:dateTime .", "Born", "it is taken for a text"),
+    (":Born a owl:DatatypeProperty .", "Born", "it has no range"),
+    (":Vase a owl:Class ; rdfs:subClassOf type:Jar ; rdfs:label \"Glas\"@de .", "Vase", "rdfs:label Glas"),
+    ("type:Jar a owl:Class ; rdfs:label \"Glass jar\" ; rdfs:subClassOf type:Graspable .", "Jar", "'Glass jar' is no name"),
+    ("object:Jar002 a type:Jar ; rdfs:label \"Jar2\" .", "Jar002", "give it another name on the map itself"),
+    (":Thing1 a owl:NamedIndividual .", "Thing1", "give it one of the types"),
+    ("<http://example.org/vases> a owl:Ontology ; owl:imports <http://example.org/pots> .", "vases", "merge them into this one"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "subject", "words"), NOTED, ids=[words for _, _, words in NOTED])
+def test_what_there_are_no_words_for_is_named_with_what_to_do(text: str, subject: str, words: str) -> None:
+    found = turtle(text)
+    assert any(one == subject and words in message for one, message in noted(found)), noted(found)
+    assert {note.line for note in found.notes} == {PREFIXES.count("\n") + 1}
+
+
+def wrong(text: str) -> list[Problem]:
+    with pytest.raises(ModelError) as caught:
+        turtle(text)
+    return caught.value.problems
+
+
+WRONG = [
+    (":Vase a owl:Class ; rdfs:subClassOf type:Jar , type:Room .", "parent", "keep one of them"),
+    (":7 a owl:Class ; rdfs:subClassOf type:Jar .", "name", "give it a label"),
+    (":a rdfs:label \"B\" ; rdfs:subClassOf type:Jar ; a owl:Class . :B a owl:Class ; rdfs:subClassOf type:Jar .", "duplicate", "name"),
+    (":Vase a owl:Class ; rdfs:subClassOf type:Jar ; somrs:default \"Weight is 3\" .", "value", "write such as Weight = 0.3"),
+    (":Whistle a owl:Class ; rdfs:subClassOf somrs:Service .", "effect", "somrs:effect"),
+    (":Whistle a owl:Class ; rdfs:subClassOf somrs:Service ; somrs:effect \"?x isOn ?y\" ; somrs:inputs \"x\" .", "value", "such as"),
+    (":between a owl:Class ; rdfs:subClassOf somrs:Fact .", "relation", "argument1 only TYPE"),
+    (":Vase1 a type:Jar , type:Room .", "type", "an object has one type"),
+    (":Vase a owl:Class ; ; ] .", "syntax", "this is not Turtle"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "rule", "words"), WRONG, ids=[words for _, _, words in WRONG])
+def test_what_is_wrong_is_named_with_its_line(text: str, rule: str, words: str) -> None:
+    found = wrong("\n" + text)
+    assert [problem.rule for problem in found] == [rule]
+    assert words in found[0].message
+    assert found[0].line == PREFIXES.count("\n") + 2
+
+
+@pytest.mark.parametrize(
+    "text", ["<?xml version='1.0'?><!DOCTYPE x [<!ENTITY a 'b'>]><x>&a;</x>", "<?xml version='1.0'?><rdf:RDF", "{}", "\x00", "a b c ."]
+)
+def test_what_is_no_such_file_is_told(text: str) -> None:
+    with pytest.raises(ModelError):
+        read(text, "file", upper())
+
+
+def test_where_rdflib_is_missing_it_is_said_what_to_install() -> None:
+    line = f"{WRITE} sys.modules['rdflib'] = None; export(upper())"
+    said = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True)
+    assert "UsageError: OWL files need rdflib" in said.stderr
+    assert "somrs[gui]" in said.stderr
+
+
+def sections(definitions: Iterable[Definition]) -> set[str]:
+    return {type(one).__name__ for one in definitions}
+
+
+def test_all_kinds_of_definitions_are_in_what_is_compared() -> None:
+    assert sections(upper()) == {"AttributeType", "RelationType", "FunctionType", "ObjectType", "ServiceType"}

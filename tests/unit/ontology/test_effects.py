@@ -1,0 +1,214 @@
+"""Effects made true in maps, and what they end."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from somrs.entish.formula import Attribute, Comparison, Formula, Literal, Name, Not, Relation, conjunction, conjuncts
+from somrs.entish.parse import parse
+from somrs.errors import FormulaError
+from somrs.ontology.effects import changes
+from somrs.ontology.indexes import MANY
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
+from somrs.ontology.truth import holds
+from tests.support.small import OBJECTS, ONTOLOGY, constants, facts, maps
+
+MAP = Map(
+    [
+        Object(name="A", type="Jar", values={"Size": 1.0}),
+        Object(name="B", type="Shelf"),
+        Object(name="C", type="Shelf"),
+        Object(name="D", type="Thing"),
+    ],
+    [Fact("isOn", ("A", "B")), Fact("isNear", ("B", "C")), Fact("isPairedWith", ("D", "A")), Fact("between", ("A", "B", "C"))],
+)
+
+
+def added(relation: str, *arguments: str) -> Change:
+    return FactAdded(Fact(relation, arguments))
+
+
+def removed(relation: str, *arguments: str) -> Change:
+    return FactRemoved(Fact(relation, arguments))
+
+
+@pytest.mark.parametrize(
+    ("effect", "expected"),
+    [
+        ("A isOn B", []),
+        ("A isOn C", [removed("isOn", "A", "B"), added("isOn", "A", "C")]),
+        ("A isIn C", [removed("isOn", "A", "B"), added("isIn", "A", "C")]),
+        ("D isOn B", [added("isOn", "D", "B")]),
+        ("NOT A isOn B", [removed("isOn", "A", "B")]),
+        ("NOT A isOn C", []),
+        ("C isNear B", []),
+        ("NOT C isNear B", [removed("isNear", "B", "C")]),
+        ("C isNear A", [added("isNear", "C", "A")]),
+        ("A isPairedWith C", [removed("isPairedWith", "D", "A"), added("isPairedWith", "A", "C")]),
+        ("between(A, C, B)", [added("between", "A", "C", "B")]),
+        ("A.Size = 3", [ValueSet("A", "Size", 3.0)]),
+        ("A.Size = 300 cm", [ValueSet("A", "Size", 3.0)]),
+        ("A.Size = 1.4", []),  # within the tolerance
+        ("D.Size = 2", []),  # the type's default
+        ("A.Open = TRUE", []),
+        ("FALSE = A.Open", [ValueSet("A", "Open", False)]),
+        ("A.Color = Blue", [ValueSet("A", "Color", "Blue")]),
+        ('B.Label = "one"', [ValueSet("B", "Label", "one")]),
+        ("B.Size = D.Size", [ValueSet("B", "Size", 2.0)]),
+        (
+            "A isOn C AND NOT B isNear C AND A.Color = Blue",
+            [removed("isOn", "A", "B"), added("isOn", "A", "C"), removed("isNear", "B", "C"), ValueSet("A", "Color", "Blue")],
+        ),
+        ("NOT A isOn B AND A isOn C", [removed("isOn", "A", "B"), added("isOn", "A", "C")]),
+    ],
+)
+def test_changes(effect: str, expected: list[Change]) -> None:
+    assert changes(parse(effect), MAP, ONTOLOGY) == expected
+
+
+@pytest.mark.parametrize(
+    ("effect", "position", "problem"),
+    [
+        ("A isOn ?x", 7, "?x is not bound"),
+        ("A isOn B OR A isOn C", 2, "OR"),
+        ("A.Size > 3", 7, "does not say what becomes true"),
+        ("NOT A.Size = 3", 11, "does not say what becomes true"),
+        ("A = B", 2, "does not say what becomes true"),
+        ("A isOm B", 2, "there is no relation isOm"),
+        ("A isOn E", 7, "there is no object E"),
+        ("between(A, B)", 2, "joins 3 objects, not 2"),  # as printed: A between B
+        ("E.Size = 3", 0, "there is no object E"),
+        ("A.Sise = 3", 2, "a Jar has no attribute Sise"),
+        ("A.Size = 3 kg", 9, "kg cannot be converted to m"),
+        ("A.Size = Red", 9, "is no value of Size"),
+        ("A.Color = Rod", 10, "Rod is no Color"),
+        ("A.Label = B.Label", 12, "has no value"),
+        ("A isOn B AND A isOn C", 2, "contradicts"),
+        ("A isOn C AND A isIn B", 2, "contradicts"),
+        ("A isOn C AND NOT A isOn C", 2, "contradicts"),
+        ("A.Size = 3 AND A.Size = 5", 7, "contradicts"),
+    ],
+)
+def test_what_is_no_effect_is_shown_in_its_place(effect: str, position: int, problem: str) -> None:
+    with pytest.raises(FormulaError) as caught:
+        changes(parse(effect), MAP, ONTOLOGY)
+    assert problem in caught.value.problem
+    assert caught.value.position == position
+
+
+def test_a_place_by_relation_gives_no_position() -> None:
+    after = MAP.changed(changes(parse("A isOn C"), MAP, ONTOLOGY))
+    assert after.objects["A"] == MAP.objects["A"]
+
+
+# In general
+
+atoms = facts.map(lambda fact: Relation(fact.relation, tuple(Name(name) for name in fact.arguments)))
+equations = st.builds(
+    Comparison,
+    st.builds(Attribute, st.sampled_from(OBJECTS).map(Name), st.sampled_from(["Size", "Color", "Label", "Open"])),
+    st.just("="),
+    constants,
+)
+parts: st.SearchStrategy[Literal] = st.one_of(atoms, st.builds(Not, atoms), equations)
+effects: st.SearchStrategy[Formula] = st.lists(parts, min_size=1, max_size=4).map(lambda found: conjunction(*found))
+
+
+@settings(max_examples=400, deadline=None)
+@given(effects, maps())
+def test_an_effect_becomes_true_or_is_refused(effect: Formula, map: Map) -> None:
+    try:
+        found = changes(effect, map, ONTOLOGY)
+    except FormulaError:
+        return
+    after = map.changed(found)
+    assert holds(effect, after, ONTOLOGY)
+    assert changes(effect, after, ONTOLOGY) == []
+    if found:
+        assert after != map
+    for change in found:
+        assert map.changed([change]) != map, "only real changes"
+    for part in conjuncts(effect):
+        if isinstance(part, Relation) and part.relation in ("isOn", "isIn"):
+            first = str(part.arguments[0])
+            assert [f for f in after.facts() if f.relation in ("isOn", "isIn") and f.arguments[0] == first] == [
+                Fact(part.relation, tuple(str(argument) for argument in part.arguments))
+            ]
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(effects, max_size=5), maps())
+def test_indexes_follow_the_changes(sequence: list[Formula], map: Map) -> None:
+    """A map that was changed, asked and changed again answers as one that is made anew."""
+    for effect in sequence:
+        try:
+            map = map.changed(changes(effect, map, ONTOLOGY))
+        except FormulaError:
+            continue
+        fresh = Map(map.objects.values(), map.facts())
+        for name in OBJECTS:
+            assert set(map.facts_about(name)) == set(fresh.facts_about(name)) == {f for f in map.facts() if name in f.arguments}
+            assert set(map.facts_with("isOn", 0, name)) == {f.arguments for f in map.facts("isOn") if f.arguments[0] == name}
+
+
+NAMES = ("A", "B", "C")
+anything = st.one_of(
+    st.builds(
+        ObjectAdded,
+        st.builds(
+            Object,
+            name=st.sampled_from(NAMES),
+            type=st.sampled_from(["Jar", "Shelf"]),
+            values=st.dictionaries(st.sampled_from(["Open", "Weight"]), st.sampled_from([True, False]), max_size=2),
+        ),
+    ),
+    st.builds(ObjectRemoved, st.sampled_from(NAMES)),
+    st.builds(ValueSet, st.sampled_from(NAMES), st.sampled_from(["Open", "Weight"]), st.sampled_from([None, True, False])),
+    st.builds(FactAdded, st.builds(Fact, st.just("near"), st.tuples(st.sampled_from(NAMES), st.sampled_from(NAMES)))),
+    st.builds(FactRemoved, st.builds(Fact, st.just("near"), st.tuples(st.sampled_from(NAMES), st.sampled_from(NAMES)))),
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.lists(anything, max_size=4), max_size=4))
+def test_every_index_follows_any_change(sequence: list[list[Change]]) -> None:
+    """Each map of a history, asked when it was new and when all of its successors are there."""
+    maps = [Map([Object(name=name, type="Jar", values={"Open": True}) for name in NAMES])]
+    answers = [_answers(maps[0])]
+    for changes_ in sequence:
+        try:
+            maps.append(maps[-1].changed(changes_))
+        except KeyError:
+            continue  # a value for an object that was removed
+        answers.append(_answers(maps[-1]))
+    for map, answer in zip(maps, answers, strict=True):
+        fresh = pickle.loads(pickle.dumps(map))
+        assert fresh == map
+        assert _answers(map) == answer == _answers(fresh)
+        assert map.changed(differences(map, maps[-1])) == maps[-1]
+        assert list(differences(map, fresh)) == []
+
+
+def _answers(map: Map) -> list[set[object]]:
+    asked: list[set[object]] = [set(map.of_type(name)) for name in ("Jar", "Shelf")]
+    asked += [set(map.with_value(path, value)) for path in ("Open", "Weight") for value in (True, False)]
+    asked += [set(map.facts_with("near", place, name)) for place in (0, 1) for name in NAMES]
+    return asked
+
+
+def test_an_index_that_changed_much_is_right() -> None:
+    """More changes than an index keeps beside what it shares."""
+    count = 3 * MANY
+    map = Map((Object(name=f"O{n}", type="Jar") for n in range(count)), [Fact("near", (f"O{n}", "O0")) for n in range(0, count, 2)])
+    assert len(map.facts_with("near", 1, "O0")) == count / 2
+    for n in range(count):
+        added = FactAdded(Fact("near", (f"O{n}", "O1")))
+        map = map.changed([added] if n % 2 else [added, FactRemoved(Fact("near", (f"O{n}", "O0")))])
+    assert len(map.facts_with("near", 1, "O0")) == 0
+    assert len(map.facts_with("near", 1, "O1")) == count
+    assert set(map.standing("near", 1)) == {"O1"}
+    assert all(map.facts_with("near", 0, f"O{n}") == {(f"O{n}", "O1"): None} for n in range(count))

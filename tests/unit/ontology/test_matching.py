@@ -1,0 +1,146 @@
+"""Which services can make a formula true, and with which inputs."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from somrs.entish.formula import Formula, Name, Not, Relation, Term, Variable, conjunction, substitute, variables
+from somrs.entish.parse import parse
+from somrs.errors import FormulaError
+from somrs.ontology.effects import changes
+from somrs.ontology.files.loading import upper
+from somrs.ontology.matching import bring_about_all, can_bring_about, types_of, unifiers
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.truth import holds
+from tests.support import small
+
+MAP = Map(
+    [
+        Object(name="Jar1", type="Jar"),
+        Object(name="Jar2", type="Jar"),
+        Object(name="Table1", type="Table"),
+        Object(name="Table2", type="Table"),
+        Object(name="Robot1", type="PioneerP3DX"),
+        Object(name="Door1", type="Door"),
+        Object(name="Spot1", type="Place"),
+    ]
+)
+
+
+def service(effect: str, outputs: tuple[Parameter, ...] = (), **inputs: str) -> ServiceType:
+    parameters = tuple(Parameter(name=name, type=type_name) for name, type_name in inputs.items())
+    return ServiceType(name="Service", effect=effect, inputs=parameters, outputs=outputs)
+
+
+TRANSFER = service("?Object isOn ?Destination", Object="Graspable", Destination="Object")
+PICK = service("?Object isHeldBy ?Provider", Object="Graspable")
+GO = service("?Provider isAt ?Place", Place="Place")
+OPEN = service("?Door.Open = ?Open", Door="Door", Open="truth")
+FILL = service("?Object.Weight = 500 g AND ?Object.Color = ?Color", Object="Graspable", Color="text")
+WEIGH = service("?Object.Weight = ?w", outputs=(Parameter(name="w", type="number"),), Object="Graspable")
+JOIN = service("?A isAdjacentTo ?B", A="Object", B="Object")
+
+
+@pytest.mark.parametrize(
+    ("offered", "wanted", "able", "rows"),
+    [
+        (TRANSFER, "Jar1 isOn Table1", True, [{"Object": "Jar1", "Destination": "Table1"}]),
+        (TRANSFER, "Table1 isOn Table2", False, []),  # too heavy for its input's type
+        (TRANSFER, "?x: Door isOn Table1", False, []),
+        (TRANSFER, "?x isOn Table1", True, [{"Object": "?x: Graspable", "Destination": "Table1"}]),
+        (TRANSFER, "?x: Jar isOn Table1", True, [{"Object": "?x: Jar", "Destination": "Table1"}]),
+        (TRANSFER, "Jar1 isOn Table1 AND Jar2 isOn Table1", True, []),  # one at a time
+        (
+            TRANSFER,
+            "Jar1 isOn Table1 OR Jar1 isOn Table2",
+            True,
+            [{"Object": "Jar1", "Destination": "Table1"}, {"Object": "Jar1", "Destination": "Table2"}],
+        ),
+        (TRANSFER, "Jar1 isHeldBy Robot1", False, []),
+        (TRANSFER, "NOT Jar1 isOn Table1", True, []),  # only by a transfer to somewhere else
+        (TRANSFER, "NOT Jar1 isHeldBy Robot1", True, [{"Object": "Jar1"}]),
+        (TRANSFER, "Jar1 isOn Table2 AND NOT Jar1 isOn Table1", True, [{"Object": "Jar1", "Destination": "Table2"}]),
+        (PICK, "Jar1 isHeldBy Robot1", True, [{"Object": "Jar1", "Provider": "Robot1"}]),
+        (PICK, "Jar1 isHeldBy Table1", False, []),
+        (PICK, "NOT Jar1 isOn Table1", True, [{"Object": "Jar1"}]),
+        (GO, "Robot1 isAt Spot1", True, [{"Provider": "Robot1", "Place": "Spot1"}]),
+        (GO, "Robot1 isAt ?where AND Jar1 isHeldBy Robot1", True, []),
+        (OPEN, "Door1.Open = TRUE", True, [{"Door": "Door1", "Open": "TRUE"}]),
+        (OPEN, "Door1.Open = Red", False, []),
+        (OPEN, "NOT Door1.Open = TRUE", True, []),
+        (FILL, "Jar1.Weight = 0.5", True, [{"Object": "Jar1"}]),
+        (FILL, "0.4 < Jar1.Weight", True, [{"Object": "Jar1"}]),
+        (FILL, "Jar1.Weight > 600 g", False, []),
+        (FILL, "Jar1.Color = Red AND Jar1.Weight < 1 kg", True, [{"Object": "Jar1", "Color": "Red"}]),
+        (FILL, "?j.Color = Red AND ?k.Weight < 1 kg", True, [{"Object": "?j: Graspable", "Color": "Red"}]),
+        (WEIGH, "Jar1.Weight = 3 kg", True, []),  # it may turn out so
+        (WEIGH, "Jar1.Weight < 3 kg", True, []),
+        (WEIGH, "Jar1.Weight = ?weight", True, [{"Object": "Jar1", "w": "?weight: number"}]),
+        (JOIN, "Table1 isAdjacentTo Table2", True, [{"A": "Table1", "B": "Table2"}, {"A": "Table2", "B": "Table1"}]),
+        (JOIN, "?x isAdjacentTo ?x", True, [{"A": "?x: Object", "B": "?x: Object"}]),
+    ],
+)
+def test_matches(offered: ServiceType, wanted: str, able: bool, rows: list[dict[str, str]]) -> None:
+    formula = parse(wanted)
+    assert can_bring_about(offered, formula, upper(), MAP) is able
+    found = [{name: str(term) for name, term in row.items()} for row in bring_about_all(offered, formula, upper(), MAP)]
+    assert sorted(found, key=str) == sorted(rows, key=str)
+
+
+def test_without_a_map_constants_may_be_anything() -> None:
+    assert can_bring_about(TRANSFER, parse("Door1 isOn Table1"), upper())
+    assert not can_bring_about(TRANSFER, parse("?Door: Door isOn Table1"), upper())
+
+
+def test_variables_of_both_sides_may_have_the_same_name() -> None:
+    wanted = parse("?Destination isOn ?Object")
+    assert isinstance(wanted, Relation)
+    assert list(unifiers(parse(TRANSFER.effect), wanted, upper(), types_of(TRANSFER, upper()))) == [
+        {"Object": Variable("Destination", "Graspable"), "Destination": Variable("Object", "Object")}
+    ]
+
+
+# In general: what is sure comes true, and what comes true was found possible
+
+effect_relations = small.facts.flatmap(
+    lambda fact: st.tuples(*(st.sampled_from([Variable("P"), Variable("Q"), Name(name)]) for name in fact.arguments)).map(
+        lambda arguments: Relation(fact.relation, arguments)
+    )
+)
+effects = st.lists(effect_relations | st.builds(Not, effect_relations), min_size=1, max_size=2).map(lambda parts: conjunction(*parts))
+wanted_relations = small.facts.map(lambda fact: Relation(fact.relation, tuple(Name(name) for name in fact.arguments)))
+wishes = st.lists(wanted_relations | st.builds(Not, wanted_relations), min_size=1, max_size=2).map(lambda parts: conjunction(*parts))
+
+
+PAIRED = Map([Object(name="A", type="Object"), Object(name="B", type="Jar")], [Fact("isPairedWith", ("A", "B"))])
+
+
+def made_true(effect: Formula, map: Map, inputs: dict[str, Term]) -> Map | None:
+    try:
+        return map.changed(changes(substitute(effect, inputs), map, small.ONTOLOGY))
+    except FormulaError:
+        return None  # this effect contradicts itself
+
+
+@settings(max_examples=400, deadline=None)
+@given(effects, wishes, small.maps(), st.sampled_from(["Object", "Thing", "Jar"]))
+@example(parse("?P isPairedWith ?P"), parse("NOT A isPairedWith B"), PAIRED, "Thing")
+def test_matches_agree_with_the_effects_made_true(effect: Formula, wanted: Formula, map: Map, type_name: str) -> None:
+    offered = service(str(effect), P=type_name, Q="Object")
+    fitting = [Name(o.name) for o in map.objects.values() if small.ONTOLOGY.is_a(o.type, type_name)]
+    everything = [Name(name) for name in map.objects]
+    assignments: list[dict[str, Term]] = [{"P": p, "Q": q} for p, q in itertools.product(fitting, everything)]
+    for row in bring_about_all(offered, wanted, small.ONTOLOGY, map):
+        for assignment in assignments:
+            if all(assignment[name] == term for name, term in row.items()):
+                after = made_true(effect, map, assignment)
+                assert after is None or holds(wanted, after, small.ONTOLOGY)
+    for assignment in assignments:
+        after = made_true(effect, map, assignment) if variables(effect) else None
+        if after is not None and holds(wanted, after, small.ONTOLOGY) and not holds(wanted, map, small.ONTOLOGY):
+            assert can_bring_about(offered, wanted, small.ONTOLOGY, map)

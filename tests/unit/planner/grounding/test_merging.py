@@ -1,0 +1,174 @@
+"""What engines get of a task: which facts exclude each other, what goes without saying, and that plans stay plans."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from somrs.planner.encodings.sas import parsed, written
+from somrs.planner.grounding.finite import State
+from somrs.planner.grounding.grounding import Grounding
+from somrs.planner.grounding.invariants import groups
+from somrs.planner.grounding.merging import merged
+from somrs.planner.grounding.relevance import demands
+from somrs.planner.grounding.task import Move, Task
+from somrs.planner.model.operators import goal_operators
+from somrs.planner.model.plan import Plan
+from somrs.planner.model.problem import Problem
+from somrs.planner.model.validation import validate
+from somrs.planner.model.world import World
+from somrs.planner.planning import plan
+from somrs.sites.pddl import read
+from tests.support.paths import SHARED
+from tests.unit.planner.test_properties import problems
+
+CODMAP = SHARED / "benchmarks" / "codmap"
+needs_codmap = pytest.mark.skipif(not CODMAP.exists(), reason="the benchmarks are not beside the project")
+STATES = 300
+"""So many states are looked at."""
+
+
+def task_of(problem: Problem) -> Task | None:
+    world = World(problem)
+    grounding = Grounding(world, demands(list(goal_operators(problem.goal, world.known)), world))
+    return Task(grounding) if grounding.reached else None
+
+
+def codmap(name: str) -> Problem:
+    return read(CODMAP / name / "domain.pddl", CODMAP / name / "problem.pddl").problem()
+
+
+def reachable(task: Task) -> list[State]:
+    states = {task.initial: None}
+    for state in (waiting := [task.initial]):
+        for move in task.moves if len(states) < STATES else ():
+            if move.applicable(state) and (after := move.apply(state)) not in states:
+                states[after] = None
+                waiting.append(after)
+    return waiting
+
+
+def check_groups(task: Task) -> int:
+    """How many groups there are; in no state that can be reached do two facts of one hold."""
+    found = groups(task)
+    for state in reachable(task):
+        for group in found:
+            assert sum(state[variable] == value for variable, value in (task.place[fact] for fact in group)) <= 1, group
+    return len(found)
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(problems())
+def test_of_facts_that_exclude_each_other_never_two_hold(problem: Problem) -> None:
+    task = task_of(problem)
+    if task is not None:
+        check_groups(task)
+
+
+@needs_codmap
+@pytest.mark.parametrize("name", ["depot/pfile1", "driverlog/pfile7", "elevators08/p01", "logistics00/probLOGISTICS-4-0", "wireless/p01"])
+def test_the_same_where_the_ontology_says_nothing_of_it(name: str) -> None:
+    task = task_of(codmap(name))
+    assert task is not None
+    assert check_groups(task) > 0
+
+
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(problems())
+def test_what_is_written_can_be_read(problem: Problem) -> None:
+    task = task_of(problem)
+    if task is not None:
+        asked = merged(task)
+        again = parsed(written(asked))
+        assert (again.initial, again.goal, again.exclusive) == (asked.initial, asked.goal, asked.exclusive)
+        assert [len(names) for names in again.names] == [len(names) for names in asked.names]
+        for one, other in zip(again.operations, asked.operations, strict=True):
+            assert (one.move, one.cost, {*one.needs}, {*one.effects}) == (other.move, other.cost, {*other.needs}, {*other.effects})
+
+
+@needs_codmap
+def test_where_a_crate_is_is_one_variable_whoever_lifts_it() -> None:
+    task = task_of(codmap("depot/pfile1"))
+    assert task is not None
+    asked = merged(task)
+    lifted = [variable[:-1] for variable in asked.names if any(name.startswith("lifting") for name in variable)]
+    assert sorted({name[name.index("crate") :][:6] for name in variable}.pop() for variable in lifted) == ["crate0", "crate1"]
+    for variable in lifted:
+        assert {name.partition("(")[0] for name in variable} >= {"lifting", "in"}
+
+
+@needs_codmap
+def test_what_must_not_be_so_is_not_asked_for_where_it_goes_without_saying() -> None:
+    """A message that is at a node is not at another one, nor on its way, though the domain says it in facts of their own."""
+    task = task_of(codmap("wireless/p01"))
+    assert task is not None
+    asked = merged(task)
+    assert not [name for variable in asked.names for name in variable if name.startswith(("not-sending", "not-message-at"))]
+    assert len(asked.names) < len(task.values) / 2
+
+
+@needs_codmap
+@pytest.mark.parametrize("name", ["depot/pfile1", "driverlog/pfile7", "wireless/p01"])
+def test_problems_of_the_field_are_planned_for_without_an_engine(name: str) -> None:
+    problem = codmap(name)
+    found = plan(problem)
+    assert isinstance(found, Plan)
+    assert validate(found, problem) == []
+
+
+Effects = tuple[str, str, str]
+"""What an action needs, what of it is gone then, and what comes about: a letter each."""
+
+
+def strips(beginning: str, goal: str, *actions: Effects) -> Problem:
+    def all_of(atoms: str) -> str:
+        return " ".join(f"({atom})" for atom in atoms)
+
+    written = [
+        f"(:action act{number} :parameters () :precondition (and {all_of(needs)})"
+        f" :effect (and {' '.join(f'(not ({atom}))' for atom in gone)} {all_of(come)}))"
+        for number, (needs, gone, come) in enumerate(actions)
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        domain, problem = Path(folder) / "domain.pddl", Path(folder) / "problem.pddl"
+        domain.write_text(f"(define (domain d) (:requirements :strips) (:predicates {all_of('abcd')}) {' '.join(written)})")
+        problem.write_text(f"(define (problem p) (:domain d) (:init {all_of(beginning)}) (:goal (and {all_of(goal)})))")
+        return read(domain, problem).problem()
+
+
+@st.composite
+def small_strips(draw: st.DrawFn) -> Problem:
+    some = st.sets(st.sampled_from("abcd"), min_size=1, max_size=2).map(lambda atoms: "".join(sorted(atoms)))
+    actions = [(needs, draw(st.sampled_from([needs, needs[0], ""])), draw(some)) for needs in draw(st.lists(some, min_size=1, max_size=4))]
+    return strips(draw(some), draw(some), *((needs, gone, "".join(sorted({*come} - {*gone}))) for needs, gone, come in actions))
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(small_strips())
+@example(strips("a", "bc", ("a", "a", "c"), ("a", "a", "bc")))
+@example(strips("a", "bc", ("a", "a", "b"), ("a", "a", "bc")))
+def test_what_goes_without_saying_is_so_in_every_state(problem: Problem) -> None:
+    """Played side by side, both tasks allow the same moves and reach the goal in the same states."""
+    task = task_of(problem)
+    if task is None:
+        return
+    asked = merged(task)
+    reached = {number for number, move in enumerate(task.moves) if move.length == 0}
+    begun = task.initial, asked.initial
+    seen = {begun}
+    for old, new in (waiting := [begun]):
+        ready = {one.move for one in asked.operations if all(new[variable] == value for variable, value in one.needs)}
+        there = all(new[variable] == value for variable, value in asked.goal) or bool(ready & reached)
+        assert there == any(task.moves[number].applicable(old) for number in reached)
+        for operation in asked.operations:
+            move = task.moves[operation.move]
+            assert move.applicable(old) == (operation.move in ready), str(move.action)
+            if operation.move in ready - reached:
+                after = move.apply(old), Move(action=move.action, needs=operation.needs, effects=operation.effects).apply(new)
+                if after not in seen:
+                    seen.add(after)
+                    waiting.append(after)

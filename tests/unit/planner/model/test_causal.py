@@ -1,0 +1,142 @@
+"""The order that a plan needs, beside every order there is: on small random plans, by doing each of them."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Iterator
+from itertools import combinations, islice, permutations
+
+import pytest
+
+from somrs.entish import Formula
+from somrs.entish.formula import conjunction
+from somrs.entish.parse import parse
+from somrs.ontology.objects import Map, Object
+from somrs.ontology.truth import holds
+from somrs.ontology.types import ObjectType, Ontology, RelationType
+from somrs.planner.model.causal import linked
+from somrs.planner.model.plan import Plan, Step, linearisations
+from somrs.planner.model.problem import Problem
+from somrs.planner.model.validation import after
+from tests.support.relay import carried, longest, maps_of, problem
+
+ONTOLOGY = Ontology(
+    [
+        ObjectType(name="Object", parent=None),
+        RelationType(name="marked", joins=("Object",)),
+        RelationType(name="on", joins=("Object", "Object"), functional=True, excludes="place"),
+        RelationType(name="heldBy", joins=("Object", "Object"), functional=True, excludes="place"),
+        RelationType(name="tiedTo", joins=("Object", "Object"), symmetric=True),
+    ]
+)
+ATOMS = ["marked(A)", "A on B", "A on C", "A heldBy D", "C heldBy D", "tiedTo(A, B)", "tiedTo(B, A)"]
+Order = frozenset[tuple[int, int]]
+"""Pairs of steps, by number: the first has to be done before the second."""
+
+
+def random_plan(seed: int) -> tuple[list[Step], list[Map], Problem]:
+    """Steps that can be done in the order given, on a map where everything that they need is so."""
+    dice = random.Random(seed)
+    map = Map([Object(name=name, type="Object") for name in "ABCD"])
+    start = Problem(ontology=ONTOLOGY, map=map, goal=parse("marked(A)"))
+    for atom in dice.sample(ATOMS, 3):
+        map = after(_step("start", atom), map, start)
+    maps, steps = [map], list[Step]()
+    for number in range(dice.randint(4, 5)):
+        so = [literal for literal in _literals() if holds(parse(literal), maps[-1], ONTOLOGY)]
+        needs = conjunction(*map_parse(dice.sample(so, dice.randint(0, 2)))) if so else None
+        steps.append(_step(f"step{number}", dice.choice([*_literals()]), needs))
+        maps.append(after(steps[-1], maps[-1], start))
+    so = [literal for literal in _literals() if holds(parse(literal), maps[-1], ONTOLOGY)]
+    goal = conjunction(*map_parse(dice.sample(so, dice.randint(1, 2))))
+    return steps, maps, Problem(ontology=ONTOLOGY, map=map, goal=goal)
+
+
+def _literals() -> Iterator[str]:
+    for atom in ATOMS:
+        yield atom
+        yield f"NOT {atom}"
+
+
+def map_parse(texts: list[str]) -> list[Formula]:
+    return [parse(text) for text in texts]
+
+
+def _step(id: str, effect: str, needs: Formula | None = None) -> Step:
+    precondition = needs if needs is not None and str(needs) else None
+    return Step(id=id, service_type="Does", inputs={}, effect=parse(effect), precondition=precondition)
+
+
+def can_be_done(steps: tuple[Step, ...], problem: Problem) -> bool:
+    map = problem.map
+    for step in steps:
+        if step.precondition is not None and not holds(step.precondition, map, problem.ontology):
+            return False
+        map = after(step, map, problem)
+    return holds(problem.goal, map, problem.ontology)
+
+
+def closed(order: Order) -> Order:
+    """With whatever follows from it."""
+    found = set(order)
+    while more := {(a, d) for a, b in found for c, d in found if b == c} - found:
+        found |= more
+    return frozenset(found)
+
+
+def in_every_way(order: Order, good: set[tuple[int, ...]], count: int) -> bool:
+    """Whether the steps can be done in every way that the order allows."""
+    ways = (way for way in permutations(range(count)) if all(way.index(a) < way.index(b) for a, b in order))
+    return all(way in good for way in ways)
+
+
+def makespan(order: Order, count: int) -> int:
+    depth = [1] * count
+    for one, other in sorted(order, key=lambda pair: pair[1]):
+        depth[other] = max(depth[other], depth[one] + 1)
+    return max(depth)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_no_order_is_shorter_and_none_of_it_can_be_left_out(seed: int) -> None:
+    steps, maps, known = random_plan(seed)
+    count = len(steps)
+    place = {step.id: number for number, step in enumerate(steps)}
+    links = linked(steps, maps, known)
+    mine = closed(frozenset((place[link.before], place[link.after]) for link in links))
+    good = {way for way in permutations(range(count)) if can_be_done(tuple(steps[number] for number in way), known)}
+    assert in_every_way(mine, good, count), links
+    for one, other in mine:
+        if not any((one, between) in mine and (between, other) in mine for between in range(count)):
+            assert not in_every_way(mine - {(one, other)}, good, count), f"step{one} need not come before step{other}: {links}"
+    pairs = [*combinations(range(count), 2)]
+    orders = (frozenset(pair for bit, pair in enumerate(pairs) if chosen >> bit & 1) for chosen in range(1 << len(pairs)))
+    shorter = (order for order in orders if makespan(order, count) < makespan(mine, count) and closed(order) == order)
+    assert not any(in_every_way(order, good, count) for order in shorter), links
+
+
+def test_each_link_says_which_fact_it_is_for() -> None:
+    known = problem(couriers=2, parcels=1)
+    steps = carried(couriers=2, parcels=1)[:6]
+    links = {(link.before, link.after): link.fact for link in linked(steps, maps_of(steps, known), known) if not link.keeps}
+    assert links["step2", "step3"] == "Courier0 isAt Place1"
+    assert links["step3", "step5"] == "Parcel0 isOn Place1"
+    assert ("step1", "step6") not in links
+
+
+def test_hundreds_of_steps_are_linked_within_a_moment() -> None:
+    steps, known = carried(couriers=10, parcels=11), problem(couriers=10, parcels=11)
+    maps = maps_of(steps, known)
+    began = time.perf_counter()
+    links = linked(steps, maps, known)
+    assert time.perf_counter() - began < 1.0, "0.08 s where it was measured, for 440 steps"
+    plan = Plan(tuple(steps), links)
+    assert longest(plan) == 30 + 4 * 10 + 1
+
+
+def test_a_plan_of_many_couriers_can_be_done_in_other_orders() -> None:
+    steps, known = carried(couriers=2, parcels=2), problem(couriers=2, parcels=2)
+    plan = Plan(tuple(steps), linked(steps, maps_of(steps, known), known))
+    for order in islice(linearisations(plan), 200):
+        assert can_be_done(order, known)

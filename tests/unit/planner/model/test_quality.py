@@ -1,0 +1,108 @@
+"""Of several plans the cheaper one is taken, or the one that is done sooner: by what services cost, and what they asked last."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from msgspec import structs
+
+from somrs.entish.parse import parse
+from somrs.ontology.files.loading import load_text
+from somrs.ontology.services import ServiceType
+from somrs.planner.model.plan import Plan
+from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.quality import best, cost, span
+from somrs.planner.planning import plan
+from somrs.planner_service.engines import entrants, plan_in_process
+from somrs.protocol.messages.clients import Policy
+from somrs.sites.pddl import read
+from tests.support.virtual_system import SITE, Robot, VirtualSystem
+from tests.system.test_codmap import DOMAIN
+
+FERRY = ServiceType(name="Ferry", effect="Jar002 isOn Platform001", precondition="Jar002 isOn Cupboard001")
+FIRST = ServiceType(name="FirstLeg", effect="Jar002 isOn Cupboard002", precondition="Jar002 isOn Cupboard001")
+SECOND = ServiceType(name="SecondLeg", effect="Jar002 isOn Platform001", precondition="Jar002 isOn Cupboard002")
+WAYS = (FERRY, FIRST, SECOND)
+"""The jar comes to the platform at once, or by way of the other cupboard."""
+
+
+def problem(services: tuple[Available, ...]) -> Problem:
+    loaded = load_text(SITE, "site.yaml")
+    assert loaded.map is not None
+    return Problem(ontology=loaded.ontology, map=loaded.map, goal=parse("Jar002 isOn Platform001"), services=services)
+
+
+def quoted(**prices: float) -> Problem:
+    """What the services asked last, those that were asked."""
+    return problem(tuple(Available(one, ("Robot1",), (("Robot1", prices[one.name]),) if one.name in prices else ()) for one in WAYS))
+
+
+def found(asked: Problem) -> Plan:
+    answer = plan(asked)
+    assert isinstance(answer, Plan), answer
+    return answer
+
+
+def ways(plan: Plan) -> list[str]:
+    return [step.service_type for step in plan.steps]
+
+
+@pytest.mark.parametrize(
+    ("prices", "way"),
+    [
+        ({}, ["Ferry"]),
+        ({"Ferry": 4.0, "FirstLeg": 2.0, "SecondLeg": 3.0}, ["Ferry"]),
+        ({"Ferry": 10.0, "FirstLeg": 2.0, "SecondLeg": 3.0}, ["FirstLeg", "SecondLeg"]),
+    ],
+)
+def test_what_services_asked_last_decides(prices: dict[str, float], way: list[str]) -> None:
+    assert ways(found(quoted(**prices))) == way
+
+
+def test_what_a_service_type_says_that_it_costs_decides() -> None:
+    costs = {"Ferry": "10", "FirstLeg": "2", "SecondLeg": "3"}
+    asked = problem(tuple(Available(structs.replace(one, cost=costs[one.name]), ("Robot1",)) for one in WAYS))
+    assert ways(found(asked)) == ["FirstLeg", "SecondLeg"]
+    assert cost(found(asked), asked) == 5.0
+
+
+def test_who_is_in_a_hurry_takes_the_short_way() -> None:
+    asked = replace(quoted(Ferry=10.0, FirstLeg=2.0, SecondLeg=3.0), hurry=True)
+    assert ways(found(asked)) == ["Ferry"]
+
+
+def test_the_best_is_by_cost_or_by_time() -> None:
+    asked = quoted(Ferry=10.0, FirstLeg=2.0, SecondLeg=3.0)
+    dear, cheap = found(replace(asked, hurry=True)), found(asked)
+    assert (cost(dear, asked), span(dear), cost(cheap, asked), span(cheap)) == (10.0, 1, 5.0, 2)
+    assert best(asked, [dear, cheap]) is cheap
+    assert best(replace(asked, hurry=True), [cheap, dear]) is dear
+
+
+def test_a_task_manager_plans_by_the_terms_that_it_had() -> None:
+    system = VirtualSystem(Robot("Robot1", 10.0, 5.0))
+    system.finish(system.submit("Jar002 isOn Platform001"))
+    system.finish(system.submit("Tin001 isOn Platform001", policy=Policy.TIME))
+    assert [dict(asked.services[0].prices) for asked in system.problems] == [{}, {"Robot1": 10.0}]
+    assert [asked.hurry for asked in system.problems] == [False, True]
+
+
+@pytest.mark.skipif(len(entrants()) < 4, reason="the engines are not installed: pip install -e '.[planner]'")
+def test_who_is_in_a_hurry_has_all_vans_drive(tmp_path: Path) -> None:
+    names = [f"b{number}" for number in range(6)]
+    vans = [f"van{number}" for number in range(3)]
+    text = f"""(define (problem moving) (:domain courier)
+      (:objects east west - place {" ".join(names)} - parcel {" ".join(f"(:private {van} {van} - van)" for van in vans)})
+      (:init (road east west) (road west east) {" ".join(f"(at {one} east)" for one in (*names, *vans))})
+      (:goal (and {" ".join(f"(at {name} west)" for name in names)})))"""
+    for name, written in (("domain", DOMAIN), ("problem", text)):
+        (tmp_path / f"{name}.pddl").write_text(written, encoding="utf-8")
+    asked = read(tmp_path / "domain.pddl", tmp_path / "problem.pddl").problem()
+    cheap, soon = plan_in_process(asked), plan_in_process(replace(asked, hurry=True))
+    assert isinstance(cheap, Plan)
+    assert isinstance(soon, Plan)
+    assert cost(cheap, asked) <= cost(soon, asked)
+    assert span(soon) == 5, "each of three vans loads two, drives, and unloads two"
+    assert span(cheap) > 5

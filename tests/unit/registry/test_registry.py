@@ -1,0 +1,276 @@
+"""The Service Registry: who offers what, until when, and who is told."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from somrs.kernel.component import Effect, Rang, Received, Record, Send, Undelivered, Wake
+from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.types import ObjectType, RelationType, Value
+from somrs.protocol.messages.directory import (
+    Discover,
+    Discovered,
+    Offer,
+    Publish,
+    Published,
+    Renew,
+    Retract,
+    Retracted,
+    ServicesJoined,
+    ServicesLeft,
+    ServicesSubscribed,
+    SubscribeServices,
+)
+from somrs.protocol.messages.envelope import ANONYMOUS
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import Define, Definitions, QueryMap
+from somrs.registry.component import Registry
+from somrs.registry.entries import Listed
+from somrs.repository.component import Repository
+from somrs.runtime.virtual import World
+from tests.support.lab import REPOSITORY, ask, contents, lab, request, sent, tell
+
+REGISTRY = "http://here/registry"
+FOLLOWER = "http://here/follower"
+
+TRANSFER = ServiceType(
+    name="TransferObject",
+    inputs=(Parameter(name="Object", type="Graspable"), Parameter(name="Destination", type="Object")),
+    precondition="?Object isOn ?Source",
+    effect="?Object isOn ?Destination",
+)
+OPEN = ServiceType(name="OpenDoor", inputs=(Parameter(name="Door", type="Door"),), effect="?Door.Open = TRUE")
+CAREFUL = ServiceType(name="CarefulTransfer", parent="TransferObject", inputs=TRANSFER.inputs, effect=TRANSFER.effect)
+
+
+def offer(provider: str, service_type: ServiceType = TRANSFER, **attributes: Value) -> Offer:
+    return Offer(
+        service=f"{provider}.{service_type.name}",
+        provider=provider,
+        provider_type="PioneerP3DX",
+        address=f"http://{provider}/",
+        service_type=service_type,
+        attributes=attributes,
+    )
+
+
+def publish(provider: str, *offers: Offer, lease: float = 30.0) -> Publish:
+    return Publish(provider=provider, offers=offers or (offer(provider),), lease=lease)
+
+
+def names(found: Discovered) -> list[str]:
+    return [each.service for each in found.offers]
+
+
+@pytest.fixture
+def registry() -> Registry:
+    return Registry(REGISTRY, lab()[0])
+
+
+@pytest.fixture
+def followed(registry: Registry) -> Registry:
+    assert ask(registry, SubscribeServices(lease=3600), ServicesSubscribed, sender=FOLLOWER).until == 3600.0
+    return registry
+
+
+def news(effects: list[Effect]) -> list[ServicesJoined | ServicesLeft]:
+    return [*sent(effects, ServicesJoined), *sent(effects, ServicesLeft)]
+
+
+# Leases
+
+
+def test_a_service_is_there_until_its_lease_ends(registry: Registry) -> None:
+    assert ask(registry, publish("Robot1"), Published, now=100.0) == Published(until=130.0, renew_within=10.0)
+    assert names(ask(registry, Discover(), Discovered, now=129.9)) == ["Robot1.TransferObject"]
+    assert ask(registry, Discover(), Discovered, now=130.0).offers == ()
+
+
+def test_a_lease_is_renewed(registry: Registry) -> None:
+    ask(registry, publish("Robot1"), Published, now=100.0)
+    assert ask(registry, Renew(provider="Robot1", lease=60.0), Published, now=120.0).until == 180.0
+    assert names(ask(registry, Discover(), Discovered, now=179.0)) == ["Robot1.TransferObject"]
+
+
+def test_who_is_not_known_is_told_to_publish_anew(registry: Registry) -> None:
+    assert "publish its services anew" in ask(registry, Renew(provider="Robot1", lease=60.0), Fault).text
+    ask(registry, publish("Robot1", lease=5.0), Published, now=0.0)
+    assert "publish" in ask(registry, Renew(provider="Robot1", lease=60.0), Fault, now=5.0).text
+
+
+def test_leases_are_kept_within_limits(registry: Registry) -> None:
+    assert ask(registry, publish("Robot1", lease=0.001), Published, now=100.0).until == 101.0
+    assert ask(registry, publish("Robot1", lease=1e7), Published, now=100.0).until == 3700.0
+    for wrong in (0.0, -1.0, float("nan"), float("inf")):
+        assert "lease" in ask(registry, publish("Robot1", lease=wrong), Fault).text
+
+
+def test_the_timer_is_set_for_the_next_lease_that_ends(registry: Registry) -> None:
+    assert tell(registry, publish("Robot1", lease=30.0), now=0.0)[-1] == Wake("leases", 30.0)
+    assert tell(registry, publish("Robot2", lease=10.0), now=0.0)[-1] == Wake("leases", 10.0)
+    assert registry.handle(Rang("leases"), 10.0)[-1] == Wake("leases", 30.0)
+    assert registry.handle(Rang("leases"), 30.0)[-1] == Wake("leases", None)
+
+
+# Discovering
+
+
+@pytest.fixture
+def busy(registry: Registry) -> Registry:
+    ask(registry, publish("Robot1", offer("Robot1", Price=10.0), offer("Robot1", OPEN)), Published)
+    ask(registry, publish("Robot2", offer("Robot2", CAREFUL, Price=25.0, Gentle=True)), Published)
+    return registry
+
+
+@pytest.mark.parametrize(
+    ("wanted", "found"),
+    [
+        (Discover(), ["Robot1.OpenDoor", "Robot1.TransferObject", "Robot2.CarefulTransfer"]),
+        (Discover(service_type="OpenDoor"), ["Robot1.OpenDoor"]),
+        (Discover(service_type="TransferObject"), ["Robot1.TransferObject", "Robot2.CarefulTransfer"]),
+        (Discover(service_type="CarefulTransfer"), ["Robot2.CarefulTransfer"]),
+        (Discover(service_type="Cook"), []),
+        (Discover(provider="Robot2"), ["Robot2.CarefulTransfer"]),
+        (Discover(attributes={"Price": 10}), ["Robot1.TransferObject"]),
+        (Discover(attributes={"Gentle": True}), ["Robot2.CarefulTransfer"]),
+        (Discover(attributes={"Gentle": 1.0}), []),
+        (Discover(attributes={"Colour": "Red"}), []),
+        (Discover(effect="Jar1 isOn Table2"), ["Robot1.TransferObject", "Robot2.CarefulTransfer"]),
+        (Discover(effect="?Door: Door.Open = TRUE"), ["Robot1.OpenDoor"]),
+        (Discover(effect="Jar1 isIn Room1"), []),
+        (Discover(effect="Jar1 isOn Table2", attributes={"Price": 25.0}), ["Robot2.CarefulTransfer"]),
+    ],
+)
+def test_what_is_found_fits_all_that_is_asked(busy: Registry, wanted: Discover, found: list[str]) -> None:
+    assert names(ask(busy, wanted, Discovered)) == found
+
+
+def test_a_formula_that_is_none_is_a_fault(busy: Registry) -> None:
+    assert "^" in ask(busy, Discover(effect="Jar1 isOn"), Fault).text
+
+
+def test_many_services_are_found_page_by_page(registry: Registry) -> None:
+    for n in range(300):
+        ask(registry, publish(f"Robot{n:03}"), Published)
+    found = [ask(registry, Discover(service_type="TransferObject"), Discovered)]
+    while found[-1].more:
+        found.append(ask(registry, Discover(service_type="TransferObject", after=found[-1].offers[-1].service), Discovered))
+    assert [name for page in found for name in names(page)] == [f"Robot{n:03}.TransferObject" for n in range(300)]
+    assert all(len(msgspec.json.encode(page)) < 50_000 for page in found)
+
+
+# Telling
+
+
+def test_followers_hear_who_comes_and_who_goes(followed: Registry) -> None:
+    both = (offer("Robot1"), offer("Robot1", OPEN))
+    assert news(tell(followed, publish("Robot1", *both))) == [ServicesJoined(offers=both)]
+    gone = tell(followed, Retract(provider="Robot1", services=("Robot1.OpenDoor", "Robot9.Cook")))
+    assert sent(gone, Retracted) == [Retracted(services=("Robot1.OpenDoor",))]
+    assert news(gone) == [ServicesLeft(services=("Robot1.OpenDoor",), provider="Robot1", reason="retracted")]
+    assert news(followed.handle(Rang("leases"), 30.0)) == [
+        ServicesLeft(services=("Robot1.TransferObject",), provider="Robot1", reason="expired")
+    ]
+
+
+def test_all_services_are_retracted_when_none_is_named(followed: Registry) -> None:
+    tell(followed, publish("Robot1", offer("Robot1"), offer("Robot1", OPEN)))
+    assert ask(followed, Retract(provider="Robot1"), Retracted).services == ("Robot1.TransferObject", "Robot1.OpenDoor")
+    assert ask(followed, Retract(provider="Robot1"), Retracted).services == ()
+    assert ask(followed, Discover(), Discovered).offers == ()
+
+
+def test_of_a_second_publication_only_the_difference_is_told(followed: Registry) -> None:
+    tell(followed, publish("Robot1", offer("Robot1", Price=10.0), offer("Robot1", OPEN)))
+    assert news(tell(followed, publish("Robot1", offer("Robot1", Price=10.0), offer("Robot1", OPEN)), now=5.0)) == []
+    dearer = offer("Robot1", Price=12.0)
+    assert news(tell(followed, publish("Robot1", dearer), now=6.0)) == [
+        ServicesJoined(offers=(dearer,)),
+        ServicesLeft(services=("Robot1.OpenDoor",), provider="Robot1", reason="retracted"),
+    ]
+
+
+def test_a_follower_hears_nothing_after_its_lease_or_when_it_cannot_be_reached(registry: Registry) -> None:
+    ask(registry, SubscribeServices(lease=10), ServicesSubscribed, now=0.0, sender=FOLLOWER)
+    assert news(tell(registry, publish("Robot1"), now=10.0)) == []
+    ask(registry, SubscribeServices(lease=100), ServicesSubscribed, now=10.0, sender=FOLLOWER)
+    told = [e.message for e in tell(registry, publish("Robot2"), now=11.0) if isinstance(e, Send)]
+    registry.handle(Undelivered(told[-1], "refused"), 41.0)
+    assert news(tell(registry, publish("Robot3"), now=42.0)) == []
+
+
+def test_who_has_no_address_cannot_follow(registry: Registry) -> None:
+    assert "address" in ask(registry, SubscribeServices(lease=60), Fault, sender=ANONYMOUS).text
+
+
+# Manners
+
+
+def test_an_old_message_that_comes_again_undoes_nothing(followed: Registry) -> None:
+    first = request(publish("Robot1"))
+    followed.handle(Received(first), 0.0)
+    tell(followed, Retract(provider="Robot1"), now=1.0)
+    again = followed.handle(Received(first), 2.0)
+    assert sent(again, Published) == [Published(until=30.0, renew_within=10.0)]
+    assert news(again) == []
+    assert ask(followed, Discover(), Discovered, now=3.0).offers == ()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (publish("Robot2", offer("Robot1")), "Robot2 cannot offer it"),
+        (publish("Robot2", msgspec.structs.replace(offer("Robot2"), service="Robot1.TransferObject")), "offered by Robot1 already"),
+        (publish("Robot2", offer("Robot2"), offer("Robot2")), "two services of the same name"),
+        (publish("Robot2", offer("Robot2", msgspec.structs.replace(TRANSFER, effect="?Object isOn"))), "^"),
+        (publish("", offer("")), "provider"),
+    ],
+)
+def test_offers_that_nobody_could_use_are_refused(registry: Registry, wrong: Publish, said: str) -> None:
+    ask(registry, publish("Robot1"), Published)
+    assert said in ask(registry, wrong, Fault).text
+    assert names(ask(registry, Discover(), Discovered)) == ["Robot1.TransferObject"]
+
+
+def test_what_is_no_business_of_a_registry_is_a_fault_and_faults_are_not_answered(registry: Registry) -> None:
+    assert ask(registry, QueryMap(formula="Jar1 isOn Table1"), Fault).code == "ActionNotSupported"
+    assert sent(tell(registry, Fault(code="Sender", text="no")), object) == []
+
+
+def test_it_learns_what_services_can_do_from_the_repository() -> None:
+    """A type that was defined after the Registry came up counts when services are found by their effect."""
+    world = World()
+    registry = Registry(REGISTRY, repository=REPOSITORY)
+    world.add(REPOSITORY, Repository(REPOSITORY, contents()))
+    world.add(REGISTRY, registry)
+    box = ObjectType(name="Box", parent="Graspable")
+    packed = RelationType(name="isPackedIn", joins=("Graspable", "Box"))
+    pack = ServiceType(
+        name="Pack", inputs=(Parameter(name="Thing", type="Graspable"), Parameter(name="Box", type="Box")), effect="?Thing isPackedIn ?Box"
+    )
+    world.send(request(Define(definitions=Definitions(types=(box,), relations=(packed,), services=(pack,)))))
+    world.run(2.0)
+    assert "Pack" in registry.ontology.services
+    tell(registry, publish("Robot1", offer("Robot1", pack)), now=world.now)
+    assert names(ask(registry, Discover(effect="Jar1 isPackedIn ?Box: Box"), Discovered, now=world.now)) == ["Robot1.Pack"]
+    assert names(ask(registry, Discover(effect="Table1 isPackedIn ?Box: Box"), Discovered, now=world.now)) == []
+
+
+def test_what_was_listed_is_listed_after_a_restart_until_its_lease_is_over() -> None:
+    first = Registry(REGISTRY, lab()[0], kept=())
+    effects = [*tell(first, publish("Robot1", lease=30.0), now=0.0), *tell(first, publish("Robot2", lease=30.0), now=0.0)]
+    effects += [*tell(first, Renew(provider="Robot1", lease=30.0), now=10.0), *tell(first, Retract(provider="Robot2"), now=11.0)]
+    for told in (0, 1):
+        assert isinstance(effects[told * 3], Record), "it is on disk before the provider hears that it is listed"
+    kept = {effect.entry.provider: effect.entry for effect in effects if isinstance(effect, Record) and isinstance(effect.entry, Listed)}
+    assert kept["Robot2"].offers == ()
+    second = Registry(REGISTRY, lab()[0], kept=kept.values())
+    assert names(ask(second, Discover(), Discovered, now=12.0)) == ["Robot1.TransferObject"]
+    assert ask(second, Renew(provider="Robot1", lease=30.0), Published, now=20.0).until == 50.0
+    third = Registry(REGISTRY, lab()[0], kept=kept.values())
+    assert names(ask(third, Discover(), Discovered, now=40.5)) == []
+
+
+def test_a_registry_without_a_disk_keeps_nothing(registry: Registry) -> None:
+    assert not [effect for effect in tell(registry, publish("Robot1")) if isinstance(effect, Record)]

@@ -1,0 +1,431 @@
+"""Editing the ontology: renaming, removing and redefining, with everything that speaks of it; what stands in the way; and undoing it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from msgspec import structs
+
+from somrs.entish.parse import parse
+from somrs.ontology.files.loading import load_text, upper
+from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.objects import Fact, Object, ObjectAdded, ValueSet
+from somrs.ontology.types import AttributeType, Constraint, Kind, ObjectType
+from somrs.protocol.messages.knowledge import (
+    Consider,
+    Considered,
+    Define,
+    Defined,
+    Definitions,
+    OntologyPage,
+    ReadEvents,
+    ReadOntology,
+    Rejected,
+    Undo,
+    Updated,
+    UpdateMap,
+)
+from tests.support.keeper import Keeper, definitions
+
+WORKSHOP = """
+attributes:
+  Volume: {kind: number, unit: l}
+  Content: {kind: enumeration, values: [Paint, Oil, Nothing]}
+  Package: {kind: complex, attributes: [Volume, Content]}
+relations:
+  belongsTo: {joins: [Tin, Bench], functional: true}
+functions:
+  content: {parameters: [Tin], attribute: Package.Volume}
+  way: {parameters: [Table, Table], values: {Bench1 Bench2: 3}}
+types:
+  Bench: {parent: Table, parts: [{type: Vice, minimum: 0}]}
+  Vice: {parent: Furniture}
+  Tin:
+    parent: Graspable
+    attributes: [Package]
+    defaults: {Package: {Volume: 1 l}, Shape: {Form: Cylinder, Radius: 0.08, Height: 0.18}}
+    constraints:
+      - {attribute: Package.Volume, maximum: 5}
+      - formula: "NOT ?Self.Package.Content = Nothing OR ?Self.Weight < 0.3 AND ?Self.Package.Volume >= 0"
+  SmallTin: {parent: Tin}
+services:
+  Refill:
+    inputs: {Tin: Tin, At: Bench}
+    precondition: "?Tin isOn ?At AND ?Tin belongsTo ?Bench: Bench AND ?Tin.Package.Content = Nothing"
+    effect: "?Tin.Package.Content = Paint"
+    cost: "2 * content(?Tin) + way(?At, ?At)"
+    handlers:
+      - {on: failure, effect: "?Tin isOn ?At", when: "?Tin.Package.Volume > 1"}
+  RefillQuickly: {parent: Refill, inputs: {Tin: SmallTin}, effect: "?Tin.Package.Content = Paint"}
+map: Workshop
+objects:
+  Workshop:
+    type: Building
+    parts: {Ground: {type: Storey, parts: {Slab: {type: Floor, at: [0, 0, -0.1], Shape: {Form: Box, Width: 9, Depth: 9, Height: 0.1}}}}}
+  Bench1: {type: Bench, at: [1, 1, 0], Shape: {Form: Box, Width: 1, Depth: 1, Height: 0.9}}
+  Bench2: {type: Bench, at: [3, 1, 0], Shape: {Form: Box, Width: 1, Depth: 1, Height: 0.9}}
+  Tin1: {type: Tin, at: [1, 1, 0.9], Package: {Volume: 2, Content: Oil}}
+  Tin2: {type: SmallTin, at: [1, 1.2, 0.9]}
+  Robot1: {type: PioneerP3DX, at: [5, 3, 0]}
+facts: [Tin1 isOn Bench1, Tin2 isOn Bench1, Tin1 belongsTo Bench1]
+"""
+
+
+@pytest.fixture
+def keeper(tmp_path: Path) -> Iterator[Keeper]:
+    loaded = load_text(WORKSHOP, base=upper())
+    keeper = Keeper(tmp_path / "repository.sqlite", loaded.ontology, loaded.map)
+    yield keeper
+    keeper.settle()
+    assert keeper.replica.map == keeper.contents.map
+    assert definitions(keeper.replica.ontology) == definitions(keeper.contents.ontology)
+    kept = keeper.contents
+    keeper.restart()
+    assert ([*keeper.contents.ontology], keeper.contents.defined_at) == ([*kept.ontology], kept.defined_at)
+    assert keeper.replica.map == keeper.contents.map
+    keeper.close()
+
+
+def rename(section: Section, name: str, to: str) -> Define:
+    return Define(renamed=(Renaming(section=section, name=name, to=to),), author="Anna")
+
+
+def remove(section: Section, *names: str) -> Define:
+    return Define(removed=tuple(Named(section=section, name=name) for name in names), author="Anna")
+
+
+def types(*types: ObjectType, expected: int | None = None, author: str = "Anna") -> Define:
+    return Define(definitions=Definitions(types=types), expected_version=expected, author=author)
+
+
+# Renaming
+
+
+def test_a_type_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> None:
+    assert keeper.say(rename(Section.TYPES, "Tin", "PaintTin"), Defined) == Defined(version=1)
+    ontology, map = keeper.contents.ontology, keeper.contents.map
+    assert "Tin" not in ontology.types
+    assert ontology.types["SmallTin"].parent == "PaintTin"
+    assert ontology.relations["belongsTo"].joins == ("PaintTin", "Bench")
+    assert ontology.functions["content"].parameters == ("PaintTin",)
+    assert [(p.name, p.type) for p in ontology.services["Refill"].inputs] == [("Tin", "PaintTin"), ("At", "Bench")]
+    assert map.objects["Tin1"].type == "PaintTin"
+    assert map.objects["Tin2"].type == "SmallTin"
+    assert map.holds("isOn", ("Tin1", "Bench1"))
+
+
+def test_types_in_formulas_and_parts_are_renamed(keeper: Keeper) -> None:
+    keeper.say(rename(Section.TYPES, "Bench", "Workbench"), Defined)
+    keeper.say(rename(Section.TYPES, "Vice", "Clamp"), Defined)
+    ontology = keeper.contents.ontology
+    assert "?Bench: Workbench" in (ontology.services["Refill"].precondition or "")
+    assert ontology.types["Workbench"].parts[0].type == "Clamp"
+
+
+def test_an_attribute_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> None:
+    keeper.say(rename(Section.ATTRIBUTES, "Volume", "Litres"), Defined)
+    keeper.say(rename(Section.ATTRIBUTES, "Package", "Packing"), Defined)
+    ontology, tin = keeper.contents.ontology, keeper.contents.ontology.types["Tin"]
+    assert ontology.attributes["Packing"].attributes == ("Litres", "Content")
+    assert tin.attributes == ("Packing",)
+    assert tin.defaults["Packing.Litres"] == 1.0
+    assert tin.constraints[0].attribute == "Packing.Litres"
+    assert "?Self.Packing.Litres >= 0" in (tin.constraints[1].formula or "")
+    assert ontology.functions["content"].attribute == "Packing.Litres"
+    assert ontology.services["Refill"].handlers[0].when == "?Tin.Packing.Litres > 1"
+    assert ontology.services["Refill"].effect == "?Tin.Packing.Content = Paint"
+    assert keeper.contents.map.objects["Tin1"].values["Packing.Litres"] == 2.0
+    assert keeper.contents.map.objects["Tin1"].values["Packing.Content"] == "Oil"
+
+
+def test_a_relation_is_renamed_with_its_facts(keeper: Keeper) -> None:
+    keeper.say(rename(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
+    assert "?Tin standsAt ?Bench" in (keeper.contents.ontology.services["Refill"].precondition or "")
+    assert [*keeper.contents.map.facts("standsAt")] == [Fact("standsAt", ("Tin1", "Bench1"))]
+    assert [*keeper.contents.map.facts("belongsTo")] == []
+
+
+def test_functions_and_services_are_renamed(keeper: Keeper) -> None:
+    keeper.say(rename(Section.FUNCTIONS, "content", "fill"), Defined)
+    keeper.say(rename(Section.SERVICES, "Refill", "TopUp"), Defined)
+    services = keeper.contents.ontology.services
+    assert parse(f"{services['TopUp'].cost} = 0") == parse("2 * fill(?Tin) + way(?At, ?At) = 0")
+    assert services["RefillQuickly"].parent == "TopUp"
+
+
+def test_what_a_formula_says_besides_is_left_as_it_was_written(keeper: Keeper) -> None:
+    before = keeper.contents.ontology.types["Tin"].constraints[1].formula
+    keeper.say(rename(Section.ATTRIBUTES, "Color", "Colour"), Rejected)
+    keeper.say(rename(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
+    assert keeper.contents.ontology.types["Tin"].constraints[1].formula == before
+
+
+def test_two_definitions_may_swap_their_names(keeper: Keeper) -> None:
+    both = Define(
+        renamed=(
+            Renaming(section=Section.TYPES, name="Tin", to="SmallTin"),
+            Renaming(section=Section.TYPES, name="SmallTin", to="Tin"),
+        )
+    )
+    keeper.say(both, Defined)
+    assert keeper.contents.ontology.types["Tin"].parent == "SmallTin"
+    assert keeper.contents.map.objects["Tin1"].type == "SmallTin"
+    assert keeper.contents.map.objects["Tin2"].type == "Tin"
+
+
+def test_renaming_and_redefining_come_together(keeper: Keeper) -> None:
+    new = structs.replace(keeper.contents.ontology.types["Tin"], name="PaintTin", constraints=(), doc="With paint in it")
+    change = Define(renamed=(Renaming(section=Section.TYPES, name="Tin", to="PaintTin"),), definitions=Definitions(types=(new,)))
+    keeper.say(change, Defined)
+    assert keeper.contents.ontology.types["PaintTin"] == new
+    assert keeper.contents.map.objects["Tin1"].type == "PaintTin"
+
+
+@pytest.mark.parametrize(
+    ("define", "said"),
+    [
+        (rename(Section.TYPES, "Tim", "Can1"), "there is no type Tim; did you mean Tin?"),
+        (rename(Section.TYPES, "Tin", "Jar"), "there is a type Jar already"),
+        (rename(Section.TYPES, "Tin", "A b"), "no name that formulas can use"),
+        (rename(Section.OBJECTS, "Tin1", "Tin9"), "is renamed by itself"),
+        (remove(Section.TYPES, "Tim"), "there is no type Tim"),
+        (remove(Section.OBJECTS, "Tin1"), "by an update of the map"),
+        (rename(Section.ATTRIBUTES, "Volume", "at"), "objects have a key at"),
+        (types(ObjectType(name="T", parent="Tin", doc="\x00")), "U+0000"),
+        (types(ObjectType(name="T", parent="Tin"), ObjectType(name="T", parent="Jar")), "defined 2 times"),
+        (rename(Section.TYPES, "Device", "Machine"), "neither removed nor renamed"),
+        (remove(Section.ATTRIBUTES, "PositionX"), "neither removed nor renamed"),
+        (remove(Section.RELATIONS, "isPartOf"), "neither removed nor renamed"),
+        (Define(definitions=Definitions(attributes=(AttributeType(name="PositionX", kind=Kind.TEXT),))), "kind stays number"),
+        (types(ObjectType(name="MobileRobot", parent="Furniture")), "parent stays Device"),
+    ],
+)
+def test_what_cannot_be_done_is_said_clearly(keeper: Keeper, define: Define, said: str) -> None:
+    assert any(said in rule.message for rule in keeper.broken(define)), keeper.broken(define)
+
+
+# Removing
+
+
+def test_what_nothing_speaks_of_is_removed(keeper: Keeper) -> None:
+    assert keeper.say(remove(Section.SERVICES, "RefillQuickly"), Defined) == Defined(version=1)
+    assert keeper.say(remove(Section.TYPES, "Bottle", "Cup"), Defined) == Defined(version=2)
+    assert "Bottle" not in keeper.contents.ontology.types
+    assert keeper.say(remove(Section.FUNCTIONS, "range"), Defined) == Defined(version=3)
+
+
+def test_the_consequences_of_removing_are_all_told_where_they_are(keeper: Keeper) -> None:
+    told = keeper.broken(remove(Section.TYPES, "Tin"))
+    where = {(rule.section, rule.subject, rule.path) for rule in told}
+    assert ("types", "SmallTin", "parent") in where
+    assert ("relations", "belongsTo", "joins.0") in where
+    assert ("functions", "content", "parameters.0") in where
+    assert ("services", "Refill", "inputs.Tin") in where
+    assert ("objects", "Tin1", "type") in where
+
+
+def test_removing_an_attribute_tells_which_objects_have_it(keeper: Keeper) -> None:
+    told = keeper.broken(remove(Section.ATTRIBUTES, "Content"))
+    where = {(rule.section, rule.subject, rule.path) for rule in told}
+    assert ("attributes", "Package", "attributes.1") in where
+    assert ("objects", "Tin1", "Package.Content") in where
+    assert ("services", "Refill", "effect") in where
+
+
+def test_something_may_take_the_place_of_what_is_removed_unless_there_is_any_on_the_map(keeper: Keeper) -> None:
+    cup = Define(removed=(Named(section=Section.TYPES, name="Cup"),), renamed=(Renaming(section=Section.TYPES, name="Bottle", to="Cup"),))
+    keeper.say(cup, Defined)
+    assert keeper.contents.ontology.types["Cup"].defaults["Shape.Height"] == 0.22
+    tin = Define(
+        removed=(Named(section=Section.TYPES, name="SmallTin"),), renamed=(Renaming(section=Section.TYPES, name="Can", to="SmallTin"),)
+    )
+    assert ("objects", "Tin2") in {(rule.section, rule.subject) for rule in keeper.broken(tin)}
+
+
+# Redefining
+
+
+def test_a_narrower_rule_tells_which_objects_break_it(keeper: Keeper) -> None:
+    tin = keeper.contents.ontology.types["Tin"]
+    narrow = structs.replace(tin, constraints=(Constraint(attribute="Package.Volume", maximum=1.5),))
+    (rule,) = keeper.broken(types(narrow))
+    assert (rule.subject, rule.section, rule.path, rule.rule) == ("Tin1", "objects", "Package.Volume", "constraint")
+
+
+def test_moving_a_type_is_defining_it_with_another_parent(keeper: Keeper) -> None:
+    bench = keeper.contents.ontology.types["Bench"]
+    told = keeper.broken(types(structs.replace(bench, parent="Shelf")))
+    assert [(rule.section, rule.subject, rule.path) for rule in told] == [("services", "Refill", "cost")]
+    keeper.say(remove(Section.SERVICES, "Refill", "RefillQuickly"), Defined)
+    assert keeper.say(types(structs.replace(bench, parent="Shelf")), Defined) == Defined(version=2)
+    told = keeper.broken(types(structs.replace(bench, parent="Space")))
+    assert {"Bench1", "Bench2"} <= {rule.subject for rule in told if rule.section == "objects"}
+
+
+def test_a_rule_about_other_types_is_looked_at_when_those_move(keeper: Keeper) -> None:
+    rule = Constraint(formula="NOT ?T: Graspable isOn ?Self OR ?Self.PositionX >= 0", doc="What holds things stands right of the middle")
+    bench = structs.replace(keeper.contents.ontology.types["Bench"], constraints=(rule,))
+    keeper.say(types(bench), Defined)
+    assert keeper.say(UpdateMap(changes=(ValueSet("Bench2", "PositionX", -1.0),)), object)
+
+
+def test_two_people_who_edit_the_same_type_hear_of_each_other(keeper: Keeper) -> None:
+    tin = keeper.contents.ontology.types["Tin"]
+    keeper.say(types(structs.replace(tin, doc="Anna's"), expected=0, author="Anna"), Defined)
+    (rule,) = keeper.broken(types(structs.replace(tin, doc="Ben's"), expected=0, author="Ben"))
+    assert (rule.section, rule.subject, rule.rule) == ("types", "Tin", "overtaken")
+    assert "Anna changed it in version 1, after version 0 that was expected" in rule.message
+    keeper.restart()
+    assert "Anna" in keeper.broken(types(structs.replace(tin, doc="Ben's"), expected=0))[0].message
+    # Another type is nobody's business, nor is what says the same.
+    vice = structs.replace(keeper.contents.ontology.types["Vice"], doc="Ben's")
+    assert keeper.say(types(vice, structs.replace(tin, doc="Anna's"), expected=0), Defined) == Defined(version=2)
+    assert keeper.say(types(structs.replace(tin, doc="Ben's"), expected=2), Defined) == Defined(version=3)
+
+
+def test_what_was_removed_or_renamed_meanwhile_is_said_to_be(keeper: Keeper) -> None:
+    keeper.say(rename(Section.TYPES, "SmallTin", "TinyTin"), Defined)
+    told = keeper.broken(types(ObjectType(name="SmallTin", parent="Tin"), expected=0))
+    assert "Anna removed or renamed it in version 1" in told[0].message
+
+
+def test_a_renaming_minds_what_others_did_to_the_same_thing_only(keeper: Keeper) -> None:
+    keeper.say(types(structs.replace(keeper.contents.ontology.types["Tin"], doc="Anna's")), Defined)
+    assert keeper.say(structs.replace(rename(Section.ATTRIBUTES, "Volume", "Litres"), expected_version=0), Defined)
+    assert keeper.broken(structs.replace(rename(Section.TYPES, "Tin", "Box1"), expected_version=0))
+
+
+# Considering
+
+
+def test_considering_tells_what_would_change_and_changes_nothing(keeper: Keeper) -> None:
+    found = keeper.say(Consider(change=rename(Section.TYPES, "Tin", "PaintTin")), Considered)
+    assert found.broken == ()
+    assert found.revision is not None
+    assert "Tin" in [type.name for type in found.revision.before.types]
+    assert "PaintTin" in [type.name for type in found.revision.after.types]
+    assert [change.object.name for change in found.changes if isinstance(change, ObjectAdded)] == ["Tin1"]
+    assert (found.all_broken, found.all_changes) == (0, 1)
+    assert keeper.contents.version == 0
+    moved = keeper.say(Consider(change=UpdateMap(situation="Tin1 isOn Bench2")), Considered)
+    assert len(moved.changes) == 2
+    assert keeper.contents.map.holds("isOn", ("Tin1", "Bench1"))
+
+
+def test_of_very_many_consequences_the_first_are_told_and_how_many_there_are(keeper: Keeper) -> None:
+    values = {"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.9, "Package.Volume": 2.0}
+    for start in range(0, 1000, 100):
+        added = (ObjectAdded(Object(name=f"Tin-{n}", type="Tin", values={**values})) for n in range(start, start + 100))
+        keeper.say(UpdateMap(changes=tuple(added)), Updated)
+    found = keeper.say(Consider(change=remove(Section.TYPES, "Tin")), Considered)
+    assert found.all_broken > 1000
+    assert 20 < len(found.broken) <= 200
+    rejected = keeper.say(remove(Section.TYPES, "Tin"), Rejected)
+    assert len(rejected.broken) == 50
+    assert "more problems" in rejected.problems[-1]
+    renamed = keeper.say(Consider(change=rename(Section.TYPES, "Tin", "T")), Considered)
+    assert renamed.all_changes == 1001
+    assert 20 < len(renamed.changes) <= 200
+    keeper.say(rename(Section.TYPES, "Tin", "T"), Defined)
+    assert keeper.events(ReadEvents(limit=1))[0].all_changes == 1001
+
+
+# History and undoing
+
+
+def test_the_history_of_the_ontology_tells_who_changed_what_from_what(keeper: Keeper) -> None:
+    tin = keeper.contents.ontology.types["Tin"]
+    keeper.say(types(structs.replace(tin, doc="Anna's")), Defined)
+    keeper.say(UpdateMap(situation="Tin1 isOn Bench2"), Updated)
+    keeper.say(rename(Section.TYPES, "SmallTin", "TinyTin"), Defined)
+    renamed, redefined = keeper.events(ReadEvents(ontology=True))
+    assert (renamed.version, redefined.version, redefined.author) == (3, 1, "Anna")
+    assert redefined.revision is not None
+    assert redefined.revision.before.types == (tin,)
+    assert redefined.revision.after.types[0].doc == "Anna's"
+    assert renamed.renamed == (Renaming(section=Section.TYPES, name="SmallTin", to="TinyTin"),)
+    assert redefined.at < renamed.at
+
+
+@pytest.mark.parametrize(
+    "define",
+    [
+        rename(Section.TYPES, "Tin", "PaintTin"),
+        rename(Section.ATTRIBUTES, "Package", "Packing"),
+        rename(Section.RELATIONS, "belongsTo", "standsAt"),
+        rename(Section.FUNCTIONS, "way", "distanceOf"),
+        remove(Section.SERVICES, "Refill", "RefillQuickly"),
+        types(ObjectType(name="Vice", parent="Tin"), ObjectType(name="Drill", parent="Furniture")),
+        Define(renamed=rename(Section.TYPES, "Tin", "T").renamed, definitions=Definitions(types=(ObjectType(name="Tin", parent="T"),))),
+        Define(
+            removed=remove(Section.TYPES, "Vice").removed,
+            renamed=rename(Section.TYPES, "Bench", "B").renamed,
+            definitions=Definitions(types=(ObjectType(name="B", parent="Table"),)),
+        ),
+    ],
+)
+def test_undoing_brings_back_what_was_and_undoing_that_what_came(keeper: Keeper, define: Define) -> None:
+    before, map = definitions(keeper.contents.ontology), keeper.contents.map
+    keeper.say(define, Defined)
+    after, map_after = definitions(keeper.contents.ontology), keeper.contents.map
+    assert after != before
+    assert keeper.say(Undo(version=1, author="Ben"), Updated) == Updated(version=2)
+    assert (definitions(keeper.contents.ontology), keeper.contents.map) == (before, map)
+    assert keeper.events()[0].undoes == 1
+    assert keeper.say(Undo(version=2), Updated) == Updated(version=3)
+    assert (definitions(keeper.contents.ontology), keeper.contents.map) == (after, map_after)
+    assert (definitions(keeper.at(0)[0]), keeper.at(0)[1]) == (before, map)
+    assert (definitions(keeper.at(1)[0]), keeper.at(1)[1]) == (after, map_after)
+
+
+def test_undoing_a_renaming_takes_along_what_came_since(keeper: Keeper) -> None:
+    keeper.say(rename(Section.TYPES, "Tin", "PaintTin"), Defined)
+    keeper.say(types(ObjectType(name="HugeTin", parent="PaintTin")), Defined)
+    keeper.say(UpdateMap(changes=(ValueSet("Tin1", "PositionX", 1.3),)), Updated)
+    keeper.say(Undo(version=1), Updated)
+    assert keeper.contents.ontology.types["HugeTin"].parent == "Tin"
+    assert keeper.contents.map.objects["Tin1"].values["PositionX"] == 1.3
+
+
+def test_what_was_changed_since_stands_in_the_way_of_undoing(keeper: Keeper) -> None:
+    tin = keeper.contents.ontology.types["Tin"]
+    keeper.say(types(structs.replace(tin, doc="Anna's")), Defined)
+    keeper.say(types(structs.replace(tin, doc="Ben's"), author="Ben"), Defined)
+    (rule,) = keeper.broken(Undo(version=1))
+    assert (rule.section, rule.subject, rule.rule) == ("types", "Tin", "changed-since")
+    assert "Ben in version 2" in rule.message
+    keeper.say(Undo(version=2), Updated)
+    keeper.say(Undo(version=1), Updated)
+    assert keeper.contents.ontology.types["Tin"] == tin
+
+
+def test_what_speaks_of_it_since_stands_in_the_way_of_undoing(keeper: Keeper) -> None:
+    keeper.say(types(ObjectType(name="Drill", parent="Furniture")), Defined)
+    keeper.say(types(ObjectType(name="HandDrill", parent="Drill")), Defined)
+    told = keeper.broken(Undo(version=1))
+    assert ("types", "HandDrill", "parent") in {(rule.section, rule.subject, rule.path) for rule in told}
+
+
+def test_a_version_that_is_not_there_is_not_undone(keeper: Keeper) -> None:
+    assert "there is no version 7" in keeper.broken(Undo(version=7))[0].message
+    assert "there is no version 0" in keeper.broken(Undo(version=0))[0].message
+
+
+def test_a_request_to_undo_that_comes_again_is_answered_again(keeper: Keeper) -> None:
+    keeper.say(types(ObjectType(name="Drill", parent="Furniture")), Defined)
+    assert keeper.say(Undo(version=1), Updated, identity="urn:uuid:1") == Updated(version=2)
+    assert keeper.say(Undo(version=1), Updated, identity="urn:uuid:1") == Updated(version=2)
+    assert keeper.contents.version == 2
+
+
+# Reading while it changes
+
+
+def test_pages_say_when_the_ontology_changed_last(keeper: Keeper) -> None:
+    assert keeper.say(ReadOntology(), OntologyPage).changed_at == 0
+    keeper.say(types(ObjectType(name="Drill", parent="Furniture")), Defined)
+    keeper.say(UpdateMap(situation="Tin1 isOn Bench2"), Updated)
+    page = keeper.say(ReadOntology(), OntologyPage)
+    assert (page.changed_at, page.version) == (1, 2)

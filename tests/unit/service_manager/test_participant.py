@@ -1,0 +1,553 @@
+"""A device's Service Manager, with a real Repository and Registry, on virtual time, as a Task Manager meets it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Sequence
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from somrs.entish.formula import Formula
+from somrs.errors import DeviceError
+from somrs.kernel.component import Effect, Input, Rang, Received, Send
+from somrs.ontology.services import Parameter, ServiceKind, ServiceType
+from somrs.ontology.types import ObjectType
+from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, participant_id
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.directory import Discover, Discovered
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import State
+from somrs.registry.component import Registry
+from somrs.repository.component import Repository
+from somrs.runtime.virtual import World
+from somrs.service_manager.participant.calendar import Commitment, free_from
+from somrs.service_manager.participant.participant import CUT_OFF, LEAVE, ServiceManager
+from somrs.service_manager.sdk.device import Device, Result, Situation, Task, before, service
+from somrs.service_manager.sdk.orders import Kept, Order, Refusal, Report, ServiceFailed
+from somrs.service_manager.sdk.values import as_term, money, python_value, seconds
+from tests.support.lab import CLIENT, REPOSITORY, contents, request
+from tests.support.virtual_devices import Pause, asking, in_virtual_time
+
+REGISTRY, WASHER = "http://here/registry", "http://here/washer"
+WASHING = ServiceType(
+    name="WashObject",
+    inputs=(Parameter(name="Object", type="Graspable"),),
+    effect="?Object isOn ?Provider",
+    doc="Take a thing and wash it",
+)
+WEIGHING = ServiceType(
+    name="WeighObject",
+    inputs=(Parameter(name="Object", type="Graspable"),),
+    outputs=(Parameter(name="Mass", type="number"),),
+    effect="?Object.Weight = ?Mass",
+    kind=ServiceKind.COGNITIVE,
+)
+
+
+def price(washer: Washer, task: Task) -> str:
+    if task.inputs["Object"] == "Jar2":
+        raise Refusal("Jar2 does not fit in")
+    return "3.5 EUR"
+
+
+class Washer(Device):
+    type = ObjectType(name="Washer", parent="StationaryDevice")
+    values = {"PositionX": 5.0, "PositionY": 5.0, "PositionZ": 0.0}
+    trouble: Exception | None = None
+
+    def __init__(self, name: str, simulator: str | None = None) -> None:
+        super().__init__(name, simulator)
+        self.running: list[str] = []
+        self.at_once = 0
+
+    @service(WASHING, price=price, duration="1 min")
+    async def wash(self, task: Task) -> Situation:
+        name = str(task.inputs["Object"])
+        self.running.append(name)
+        self.at_once = max(self.at_once, len(self.running))
+        try:
+            await task.progress(0.25, note="filling")
+            await Pause(30)
+            if self.trouble is not None:
+                raise self.trouble
+            await task.progress(0.75, situation=f"{name} isHeldBy {self.name}")
+            await Pause(30)
+        finally:
+            if name in self.running:
+                self.running.remove(name)
+        return None
+
+    @wash.stopping
+    async def drain(self, task: Task) -> Situation:
+        await Pause(3)
+        return f"{task.inputs['Object']} isOn Table1"
+
+    @wash.compensation
+    async def bring_back(self, task: Task, situation: Formula) -> Situation:
+        await Pause(10)
+        return situation
+
+    @service(WEIGHING, duration="2 s")
+    async def weigh(self, task: Task) -> Result:
+        return Result(outputs={"Mass": 0.3})
+
+
+class Desk:
+    """A coordinator that says what it is told to, and notes what it hears."""
+
+    def __init__(self) -> None:
+        self.sessions: dict[str, CoordinatorSession] = {}
+        self.heard: list[Message] = []
+        self.unreachable = False
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if not isinstance(event, Received):
+            return []
+        self.heard.append(event.message)
+        session = self.sessions.get(event.message.header.participant or "")
+        return [Send(answer) for answer in session.receive(event.message).answers] if session is not None else []
+
+
+class Hall:
+    """A Repository, a Registry, one washer and one coordinator."""
+
+    def __init__(self, device: Washer | None = None, kept: Sequence[Kept] = ()) -> None:
+        self.world = World()
+        self.desk = Desk()
+        self.reports: list[Report] = []
+        self.device = device or Washer("Washer1")
+        repository = Repository(REPOSITORY, contents())
+        self.repository = repository
+        self.world.add(REPOSITORY, repository)
+        self.world.add(REGISTRY, Registry(REGISTRY, repository=REPOSITORY))
+        self.world.add(CLIENT, self.desk)
+        self.start(kept)
+        self.world.run(1.0)
+
+    def start(self, kept: Sequence[Kept] = ()) -> None:
+        self.manager = ServiceManager(self.device.profile(), repository=REPOSITORY, registry=REGISTRY, kept=kept)
+        ask = asking(self.repository, lambda: self.world.now)
+        self.world.add(WASHER, self.manager, in_virtual_time(self.device, ask, self.reports))
+
+    def kept(self) -> list[Kept]:
+        """What the journal would give back."""
+        encoded = [msgspec.msgpack.encode(entry) for entry in self.world.records[WASHER]]
+        return [msgspec.msgpack.decode(entry, type=Kept) for entry in encoded]
+
+    def ask(self, step: str, body: CoordinatorBody) -> None:
+        session = self.session(step)
+        self.world.send(session.accept() if isinstance(body, frp.Accept) else session.send(body))
+
+    def session(self, step: str) -> CoordinatorSession:
+        identity = participant_id("Washer1.WashObject", step)
+        if identity not in self.desk.sessions:
+            self.desk.sessions[identity] = CoordinatorSession(transaction="t1", participant=identity, me=CLIENT, peer=WASHER)
+        return self.desk.sessions[identity]
+
+    def until(self, step: str, state: State, within: float = 600.0) -> None:
+        session = self.session(step)
+        assert self.world.run(within, lambda: session.state is state), f"{session.state}, not {state}; heard {self.said()}"
+
+    def arranged(self, step: str = "s1", **order: float) -> None:
+        self.ask(step, msgspec.structs.replace(ARRANGE, **order))
+        self.until(step, State.OFFERED)
+
+    def executing(self, step: str = "s1") -> None:
+        self.arranged(step)
+        self.ask(step, ACCEPT)
+        self.ask(step, EXECUTE)
+        self.world.run(1.0)
+
+    def said(self) -> list[str]:
+        return [type(message.body).__name__ for message in self.desk.heard if message.header.transaction is not None]
+
+    def report(self) -> object:
+        return next(m.body for m in reversed(self.desk.heard) if not isinstance(m.body, frp.Progress))
+
+    def offers(self) -> list[str]:
+        self.world.send(request(Discover(), to=REGISTRY))
+        self.world.run(1.0)
+        found = [m.body for m in self.desk.heard if isinstance(m.body, Discovered)]
+        return [offer.service for offer in found[-1].offers]
+
+
+ARRANGE = frp.Arrange(service_type="WashObject", inputs={"Object": "Jar1"}, effect="Jar1 isOn ?Provider", precondition="Jar1 isOn Table1")
+ACCEPT = frp.Accept(terms="")
+EXECUTE = frp.Execute(inputs={"Object": "Jar1"}, precondition="Jar1 isOn Table1")
+
+
+def test_a_device_brings_its_types_and_itself_and_its_offers() -> None:
+    hall = Hall()
+    assert "Washer" in hall.repository.contents.ontology.types
+    assert hall.repository.contents.map.objects["Washer1"].type == "Washer"
+    assert hall.offers() == ["Washer1.WashObject", "Washer1.WeighObject"]
+    assert [(report.joined, report.text) for report in hall.reports] == [(True, "Washer1 offers Washer1.WashObject, Washer1.WeighObject")]
+    hall.world.run(300.0)
+    assert hall.offers() == ["Washer1.WashObject", "Washer1.WeighObject"], "the lease is renewed"
+
+
+def test_a_device_survives_a_registry_that_forgot_it_and_leaves_in_order() -> None:
+    hall = Hall()
+    hall.world.add(REGISTRY, Registry(REGISTRY, repository=REPOSITORY))
+    assert hall.offers() == []
+    hall.world.run(60.0)
+    assert len(hall.offers()) == 2
+    for effect in hall.manager.handle(Rang(LEAVE), hall.world.now):
+        if isinstance(effect, Send):
+            hall.world.send(effect.message)
+    hall.world.run(1.0)
+    assert hall.offers() == []
+
+
+class Mover(Device):
+    type = "StationaryDevice"
+
+    @service("TransferObjekt", duration=1)
+    async def move(self, task: Task) -> Situation:
+        return None
+
+
+def test_a_service_type_that_nobody_defined_is_told_with_the_nearest_name() -> None:
+    world, reports = World(), list[Report]()
+    world.add(REPOSITORY, Repository(REPOSITORY, contents()))
+    world.add(REGISTRY, Registry(REGISTRY, repository=REPOSITORY))
+    mover = Mover("Robot1")
+    world.add(WASHER, ServiceManager(mover.profile(), repository=REPOSITORY, registry=REGISTRY), in_virtual_time(mover, reports=reports))
+    world.run(1.0)
+    (report,) = reports
+    assert not report.joined
+    assert "no service type TransferObjekt. did you mean TransferObject?" in report.text
+
+
+def test_terms_work_and_result() -> None:
+    hall = Hall()
+    hall.arranged()
+    terms = hall.session("s1").terms
+    assert terms is not None
+    assert (terms.price, terms.currency, terms.duration, terms.effect) == (3.5, "EUR", 60.0, "Jar1 isOn Washer1")
+    hall.ask("s1", ACCEPT)
+    hall.ask("s1", EXECUTE)
+    hall.until("s1", State.COMPLETED)
+    assert hall.report() == frp.Completed(situation="Jar1 isOn Washer1")
+    hall.ask("s1", frp.End(outcome=frp.Outcome.ACCOMPLISHED))
+    hall.world.run(1.0)
+    assert hall.manager.state("t1", hall.session("s1").participant) is State.ENDED
+    progress = [m.body for m in hall.desk.heard if isinstance(m.body, frp.Progress)]
+    assert {p.note for p in progress} == {"filling", ""}
+    assert 11 <= len(progress) <= 14, "two by the author, and a heartbeat every five of sixty seconds"
+    assert [name for name in hall.said() if name != "Progress"] == ["Terms", "Completed"]
+
+
+def test_outputs_fill_the_effect() -> None:
+    hall = Hall()
+    session = CoordinatorSession(transaction="t1", participant="Washer1.WeighObject#w", me=CLIENT, peer=WASHER)
+    hall.desk.sessions[session.participant] = session
+    order = frp.Arrange(service_type="WeighObject", inputs={"Object": "Jar1"}, effect="Jar1.Weight = ?Mass")
+    hall.world.send(session.send(order))
+    hall.world.run(1.0)
+    hall.world.send(session.accept())
+    hall.world.send(session.send(frp.Execute(inputs={})))
+    hall.world.run(10.0)
+    assert hall.report() == frp.Completed(situation="Jar1.Weight = 0.3", outputs={"Mass": 0.3})
+
+
+def test_refusals() -> None:
+    hall = Hall()
+    hall.ask("s1", msgspec.structs.replace(ARRANGE, inputs={"Object": "Jar2"}))
+    hall.ask("s2", msgspec.structs.replace(ARRANGE, latest_finish=hall.world.now + 30))
+    hall.until("s1", State.ENDED)
+    hall.until("s2", State.ENDED)
+    assert hall.session("s1").reason == "Jar2 does not fit in"
+    assert "after the latest finish" in hall.session("s2").reason
+    other = CoordinatorSession(transaction="t1", participant="Washer1.Fly#x", me=CLIENT, peer=WASHER)
+    hall.world.send(other.send(frp.Arrange(service_type="Fly", inputs={}, effect="Jar1 isOn Table1")))
+    hall.world.run(1.0)
+    assert hall.report() == frp.Refuse(reason="Washer1 offers WashObject, WeighObject, and not Fly")
+
+
+def test_terms_expire() -> None:
+    hall = Hall()
+    hall.arranged()
+    hall.until("s1", State.ENDED)
+    assert hall.session("s1").reason == "the terms expired"
+
+
+def test_a_failure_says_what_holds() -> None:
+    device = Washer("Washer1")
+    device.trouble = ServiceFailed("the pump is broken", "Jar1 isOn Floor1")
+    hall = Hall(device)
+    hall.executing()
+    hall.until("s1", State.FAILED)
+    assert hall.report() == frp.Failed(description="the pump is broken", situation="Jar1 isOn Floor1")
+
+
+def test_broken_code_fails_the_service_and_not_the_manager(caplog: pytest.LogCaptureFixture) -> None:
+    device = Washer("Washer1")
+    device.trouble = ZeroDivisionError("division by zero")
+    hall = Hall(device)
+    hall.executing()
+    with caplog.at_level(logging.CRITICAL):
+        hall.until("s1", State.FAILED)
+    assert hall.report() == frp.Failed(description="ZeroDivisionError: division by zero", situation="Jar1 isOn Table1")
+    device.trouble = None
+    hall.executing("s2")
+    hall.until("s2", State.COMPLETED)
+
+
+def test_stop_runs_the_authors_way_to_a_safe_state() -> None:
+    hall = Hall()
+    hall.executing()
+    hall.world.run(10.0)
+    hall.ask("s1", frp.Stop(reason="the client cancelled"))
+    hall.until("s1", State.STOPPED)
+    assert hall.report() == frp.Stopped(situation="Jar1 isOn Table1")
+    assert hall.device.running == []
+
+
+def test_compensation() -> None:
+    hall = Hall()
+    hall.executing()
+    hall.until("s1", State.COMPLETED)
+    hall.ask("s1", frp.Compensate(situation="Jar1 isOn Table2"))
+    hall.until("s1", State.COMPENSATED)
+    assert hall.report() == frp.Compensated(situation="Jar1 isOn Table2")
+
+
+def test_an_execute_that_comes_too_late_moves_nothing() -> None:
+    hall = Hall()
+    late = msgspec.structs.replace(EXECUTE, begin_by=hall.world.now - 1)
+    hall.arranged("s1")
+    hall.session("s1").accept()  # that is lost
+    hall.ask("s1", late)
+    hall.until("s1", State.ENDED)
+    assert "too late to begin" in hall.session("s1").reason
+    hall.arranged("s2")
+    hall.ask("s2", ACCEPT)
+    hall.ask("s2", late)
+    hall.until("s2", State.FAILED)
+    failed = hall.report()
+    assert isinstance(failed, frp.Failed)
+    assert not failed.tried
+    assert "do not agree" in failed.description, "that clocks differ may be the cause"
+    assert hall.said().count("Failed") == 1
+    hall.world.run(120)
+    assert hall.device.at_once == 0
+
+
+def test_a_compensate_that_comes_too_late_moves_nothing() -> None:
+    hall = Hall()
+    hall.executing()
+    hall.until("s1", State.COMPLETED)
+    hall.ask("s1", frp.Compensate(situation="Jar1 isOn Table2", begin_by=hall.world.now - 1))
+    hall.until("s1", State.STRANDED)
+    stranded = hall.report()
+    assert isinstance(stranded, frp.Stranded)
+    assert not stranded.tried
+    assert hall.manager.idle
+
+
+def test_what_came_in_time_may_wait_for_its_turn() -> None:
+    hall = Hall()
+    hall.executing("s1")
+    hall.arranged("s2")
+    hall.ask("s2", ACCEPT)
+    hall.ask("s2", msgspec.structs.replace(EXECUTE, begin_by=hall.world.now + 10))
+    hall.until("s1", State.COMPLETED)
+    hall.until("s2", State.COMPLETED)
+
+
+def test_an_execute_that_comes_again_too_late_changes_nothing() -> None:
+    hall = Hall()
+    hall.arranged()
+    hall.ask("s1", ACCEPT)
+    hall.ask("s1", msgspec.structs.replace(EXECUTE, begin_by=hall.world.now + 10))
+    hall.world.run(20)
+    hall.world.send(hall.session("s1")._again("Execute")[0])
+    hall.until("s1", State.COMPLETED)
+
+
+def test_one_at_a_time_in_the_order_of_the_orders() -> None:
+    hall = Hall()
+    hall.executing("s1")
+    hall.arranged("s2")
+    first, second = hall.session("s1").terms, hall.session("s2").terms
+    assert first is not None
+    assert first.start_from is not None
+    assert second is not None
+    assert second.start_from == pytest.approx(first.start_from + 60, abs=1), "its window begins when the earlier one ends"
+    hall.ask("s2", ACCEPT)
+    hall.ask("s2", EXECUTE)
+    hall.until("s1", State.COMPLETED, 61)
+    assert "waits for its turn" in {m.body.note for m in hall.desk.heard if isinstance(m.body, frp.Progress)}
+    hall.until("s2", State.COMPLETED, 61)
+    assert hall.device.at_once == 1
+
+
+def test_a_waiting_one_that_is_stopped_never_begins() -> None:
+    hall = Hall()
+    hall.executing("s1")
+    hall.executing("s2")
+    hall.ask("s2", frp.Stop(reason="not needed any more"))
+    hall.until("s2", State.STOPPED, 1)
+    hall.until("s1", State.COMPLETED)
+    assert hall.device.at_once == 1
+
+
+def test_capacity() -> None:
+    device = Washer("Washer1")
+    device.capacity = 2
+    hall = Hall(device)
+    hall.executing("s1")
+    hall.executing("s2")
+    hall.until("s2", State.COMPLETED, 61)
+    assert device.at_once == 2
+
+
+@pytest.mark.parametrize("body", [frp.End(outcome=frp.Outcome.CANCELLED), frp.Cancel(reason="r")])
+def test_end_in_the_middle_stops_the_device(body: CoordinatorBody) -> None:
+    hall = Hall()
+    hall.executing()
+    session = hall.session("s1")
+    header = msgspec.structs.replace(session._again("Execute")[0].header, message_id="urn:uuid:end")
+    hall.world.send(Message(header=header, body=body))
+    hall.world.run(10.0)
+    assert hall.manager.state("t1", session.participant) is State.ENDED
+    assert hall.manager.idle
+    assert hall.device.running == []
+
+
+def test_a_device_that_nobody_can_reach_stops_by_itself() -> None:
+    hall = Hall()
+    hall.executing()
+    hall.world.remove(CLIENT)
+    hall.world.run(CUT_OFF + 15)
+    assert hall.device.running == []
+    assert hall.manager.state("t1", hall.session("s1").participant) is State.FAILED
+    hall.world.add(CLIENT, hall.desk)
+    hall.until("s1", State.FAILED)
+    assert hall.report() == frp.Failed(
+        description="nobody could be told how the work goes, so it was stopped", situation="Jar1 isOn Table1"
+    )
+
+
+def test_anybody_may_ask_for_the_state() -> None:
+    hall = Hall()
+    hall.executing()
+    hall.ask("s1", frp.Query())
+    hall.world.run(1.0)
+    (status,) = (m.body for m in hall.desk.heard if isinstance(m.body, frp.Status))
+    assert (status.state, status.last_message) == (State.EXECUTING, hall.session("s1").terms_id)
+
+
+def test_a_message_outside_any_transaction_gets_a_fault() -> None:
+    hall = Hall()
+    hall.world.send(request(EXECUTE, to=WASHER))
+    hall.world.run(1.0)
+    fault = hall.report()
+    assert isinstance(fault, frp.Fault)
+    assert "needs a transaction and a participant" in fault.text
+
+
+@pytest.mark.parametrize(
+    ("seconds_before", "outcome", "report"),
+    [
+        (0.0, State.COMPLETED, frp.Completed(situation="Jar1 isOn Washer1")),
+        (10.0, State.FAILED, None),
+        (100.0, State.COMPLETED, frp.Completed(situation="Jar1 isOn Washer1")),
+    ],
+    ids=["while offered", "while it worked", "when it was done"],
+)
+def test_restart(seconds_before: float, outcome: State, report: object) -> None:
+    hall = Hall()
+    if seconds_before == 0.0:
+        hall.arranged()
+    else:
+        hall.executing()
+        hall.world.run(seconds_before)
+    kept = hall.kept()
+    hall.device.running.clear()
+    hall.start(kept)
+    if seconds_before == 0.0:
+        hall.ask("s1", ACCEPT)
+        hall.ask("s1", EXECUTE)
+    hall.until("s1", outcome)
+    assert report is None or hall.report() == report
+    if report is None:
+        failed = hall.report()
+        assert isinstance(failed, frp.Failed)
+        assert "restarted while it worked" in failed.description
+        assert failed.situation == "Jar1 isOn Table1"
+    hall.ask("s1", frp.End(outcome=frp.Outcome.ACCOMPLISHED))
+    hall.until("s1", State.ENDED)
+
+
+def test_reading_the_map() -> None:
+    hall = Hall()
+    task = Task("Washer1", order(hall), asking(hall.repository, lambda: 0.0), lambda value: None)
+
+    async def read() -> tuple[object, ...]:
+        jar = await task.map.object("Jar1")
+        assert jar is not None
+        return (
+            jar.type,
+            await task.map.object("Jar3"),
+            await task.map.query("?Jar: Jar isOn Table1"),
+            await task.map.holds("Jar1 isOn Table2"),
+        )
+
+    assert asyncio.run(read()) == ("Jar", None, [{"Jar": "Jar1"}, {"Jar": "Jar2"}], False)
+    assert task.inputs == {"Object": "Jar1"}
+    assert str(task.effect) == "Jar1 isOn Washer1"
+
+
+def order(hall: Hall) -> Order:
+    hall.executing("read")
+    return next(entry.order for entry in reversed(hall.kept()) if entry.order is not None)
+
+
+def test_a_class_that_cannot_be_run_says_why() -> None:
+    class Idle(Device):
+        type = "StationaryDevice"
+
+    with pytest.raises(DeviceError, match="has no services"):
+        Idle("Idle1").profile()
+    with pytest.raises(DeviceError, match="'two minutes' is not a duration"):
+        service(WASHING, duration="two minutes")(Washer.wash.performs)
+    with pytest.raises(DeviceError, match="async def"):
+        service(WASHING, duration=1)(lambda device, task: None)  # type: ignore[arg-type, return-value]  # that is the mistake
+
+
+def test_amounts_and_values() -> None:
+    assert money("4 EUR") == (4.0, "EUR")
+    assert money(2) == (2.0, "EUR")
+    assert [seconds(text) for text in ("30 s", "2 min", "1.5 h", "250ms", "7")] == [30, 120, 5400, 0.25, 7]
+    assert [python_value(text) for text in ("Jar1", "12.5", '"a b"', "TRUE")] == ["Jar1", 12.5, "a b", True]
+
+
+@given(st.one_of(st.booleans(), st.floats(-1e9, 1e9), st.text(max_size=20), st.sampled_from(["TRUE", "AND", "Jar-1", "NOT-1", ""])))
+def test_values_survive_becoming_terms(value: bool | float | str) -> None:
+    assert python_value(str(as_term(value))) == value
+
+
+@given(st.text("abcXYZ019_", min_size=1), st.lists(st.text("abcXYZ019_", min_size=1), max_size=20))
+def test_the_page_behind_what_is_before_a_name_begins_with_it(name: str, others: list[str]) -> None:
+    names = sorted({name, *others})
+    assert next(one for one in names if one > before(name)) == name
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 30), st.integers(1, 10)).map(lambda c: (float(c[0]), float(c[0] + c[1]))), max_size=8),
+    st.integers(0, 30),
+    st.integers(1, 10),
+    st.integers(1, 3),
+)
+def test_the_calendar_against_trying_every_second(busy: list[Commitment], earliest: int, duration: int, capacity: int) -> None:
+    def room(start: int) -> bool:
+        return all(sum(a <= s < b for a, b in busy) < capacity for s in range(start, start + duration))
+
+    plain = next(start for start in range(earliest, 100) if room(start))
+    assert free_from(busy, float(earliest), float(duration), capacity) == plain

@@ -1,0 +1,263 @@
+"""Bringing in Open-RMF buildings: the demo office is where and what it should be, and what cannot be understood is told."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import deque
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from somrs.errors import InputError, ModelError
+from somrs.ontology.conformance import violations
+from somrs.ontology.consistency import ontology_violations
+from somrs.ontology.files.dump import dump_map, dump_ontology
+from somrs.ontology.files.loading import load_text, upper
+from somrs.ontology.objects import Object
+from somrs.sites import IMPORTERS, Site
+from somrs.sites.openrmf import import_text
+from somrs.sites.plan import Box, Point, clearance, inside, separation, without_gap
+from tests.support.paths import SHARED
+
+OFFICE = SHARED / "sites" / "office.building.yaml"
+
+SMALL = """\
+coordinate_system: cartesian_meters
+name: Depot 7
+levels:
+  L1:
+    elevation: 0
+    vertices:
+      - [0, 0, 0, ""]
+      - [10, 0, 0, ""]
+      - [10, 6, 0, ""]
+      - [0, 6, 0, ""]
+      - [4, 0, 0, ""]
+      - [5, 0, 0, ""]
+      - [2, 3, 0, goods in, {is_charger: [4, true], spawn_robot_name: [1, robot 1]}]
+      - [8, 3, 0, exit]
+    walls:
+      - [0, 1, {}]
+      - [1, 2, {}]
+    doors:
+      - [4, 5, {name: [1, gate], type: [1, hinged]}]
+    floors:
+      - {parameters: {}, vertices: [0, 1, 2, 3]}
+    models:
+      - {model_name: Acme/Contraption, name: c, static: true, x: 5, y: 4, z: 0, yaw: 0}
+      - {model_name: OpenRobotics/Table, name: t, static: true, x: 7, y: 0.1, z: 0, yaw: 0}
+      - {model_name: OpenRobotics/Coke, name: Coke, static: false, x: 8, y: 4.5, z: 0, yaw: 0}
+  L2:
+    elevation: 3.5
+    vertices:
+      - [0, 0, 0, ""]
+      - [4, 0, 0, ""]
+      - [4, 4, 0, exit]
+    floors:
+      - {parameters: {}, vertices: [0, 1, 2]}
+lifts:
+  Lift1: {x: 9, y: 5, yaw: 0, width: 1.2, depth: 1.4}
+"""
+
+
+@pytest.fixture(scope="module")
+def office() -> Site:
+    if not OFFICE.exists():
+        pytest.skip("the demo office is not here; put it in ../shared/sites")
+    return IMPORTERS[".building.yaml"](OFFICE)
+
+
+def objects(site: Site, type: str) -> dict[str, Object]:
+    return {name: object for name, object in site.map.objects.items() if site.ontology.is_a(object.type, type)}
+
+
+def number(site: Site, object: Object, path: str) -> float:
+    value = object.values.get(path, site.ontology.default(object.type, path))
+    return float(value) if value is not None else 0.0
+
+
+def spot(object: Object) -> Point:
+    return float(object.values["PositionX"]), float(object.values["PositionY"])
+
+
+def box(site: Site, object: Object) -> Box:
+    return Box(*spot(object), number(site, object, "Shape.Width"), number(site, object, "Shape.Depth"), number(site, object, "RotationZ"))
+
+
+def outlines(site: Site) -> list[list[Point]]:
+    return [
+        [
+            (spot(floor)[0] + float(x), spot(floor)[1] + float(y))
+            for x, y in (c.split(",") for c in str(floor.values["Shape.Outline"]).split())
+        ]
+        for floor in objects(site, "Floor").values()
+    ]
+
+
+def test_office_conforms_and_is_written_and_read_back(office: Site) -> None:
+    assert violations(office.map, office.ontology) == []
+    assert ontology_violations(office.ontology) == []
+    again = load_text(dump_ontology(office.ontology, without=upper()) + dump_map(office.map, office.ontology))
+    assert again.map == office.map
+
+
+def test_office_has_what_is_drawn(office: Site) -> None:
+    places = {
+        "pantry",
+        "lounge",
+        "coe",
+        "supplies",
+        "presupplies",
+        "hardware_2",
+        "patrol_A1",
+        "patrol_A2",
+        "patrol_B",
+        "patrol_C",
+        "patrol_D1",
+    }
+    assert places <= objects(office, "Place").keys()
+    assert objects(office, "Charger").keys() == {"tinyRobot1_charger", "tinyRobot2_charger"}
+    assert objects(office, "DeliveryRobot").keys() == {"tinyRobot1", "tinyRobot2"}
+    assert objects(office, "Door").keys() == {"main_door", "coe_door", "hardware_door"}
+    assert (len(objects(office, "Wall")), len(objects(office, "Floor"))) == (33, 4)
+    assert (len(objects(office, "Chair")), len(objects(office, "Bin"))) == (27, 3)
+    assert number(office, office.map.objects["main_door"], "Shape.Width") == pytest.approx(1.9, abs=0.1)
+    xs = [spot(wall)[0] for wall in objects(office, "Wall").values()]
+    assert max(xs) - min(xs) == pytest.approx(18.8, abs=1.0), "the office is some 19 m long between the middles of its end walls"
+
+
+def test_robots_stand_on_their_chargers(office: Site) -> None:
+    for robot in ("tinyRobot1", "tinyRobot2"):
+        assert spot(office.map.objects[robot]) == spot(office.map.objects[f"{robot}_charger"])
+
+
+def test_everything_stands_on_a_floor_and_in_no_wall(office: Site) -> None:
+    floors, walls = outlines(office), [box(office, wall) for wall in objects(office, "Wall").values()]
+    assert len(objects(office, "Furniture")) == 74
+    for name, object in {**objects(office, "Furniture"), **objects(office, "Place"), **objects(office, "Graspable")}.items():
+        assert any(inside(spot(object), floor) for floor in floors), f"{name} is outside"
+    for name, object in objects(office, "Furniture").items():
+        assert not any(separation(box(office, object), wall) for wall in walls), f"{name} overlaps a wall"
+    for name, place in objects(office, "Place").items():
+        assert clearance(spot(place), [*walls, *(box(office, f) for f in objects(office, "Furniture").values())]) >= 0.4, name
+
+
+def test_doors_lie_in_gaps(office: Site) -> None:
+    walls = [box(office, wall) for wall in objects(office, "Wall").values()]
+    for name, door in objects(office, "Door").items():
+        assert clearance(spot(door), walls) > 0.35, f"{name} has no opening"
+
+
+def test_can_stands_where_a_robot_can_take_it(office: Site) -> None:
+    (support,) = [fact.arguments[1] for fact in office.map.facts("isOn") if fact.arguments[0] == "Coke001"]
+    can, below = office.map.objects["Coke001"], box(office, office.map.objects[support])
+    assert office.map.objects[support].type == "WhiteCabinet"
+    assert can.values["PositionZ"] == number(office, office.map.objects[support], "Shape.Height") == 1.08
+    depth = -below.gap(spot(can))
+    assert 0.05 < depth < 0.2
+    assert math.dist(spot(can), spot(office.map.objects["pantry"])) < 1.5
+
+
+def test_a_robot_gets_from_every_place_to_every_other(office: Site) -> None:
+    """A flood over a 0.1 m grid of spots with room for a robot of 0.25 m radius."""
+    solid = [box(office, o) for kind in ("Wall", "Furniture") for o in objects(office, kind).values()]
+    floors = outlines(office)
+    places = {name: (round(spot(place)[0] / 0.1), round(spot(place)[1] / 0.1)) for name, place in objects(office, "Place").items()}
+    reached = {places["pantry"]}
+    queue = deque(reached)
+    while queue:
+        x, y = queue.popleft()
+        for near in ((x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)):
+            point = near[0] * 0.1, near[1] * 0.1
+            if near not in reached and any(inside(point, floor) for floor in floors) and clearance(point, solid) > 0.25:
+                reached.add(near)
+                queue.append(near)
+    assert [name for name, at in places.items() if at not in reached] == []
+
+
+def test_small_building_in_metres_with_two_levels() -> None:
+    site = import_text(SMALL)
+    assert violations(site.map, site.ontology) == []
+    assert site.name == "Depot_7"
+    assert site.map.objects["goods_in"].type == "Charger"
+    assert site.map.objects["goods_in"].values["Label"] == "goods in"
+    assert spot(site.map.objects["robot_1"]) == (2.0, 3.0)
+    assert site.map.objects["exit_L2"].values["PositionZ"] == 3.5
+    assert site.map.objects["L2"].values["Elevation"] == 3.5
+    assert site.map.objects["Lift1"].type == "Lift"
+
+
+def test_door_is_cut_out_of_the_wall_it_is_in() -> None:
+    site = import_text(SMALL)
+    south = sorted((box(site, wall) for wall in objects(site, "Wall").values() if spot(wall)[1] == 0), key=lambda wall: wall.x)
+    assert [(round(wall.x - wall.width / 2, 2), round(wall.x + wall.width / 2, 2)) for wall in south] == [(-0.05, 4.05), (4.95, 10.05)]
+    assert site.map.objects["gate"].values["Open"] is True
+
+
+def test_what_could_not_be_brought_in_as_it_is_is_noted() -> None:
+    site = import_text(SMALL)
+    for words in ("Contraption is not known", "Table001 is moved", "Lift1 stands as a device", "nothing is below Coke001"):
+        assert any(words in note for note in site.notes), words
+    assert site.map.holds("isOn", ("Coke001", "Floor001"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "words"),
+    [
+        ("- [0, 1, {}]", "- [0, 99, {}]", 16, "wall 1 of L1"),
+        ("- [4, 5, {name", "- [4, {name", 19, "door 1 of L1"),
+        ("x: 5, y: 4,", "y: 4,", 23, "x is missing"),
+        ("elevation: 3.5", "elevation: high", 26, "level L2"),
+        ("levels:", "livels:", 1, "has levels"),
+        ("name: Depot 7", "name: [", 4, "not YAML"),
+    ],
+)
+def test_what_cannot_be_understood_is_told_with_its_line(old: str, new: str, line: int, words: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        import_text(SMALL.replace(old, new, 1), "depot.building.yaml")
+    assert caught.value.problems[0].line == line
+    assert words in str(caught.value)
+
+
+@given(st.data())
+def test_no_change_of_a_file_makes_the_import_fail_otherwise(data: st.DataObject) -> None:
+    """A file with a value overwritten is brought in, or its problems are told; nothing else happens."""
+    values = [match.span(1) for match in re.finditer(r"[:,\[] ?([^\s,\[\]{}]+|\[[^\[\]]*\]|\{\})(?=[\n,\]}])", SMALL)]
+    start, end = data.draw(st.sampled_from(values))
+    junk = data.draw(st.sampled_from(["-1", "1e400", ".nan", "''", "x", "null", "[]", "{}", "[1]", "{a: 1}", "99999999999", "true"]))
+    try:
+        site = import_text(SMALL[:start] + junk + SMALL[end:])
+    except ModelError:
+        return
+    assert violations(site.map, site.ontology) == []
+
+
+def test_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"\.building\.yaml"):
+        IMPORTERS[".building.yaml"](tmp_path / "none.building.yaml")
+
+
+coordinates = st.floats(-5, 5)
+boxes = st.builds(Box, coordinates, coordinates, st.floats(0.1, 3), st.floats(0.1, 3), st.floats(-7, 7))
+
+
+@given(boxes, boxes)
+def test_separation_moves_a_box_just_out_of_another(one: Box, other: Box) -> None:
+    push = separation(one, other)
+    grid = [one.world((u * one.width / 20, v * one.depth / 20)) for u in range(-10, 11) for v in range(-10, 11)]
+    if push is None:
+        assert all(other.gap(point) > -1e-6 for point in grid)
+    else:
+        away = one.moved((push[0] * 1.0001, push[1] * 1.0001))
+        assert separation(away, other) is None or math.hypot(*push) < 1e-6
+        assert separation(one.moved((push[0] * 0.99, push[1] * 0.99)), other) is not None or math.hypot(*push) < 1e-6
+
+
+@given(st.floats(0, 10), st.floats(0.1, 3), st.floats(-0.1, 0.1))
+def test_wall_without_a_gap_is_as_much_shorter(start: float, width: float, aside: float) -> None:
+    pieces = without_gap((0.0, 0.0), (10.0, 0.0), ((start, aside), (start + width, aside)))
+    cut = max(0.0, min(start + width, 10.0) - start)
+    assert sum(math.dist(*piece) for piece in pieces) == pytest.approx(10.0 - cut, abs=0.16)

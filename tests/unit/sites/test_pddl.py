@@ -1,0 +1,375 @@
+"""Planning problems of others: what is read of PDDL and MA-PDDL, what it means here, and what is refused."""
+
+from __future__ import annotations
+
+import itertools
+import random
+import re
+from pathlib import Path
+
+import pytest
+
+from somrs.devices.symbolic.world import SymbolicWorld
+from somrs.entish import Name
+from somrs.entish.formula import variables
+from somrs.entish.parse import parse
+from somrs.errors import ModelError, UsageError
+from somrs.ontology.conformance import violations
+from somrs.ontology.consistency import ontology_violations
+from somrs.ontology.files.dump import dump_map, dump_ontology
+from somrs.ontology.files.loading import load_text, upper
+from somrs.ontology.services import PROVIDER
+from somrs.ontology.truth import holds
+from somrs.planner.model.plan import Step
+from somrs.sites.pddl import Imported, classical, read
+from tests.support.naive_pddl import Naive, State
+from tests.support.paths import SHARED
+from tests.support.pddl_harbour import DOMAIN, PROBLEM, written
+
+BENCHMARKS = SHARED / "benchmarks" / "codmap"
+OF_BENCHMARKS = [
+    "depot/pfile1",
+    "driverlog/pfile1",
+    "elevators08/p01",
+    "logistics00/probLOGISTICS-4-0",
+    "wireless/p01",
+    "zenotravel/pfile3",
+]
+
+
+@pytest.fixture
+def harbour(tmp_path: Path) -> Imported:
+    return read(*written(tmp_path))
+
+
+def steps(imported: Imported) -> list[Step]:
+    """Every use of every service, whether it can be done or not."""
+    found = []
+    for available in imported.problem().services:
+        service = available.service_type
+        domains = [
+            [name for kind in imported.ontology.subtypes(parameter.type) for name in imported.map.of_type(kind)]
+            for parameter in service.inputs
+        ]
+        for provider, *inputs in itertools.product(available.providers, *domains):
+            given = {parameter.name: Name(name) for parameter, name in zip(service.inputs, inputs, strict=True)}
+            found.append(Step(id="step", service_type=service.name, inputs={**given}, effect=imported.goal, provider=provider))
+    return found
+
+
+def doing(step: Step) -> tuple[str, dict[str, str], str]:
+    assert step.provider is not None
+    return step.service_type, {name: str(term) for name, term in step.inputs.items()}, step.provider
+
+
+def state(imported: Imported, world: SymbolicWorld, naive: Naive) -> State:
+    """The world's facts in PDDL's words; the numbers of one object or none among them."""
+    found = {
+        (fact.relation, *(imported.pddl_name(name) for name in fact.arguments if name != "World"))
+        for fact in world.map.facts()
+        if fact.relation in naive.domain.predicates
+    }
+    for name, object in world.map.objects.items():
+        of = f" {imported.pddl_name(name)}" if name != "World" else ""
+        found |= {("=", f"({path}{of})", f"{value:.9g}") for path, value in object.values.items() if isinstance(value, float)}
+    return frozenset(found)
+
+
+def of_interest(truth: State) -> State:
+    """Without what is counted up to be kept small, and without tables, which never change."""
+    return frozenset(fact for fact in truth if fact[0] != "=" or (fact[1].count(" ") < 2 and fact[1] != "(total-cost)"))
+
+
+def compare(imported: Imported, naive: Naive, moves: int, seed: int) -> set[str]:
+    """Walk at random, and compare in each state what can be done and what comes of it. Returns the actions seen."""
+    dice = random.Random(seed)
+    world = SymbolicWorld(imported.ontology, imported.map)
+    truth, all_steps, grounds = naive.initial, steps(imported), list(naive.actions())
+    seen: set[str] = set()
+    for _ in range(moves):
+        assert state(imported, world, naive) == of_interest(truth)
+        assert holds(imported.goal, world.map, imported.ontology) == naive.reached(truth)
+        possible = {str(ground): ground for ground in grounds if naive.applicable(ground, truth)}
+        useful = {name for name, ground in possible.items() if of_interest(naive.after(ground, truth)) != of_interest(truth)}
+        ours = {imported.pddl_step(step).lower(): step for step in all_steps if world.refusal(*doing(step)) is None}
+        assert useful <= ours.keys() <= possible.keys()
+        if not useful:
+            break
+        chosen = dice.choice(sorted(useful))
+        seen.add(possible[chosen].action.word.text)
+        before, truth = truth, naive.after(possible[chosen], truth)
+        if naive.task.metric is not None:
+            assert world.cost(*doing(ours[chosen])) == pytest.approx(naive.cost(possible[chosen], before))
+        assert world.perform(*doing(ours[chosen])) is None
+    return seen
+
+
+def test_what_can_be_done_and_what_comes_of_it_is_as_pddl_defines_it(harbour: Imported, tmp_path: Path) -> None:
+    naive = Naive(*written(tmp_path))
+    seen = set().union(*(compare(harbour, naive, 40, seed) for seed in range(5)))
+    assert seen == set(naive.domain.actions)
+
+
+@pytest.mark.skipif(not BENCHMARKS.is_dir(), reason="the benchmark's files are not beside the checkout")
+@pytest.mark.parametrize("name", OF_BENCHMARKS)
+def test_benchmarks_mean_what_pddl_defines(name: str) -> None:
+    folder = BENCHMARKS / name
+    if not folder.is_dir():
+        folder = min((BENCHMARKS / name.split("/")[0]).iterdir())
+    files = folder / "domain.pddl", folder / "problem.pddl"
+    assert compare(read(*files), Naive(*files), 6, seed=1)
+
+
+def test_the_ontology_and_the_map_are_in_order_and_survive_being_written(harbour: Imported) -> None:
+    assert not ontology_violations(harbour.ontology)
+    assert not violations(harbour.map, harbour.ontology)
+    text = dump_ontology(harbour.ontology, without=upper()) + dump_map(harbour.map, harbour.ontology)
+    again = load_text(text)
+    assert again.map == harbour.map
+    assert [*again.ontology] == [*harbour.ontology]
+
+
+def test_agents_are_devices_and_offer_what_their_types_do(harbour: Imported) -> None:
+    offered = {agent: sorted(service.name for service in services) for agent, services in harbour.agents.items()}
+    assert set(offered) == {"boat1", "boat2", "crane1", "crane2"}
+    assert offered["boat1"] == ["Sail", "pump", "pump-other-is-Provider", "refill", "signal"]
+    assert "lift" in offered["crane1"]
+    assert "Sail" not in offered["crane1"]
+    for agent in harbour.agents:
+        assert harbour.ontology.is_a(harbour.map.objects[agent].type, "Device")
+    assert not harbour.ontology.is_a(harbour.map.objects["crate1"].type, "Device")
+
+
+def test_the_task_is_the_goal_in_words_of_the_map(harbour: Imported) -> None:
+    assert harbour.task == "crate1 at South AND NOT barrel1 at South AND marked(boat1)"
+
+
+def test_the_agent_is_the_provider_in_every_formula(harbour: Imported) -> None:
+    for service in harbour.services:
+        spoken = {**variables(parse(service.effect)), **(variables(parse(service.precondition)) if service.precondition else {})}
+        assert PROVIDER in spoken, service
+
+
+def test_a_plan_is_written_as_pddl_with_the_agent_first(harbour: Imported) -> None:
+    step = Step(id="s", service_type="Sail", inputs={"from": Name("North"), "to": Name("South")}, effect=harbour.goal, provider="boat1")
+    assert harbour.pddl_plan([step, step]) == "(Sail boat1 north south)\n" * 2
+    assert harbour.cost(step) == 12 + 2 * 4
+    assert harbour.price("Sail", {"from": "South", "to": "North"}, "boat1") == 7.5 + 2 * 4
+
+
+def test_names_that_entish_cannot_say_are_changed_and_known_again(tmp_path: Path) -> None:
+    domain = """(define (domain d) (:requirements :strips) (:predicates (isOn ?a ?b) (TRUE ?a) (go_-- ?a) (World))
+      (:action NOT :parameters (?Provider ?2nd) :precondition (and (true ?Provider) (go_-- ?2nd))
+       :effect (and (isOn ?Provider ?2nd) (World))))"""
+    problem = """(define (problem p) (:domain d) (:objects AND 7up World a--b) (:init (true and) (go_-- 7up) (go_-- a--b))
+      (:goal (and (ison and 7up) (ison and a--b) (world))))"""
+    files = written(tmp_path, domain, problem)
+    imported = read(*files)
+    assert not ontology_violations(imported.ontology)
+    assert not violations(imported.map, imported.ontology)
+    assert "isOn_" in imported.ontology.relations
+    assert {imported.pddl_name(name) for name in imported.map.objects if imported.map.objects[name].type == "object"} == {
+        "and", "7up", "world", "a--b"
+    }  # fmt: skip
+    world = SymbolicWorld(imported.ontology, imported.map)
+    possible = [step for step in steps(imported) if world.refusal(*doing(step)) is None]
+    assert {imported.pddl_step(step) for step in possible} == {"(NOT and 7up)", "(NOT and a--b)"}
+    for step in possible:
+        assert world.perform(*doing(step)) is None
+    assert holds(imported.goal, world.map, imported.ontology)
+
+
+def test_without_agents_one_device_offers_everything(tmp_path: Path) -> None:
+    domain = """(define (domain blocks) (:requirements :strips) (:predicates (on ?a ?b) (clear ?a) (table ?a) (free))
+      (:action take :parameters (?a) :precondition (and (clear ?a) (table ?a) (free)) :effect (and (not (table ?a)) (not (free)))))"""
+    problem = "(define (problem p) (:domain blocks) (:objects a b) (:init (clear a) (table a) (free)) (:goal (not (free))))"
+    imported = read(*written(tmp_path, domain, problem))
+    assert {agent: [service.name for service in services] for agent, services in imported.agents.items()} == {"Agent1": ["take"]}
+    assert not violations(imported.map, imported.ontology)
+    assert imported.task == "NOT free(World)"
+    step = Step(id="s", service_type="take", inputs={"a": Name("a")}, effect=imported.goal)
+    assert imported.pddl_step(step) == "(take a)"
+
+
+MIXED = """(define (domain mixed) (:requirements :typing :multi-agent) (:types {types})
+  (:predicates (at ?x ?y - object) (on ?x - object) (done))
+  (:action move :agent ?a - {agent} :parameters (?x - {moved} ?y - object)
+    :precondition (and (on ?a) (not (at ?x ?y))) :effect (and (at ?x ?y) (not (on ?a)) (on ?x)))
+  (:action ring :agent ?a - {rings} :parameters () :precondition (not (done)) :effect (done)))"""
+OF_MIXED = """(define (problem p) (:domain mixed) (:objects {objects}) (:init (on a) (on v)) (:goal (and (at a a) (done))))"""
+
+
+@pytest.mark.parametrize(
+    ("types", "agent", "moved", "rings", "objects"),
+    [
+        ("van box - thing", "van", "thing", "van", "a v - van b - box"),
+        ("van box - thing", "van", "object", "van", "a v - van b - box c"),
+        ("van box - thing", "object", "thing", "van", "a v - van b - box"),
+        ("van box - thing", "thing", "box", "van", "a v - van b - box t - thing"),
+        ("van tram - vehicle box", "van", "vehicle", "tram", "a - tram v - van b - box"),
+        ("van tram - vehicle box", "(either van tram)", "(either tram box)", "(either van box)", "a - tram v - van b - box"),
+        ("van tram - vehicle vehicle box - thing", "tram", "vehicle", "tram", "a - tram v - vehicle b - box c - van"),
+        ("van - van2 van2 - van3", "van2", "van3", "van", "a - van v - van2 c - van3"),
+        ("van", "van", "van", "object", "a v c"),
+    ],
+)
+def test_whatever_the_types_the_same_can_be_done(tmp_path: Path, types: str, agent: str, moved: str, rings: str, objects: str) -> None:
+    domain = MIXED.format(types=types, agent=agent, moved=moved, rings=rings)
+    files = written(tmp_path, domain, OF_MIXED.format(objects=objects))
+    imported, naive = read(*files), Naive(*files)
+    assert not ontology_violations(imported.ontology)
+    assert not violations(imported.map, imported.ontology)
+    for seed in range(4):
+        compare(imported, naive, 8, seed)
+    for agent_name in imported.agents:
+        assert imported.ontology.is_a(imported.map.objects[agent_name].type, "Device")
+
+
+def test_an_agent_may_be_a_constant_of_its_own_action(tmp_path: Path) -> None:
+    domain = """(define (domain chiefs) (:requirements :typing :multi-agent) (:types van)
+      (:constants chief - van) (:predicates (on ?v - van))
+      (:action call :agent ?a - van :parameters () :effect (and (on chief) (not (on ?a)))))"""
+    problem = "(define (problem p) (:domain chiefs) (:objects v - van) (:init (on v)) (:goal (and (on chief) (not (on v)))))"
+    files = written(tmp_path, domain, problem)
+    imported, naive = read(*files), Naive(*files)
+    assert not ontology_violations(imported.ontology)
+    for seed in range(4):
+        compare(imported, naive, 3, seed)
+
+
+def test_objects_of_mixed_types_are_picked_out_by_a_relation(harbour: Imported) -> None:
+    """`signal` is of boats, which act, and boxes, which do not: no type of the ontology is both and nothing else."""
+    signal = harbour.ontology.services["signal"]
+    assert [parameter.type for parameter in signal.inputs] == ["PhysicalObject"]
+    picked = {fact.arguments[0] for fact in harbour.map.facts("is-locatable")}
+    assert picked == {"boat1", "boat2", "crate1", "barrel1"}
+
+
+def test_numbers_of_one_object_are_attributes_and_of_several_tables(tmp_path: Path) -> None:
+    domain = """(define (domain trucks) (:requirements :typing :numeric-fluents) (:types truck place)
+      (:predicates (at ?t - truck ?p - place))
+      (:functions (fuel ?t - truck) (tank ?t - truck) (need ?a ?b - place) (price))
+      (:action go :parameters (?t - truck ?a ?b - place)
+        :precondition (and (at ?t ?a) (>= (fuel ?t) (need ?a ?b)))
+        :effect (and (not (at ?t ?a)) (at ?t ?b) (assign (fuel ?t) 1)))
+      (:action fill :parameters (?t - truck) :precondition (not (= (fuel ?t) (tank ?t)))
+        :effect (and (assign (fuel ?t) (tank ?t)) (assign (price) 7))))"""
+    problem = """(define (problem p) (:domain trucks) (:objects t1 - truck here there - place)
+      (:init (at t1 here) (= (fuel t1) 2) (= (tank t1) 9) (= (need here there) 5) (= (price) 3))
+      (:goal (and (at t1 there) (> (price) 6))))"""
+    imported = read(*written(tmp_path, domain, problem))
+    assert not violations(imported.map, imported.ontology)
+    assert imported.task == "t1 at there AND World.price > 6"
+    world = SymbolicWorld(imported.ontology, imported.map)
+    go = {"t": "t1", "a": "here", "b": "there"}
+    assert world.perform("go", go, "Agent1") == "t1.fuel >= need(here, there) does not hold"
+    assert world.perform("fill", {"t": "t1"}, "Agent1") is None
+    assert world.refusal("fill", {"t": "t1"}, "Agent1") == "t1.fuel != t1.tank does not hold"
+    assert world.perform("go", go, "Agent1") is None
+    assert world.map.objects["t1"].values["fuel"] == 1
+    assert holds(imported.goal, world.map, imported.ontology)
+
+
+def test_as_ordinary_pddl_the_agent_is_a_parameter_and_nothing_is_private(tmp_path: Path) -> None:
+    domain, problem = classical(*written(tmp_path))
+    for word in (":agent", ":private", ":multi-agent", ":unfactored-privacy"):
+        assert word not in domain + problem
+    assert "(?b - boat ?from ?to - quay)" in domain
+    again = tmp_path / "again"
+    again.mkdir()
+    alone = read(*written(again, domain, problem))
+    actions = {str(action.word) for action in Naive(*written(tmp_path)).domain.actions.values()}
+    assert {re.sub("-[a-z]+-is-.*", "", service.name) for service in alone.services} == actions
+    assert list(alone.agents) == ["Agent1"]
+
+
+def test_a_type_that_is_said_of_nothing_is_left_out(tmp_path: Path) -> None:
+    domain = tmp_path / "domain.pddl"
+    problem = tmp_path / "problem.pddl"
+    domain.write_text("(define (domain d) (:requirements :strips :typing) (:types part board) (:predicates (cut ?p - part)))")
+    problem.write_text("(define (problem p) (:domain d) (:objects - board p0 p1 - part - board) (:init (cut p0)) (:goal (cut p0)))")
+    assert "(:objects p0 p1 - part)" in classical(domain, problem)[1]
+
+
+def test_unified_planning_accepts_what_the_world_did(tmp_path: Path) -> None:
+    """An independent reader and validator, on a random walk to the goal; they know no `either`, and nothing that is changed twice."""
+    unified_planning = pytest.importorskip("unified_planning.io")
+    from unified_planning.engines import SequentialPlanValidator, ValidationResultStatus
+
+    known_to_it = DOMAIN.replace("(either crane boat)", "boat").replace("(increase (total-cost) 1) (increase (total-cost) 2)", "")
+    known_to_it = known_to_it.replace("(>= (fuel ?b) 3)", "(and (not (= ?b ?other)) (>= (fuel ?b) 3))")
+    known_to_it = known_to_it.replace("(holds ?c ?b) (idle ?d)", "(holds ?c ?b) (not (= ?b ?other)) (idle ?d)")
+    files = written(tmp_path, known_to_it)
+    harbour = read(*files)
+    domain, problem = classical(*files)
+    dice = random.Random(3)
+    world = SymbolicWorld(harbour.ontology, harbour.map)
+    plan: list[Step] = []
+    while not holds(harbour.goal, world.map, harbour.ontology):
+        plan.append(dice.choice([step for step in steps(harbour) if world.refusal(*doing(step)) is None]))
+        assert world.perform(*doing(plan[-1])) is None
+    folder = tmp_path / "classical"
+    folder.mkdir()
+    files = written(folder, domain, problem)
+    (folder / "plan").write_text(harbour.pddl_plan(plan))
+    reader = unified_planning.PDDLReader()
+    known = reader.parse_problem(*map(str, files))
+    validator = SequentialPlanValidator()
+    validator.skip_checks = True
+    assert validator.validate(known, reader.parse_plan(known, str(folder / "plan"))).status is ValidationResultStatus.VALID
+
+
+def told(tmp_path: Path, domain: str, problem: str = PROBLEM) -> str:
+    with pytest.raises(ModelError) as raised:
+        read(*written(tmp_path, domain, problem))
+    return str(raised.value).replace(f"{tmp_path}/", "")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("(not (storm))", "(forall (?x - box) (at ?x ?from))", "domain.pddl:17: Sail: forall is not read"),
+        ("(at ?b ?to)", "(when (storm) (at ?b ?to))", "domain.pddl:18: Sail: effects under a condition are not read"),
+        ("(holds ?c ?b) (not (at", "(held ?c ?b) (not (at", "domain.pddl:33: lift: there is no predicate held"),
+        ("(at ?b ?q) (idle ?c)", "(at ?b) (idle ?c)", "domain.pddl:32: lift: at is of 2, and 1 are given"),
+        ("(at ?b ?q) (idle ?c)", "(at ?q ?b) (idle ?c)", "domain.pddl:32: lift: ?q can be no locatable, and one is meant here"),
+        ("(at ?b ?q) (idle ?c)", "(at ?z ?q) (idle ?c)", "domain.pddl:32: lift: ?z is not known; declare it as a parameter of the action"),
+        ("(at ?x - locatable", "(at ?x - locatabel", "domain.pddl:9: ?x: there is no type locatabel"),
+        ("(:action lift", "(:durative-action lift", "domain.pddl:29: :durative-action: actions with durations are not read"),
+        ("(decrease (fuel ?b)", "(decrease (miles ?from ?to)", "domain.pddl:19: Sail: a function of several objects that actions change"),
+        ("(/ (miles ?from ?to) 2)", "(/ 2 (miles ?from ?to))", "domain.pddl:19: Sail: dividing by anything but a number other than 0"),
+        ("(/ (miles ?from ?to) 2)", "(/ (miles ?from ?to))", "domain.pddl:19: Sail: / is of two numbers"),
+        ("(:action lift", "(:action Sail", "domain.pddl:29: Sail: there is an action of this name already"),
+        ("(:constants North - quay)", "(:constants North - quay", "domain.pddl:3: file: the ( in this line is never closed"),
+    ],
+)  # fmt: skip
+def test_mistakes_and_what_is_not_read_are_named_with_their_lines(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in DOMAIN
+    assert said in told(tmp_path, DOMAIN.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("(at boat1 north)", "(at boat1 nort)", "problem.pddl:5: init: nort is not known; declare it among the objects"),
+        ("(at boat1 north)", "(at 5 (at boat1 north))", "problem.pddl:5: init: facts that come true at a certain time are not read"),
+        ("minimize (total-cost)", "maximize (total-cost)", "problem.pddl:9: metric: a metric maximize (total-cost) is not read"),
+        ("crate1 - crate", "crate1 - crat", "problem.pddl:3: crate1: the domain has no type crat"),
+        ("(:goal", "(:aim", "problem.pddl:2: problem: there is no goal"),
+    ],
+)
+def test_mistakes_in_problems_are_named_with_their_lines(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in PROBLEM
+    assert said in told(tmp_path, DOMAIN, PROBLEM.replace(old, new, 1))
+
+
+def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
+    said = told(tmp_path, DOMAIN.replace("(idle ?c))\n    :effect", "(idel ?c))\n    :effect").replace("(not (storm))", "(not (strom))"))
+    assert "idel" in said
+    assert "strom" in said
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    domain, _ = written(tmp_path)
+    with pytest.raises(UsageError, match=r"none\.pddl cannot be read"):
+        read(domain, tmp_path / "none.pddl")
