@@ -46,12 +46,15 @@ from somrs.repository.entries import (
 from somrs.storage.disk import Disk, Job, Kind
 from somrs.storage.store_events import event_of, happened, history, leading_back, past
 
+DRIVERS = ("fixed_camera", "manipulator", "patrol")
+"""Modules with drivers of simulated devices."""
+
 KIND = Kind(
     owner="a Repository's",
     holds="ontology, map or event",
     rival="another process",
     application=0x534F4D52,  # `SOMR` in ASCII
-    version=2,
+    version=3,
     tables="""
     CREATE TABLE definitions (kind TEXT NOT NULL, name TEXT NOT NULL, document TEXT NOT NULL, UNIQUE (kind, name));
     CREATE TABLE objects (name TEXT NOT NULL UNIQUE, document TEXT NOT NULL);
@@ -80,7 +83,15 @@ KIND = Kind(
       SELECT of.key, json_extract(one.value, '$.name'), max(version)
       FROM events, json_each(revision, '$.after') AS of, json_each(of.value) AS one WHERE revision IS NOT NULL GROUP BY 1, 2;
     CREATE TABLE renamed (name TEXT NOT NULL, version INTEGER NOT NULL, before TEXT NOT NULL, PRIMARY KEY (name, version)) WITHOUT ROWID;
-    """
+    """,
+        # The drivers of devices are in packages of their own since.
+        2: "".join(
+            f"UPDATE definitions SET document = replace(document, '{before}:', '{after}:');"
+            for before, after in (
+                ("somrs.devices.person", "somrs.devices.person.device"),
+                *((f"somrs.devices.simulator.{name}", f"somrs.devices.simulator.drivers.{name}") for name in DRIVERS),
+            )
+        ),
     },
 )
 
