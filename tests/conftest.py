@@ -1,8 +1,14 @@
-"""For all tests: what is not tested because something is missing is said loudly."""
+"""For all tests: how property tests run, and what is not tested because something is missing, which is said loudly."""
 
 from __future__ import annotations
 
 import pytest
+from hypothesis import settings
+
+from tests.support.examples import PROFILE
+
+settings.register_profile("somrs", PROFILE)
+settings.load_profile("somrs")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
 
@@ -28,6 +28,7 @@ from somrs.protocol.messages.clients import ReadRecords, Records
 from somrs.storage.journal import KIND, Journal, program
 from somrs.storage.journal_entries import batch, decoded, encoded
 from tests.support.bodies import KINDS, messages
+from tests.support.examples import examples
 from tests.support.ledger import Ledger, doubled, told
 from tests.support.paths import ROOT
 
@@ -93,7 +94,7 @@ def shelf(path: Path) -> Iterator[Shelf]:
 # What is written
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 @given(data=st.data())
 def test_every_message_is_read_as_it_was_written(kind: type, data: st.DataObject) -> None:
@@ -415,7 +416,7 @@ def test_a_task_manager_whose_port_is_taken_says_who_knows_it_there(tmp_path: Pa
 steps = st.lists(st.one_of(st.integers(-9, 9), st.sampled_from(("answer", "ring", "arrive", "snapshot", "restart"))), max_size=30)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(40)
 @given(steps)
 def test_restarts_change_nothing(script: list[int | str]) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -6,7 +6,7 @@ import time
 from itertools import pairwise
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
 from somrs.entish.parse import parse
 from somrs.errors import RemoteError
@@ -21,6 +21,7 @@ from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
 from somrs.planner.search.search import TooHard, search
 from somrs.planner_service.engines import driver, entrants, plan_in_process, raced, solved
+from tests.support.examples import examples
 from tests.unit.planner.grounding.test_merging import codmap, needs_codmap, task_of
 from tests.unit.planner.test_properties import problems
 
@@ -57,7 +58,7 @@ ENGINES = {entrant.name: entrant for entrant in entrants() if entrant.name != "c
 
 
 @needs_engine
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(25)
 @given(problems())
 def test_every_engine_and_the_small_search_agree(problem: Problem) -> None:
     task = task_of(problem)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Policy, Preview, Previewed, TaskRecord
 from somrs.protocol.messages.frp import Outcome, State
 from tests.integration.test_task_manager import WISH
+from tests.support.examples import examples
 from tests.support.lab import request
 from tests.support.relay import SECONDS, Relay, longest
 from tests.support.virtual_system import Robot, VirtualSystem
@@ -217,7 +218,7 @@ def test_a_task_manager_that_is_killed_while_it_asks_sends_everybody_home(snapsh
     assert system.manager._previews == {}
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(
     robots=st.lists(
         st.tuples(st.integers(1, 50), st.integers(5, 90), st.sampled_from(("", "", "no")), st.booleans()), min_size=1, max_size=4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 from dataclasses import dataclass
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.ontology.services import ServiceType
@@ -18,6 +18,7 @@ from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.claims import Claim, Claims
 from somrs.task_manager.turns import Turns
 from tests.integration.test_rival_task_managers import Hands, until_executing
+from tests.support.examples import examples
 from tests.support.virtual_system import Robot, VirtualSystem
 
 JARS = ("Jar001", "Jar002", "Tin001")
@@ -177,7 +178,7 @@ def test_priority_is_in_the_list_and_in_the_record() -> None:
     assert record.priority == -2
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(
     wanted=st.lists(st.tuples(st.sampled_from(JARS), st.sampled_from(PLACES), st.integers(-2, 2)), min_size=2, max_size=6),
     pauses=st.lists(st.sampled_from((0.0, 0.05, 20.0, 70.0)), min_size=6, max_size=6),
@@ -269,7 +270,7 @@ OFFER = _offer()
 deeds = st.lists(st.tuples(st.sampled_from(("want", "end", "vanish", "pickle")), names, st.integers(-1, 1)), max_size=40)
 
 
-@settings(max_examples=300)
+@examples(75)
 @given(deeds=deeds, at_once=st.integers(1, 3))
 def test_a_device_is_never_idle_while_somebody_waits_nor_overrun_and_the_highest_goes_first(
     deeds: list[tuple[str, str, int]], at_once: int

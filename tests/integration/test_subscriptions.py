@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.kernel.component import Answered, Ask, Received, Send, Started
@@ -31,6 +31,7 @@ from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Advance, Done, Order
 from somrs.task_manager.manager import REMEMBERED
 from tests.integration.test_task_manager import WISH, breaks
+from tests.support.examples import examples
 from tests.support.relay import Relay
 from tests.support.virtual_system import Robot, VirtualSystem, done
 
@@ -238,7 +239,7 @@ def test_a_task_of_long_ago_has_its_messages_in_the_archive() -> None:
     assert "there is no task urn:uuid:gone" in answer.message.body.text
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(pauses=st.lists(st.floats(0.0, 30.0), min_size=1, max_size=8), restart=st.booleans())
 def test_news_put_together_are_the_whole(pauses: list[float], restart: bool) -> None:
     """Whoever follows a task by its news, however slowly, has in the end what whoever asks for all of it gets."""

@@ -14,7 +14,7 @@ import pytest
 import xmlschema
 import zeep
 import zeep.exceptions
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from lxml import etree
 from msgspec import Struct
 
@@ -35,6 +35,7 @@ from somrs.runtime.node import Report
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.task_manager.manager import TaskManager
 from tests.support.bodies import KINDS, messages
+from tests.support.examples import examples
 from tests.support.lab import contents
 from tests.support.paths import ROOT
 
@@ -71,7 +72,7 @@ def obeys(element: etree._Element) -> bool:
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind is not frp.Fault], ids=lambda kind: kind.__name__)
 def test_every_body_obeys_its_schema(kind: type[Struct]) -> None:
-    @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    @examples(6)
     @given(messages(kind))
     def valid(message: Message) -> None:
         element = body_of(soap.encode(message))
@@ -307,12 +308,12 @@ def test_every_description_compiles() -> None:
 # The documentation
 
 
-def examples() -> list[str]:
+def documented() -> list[str]:
     return re.findall(r"```xml\n(<env:Envelope.*?)```", DOCS.read_text(), re.DOTALL) if DOCS.exists() else []
 
 
 def test_the_examples_are_what_is_on_the_wire() -> None:
-    shown = examples()
+    shown = documented()
     assert len(shown) >= 8
     for example in shown:
         message = soap.decode(example.encode())

@@ -6,7 +6,7 @@ import itertools
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.kernel.component import Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
@@ -19,6 +19,7 @@ from somrs.protocol.messages.knowledge import Define, Definitions, MapPage, Read
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
 from somrs.runtime.virtual import World
+from tests.support.examples import examples
 from tests.support.lab import REPOSITORY, contents, request, tell
 
 OWNER = "http://here/owner"
@@ -269,7 +270,7 @@ STEPS = st.one_of(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@examples(40)
 @given(st.lists(STEPS, max_size=60))
 def test_on_any_medium_it_comes_to_be_what_the_repository_has(steps: list[tuple[str, int]]) -> None:
     medium = Medium(Repository(REPOSITORY, many_jars(250)))

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
@@ -15,6 +15,7 @@ from somrs.ontology.check import check
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.units import converted, known
+from tests.support.examples import examples
 from tests.support.small import ONTOLOGY, formulas, maps
 
 MAP = Map(
@@ -112,7 +113,7 @@ def test_declared_variables() -> None:
         check("?Object isOn ?Place", upper(), variables={"Object": "Graspeble"})
 
 
-@settings(max_examples=300, deadline=None)
+@examples(75)
 @given(formulas, maps())
 def test_any_formula_fits_or_is_refused_in_a_place(formula: Formula, map: Map) -> None:
     text = str(formula)

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from msgspec import structs
 
@@ -22,6 +22,7 @@ from somrs.ontology.naming import Named, Section, named, revised
 from somrs.ontology.objects import Fact, FactAdded, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.truth import holds
 from somrs.ontology.types import AttributeType, Constraint, Definition, Ontology, Part, RelationType
+from tests.support.examples import examples
 from tests.unit.repository.test_redefinition import WORKSHOP
 
 LOADED = load_text(WORKSHOP, base=upper())
@@ -73,7 +74,7 @@ def without_broken_formulas(ontology: Ontology) -> bool:
 
 
 @given(st.data())
-@settings(max_examples=300, deadline=None)
+@examples(75)
 def test_looking_at_what_a_change_concerns_finds_what_looking_at_all_finds(data: st.DataObject) -> None:
     before = ONTOLOGY
     if data.draw(st.booleans()):  # rules that another change may break
@@ -113,7 +114,7 @@ VALUES = st.sampled_from([None, 0.1, 0.3, 2.0, math.pi])
     ],
 )
 @given(st.data())
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_a_rule_about_an_objects_own_values_is_answered_as_any_formula_is(rule: str, data: st.DataObject) -> None:
     type = structs.replace(ONTOLOGY.types["Tin"], constraints=(Constraint(formula=rule),), required=(), defaults={})
     ontology = ONTOLOGY.extended(

@@ -6,7 +6,7 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.ontology.conformance import Violation, touched, violations, violations_of
@@ -14,6 +14,7 @@ from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.loading import load, load_text, upper
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import PART_OF, ObjectType, Ontology
+from tests.support.examples import examples
 
 DEMO = Path(str(resources.files("somrs.demo").joinpath("data/scenario-1.yaml")))
 
@@ -95,7 +96,7 @@ def some_changes(map: Map) -> st.SearchStrategy[list[Change]]:
 
 
 @given(st.data())
-@settings(max_examples=120, deadline=None)
+@examples(40)
 def test_checking_what_an_update_touched_finds_what_checking_all_finds(demo: Map, data: st.DataObject) -> None:
     changes = data.draw(some_changes(demo))
     if data.draw(st.booleans()):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.entish.formula import Attribute, Comparison, Formula, Literal, Name, Not, Relation, conjunction, conjuncts
@@ -15,6 +15,7 @@ from somrs.ontology.effects import changes
 from somrs.ontology.indexes import MANY
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
 from somrs.ontology.truth import holds
+from tests.support.examples import examples
 from tests.support.small import OBJECTS, ONTOLOGY, constants, facts, maps
 
 MAP = Map(
@@ -118,7 +119,7 @@ parts: st.SearchStrategy[Literal] = st.one_of(atoms, st.builds(Not, atoms), equa
 effects: st.SearchStrategy[Formula] = st.lists(parts, min_size=1, max_size=4).map(lambda found: conjunction(*found))
 
 
-@settings(max_examples=400, deadline=None)
+@examples(100)
 @given(effects, maps())
 def test_an_effect_becomes_true_or_is_refused(effect: Formula, map: Map) -> None:
     try:
@@ -140,7 +141,7 @@ def test_an_effect_becomes_true_or_is_refused(effect: Formula, map: Map) -> None
             ]
 
 
-@settings(max_examples=200, deadline=None)
+@examples(50)
 @given(st.lists(effects, max_size=5), maps())
 def test_indexes_follow_the_changes(sequence: list[Formula], map: Map) -> None:
     """A map that was changed, asked and changed again answers as one that is made anew."""
@@ -173,7 +174,7 @@ anything = st.one_of(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@examples(75)
 @given(st.lists(st.lists(anything, max_size=4), max_size=4))
 def test_every_index_follows_any_change(sequence: list[list[Change]]) -> None:
     """Each map of a history, asked when it was new and when all of its successors are there."""

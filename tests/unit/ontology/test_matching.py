@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from somrs.entish.formula import Formula, Name, Not, Relation, Term, Variable, conjunction, substitute, variables
@@ -18,6 +18,7 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.truth import holds
 from tests.support import small
+from tests.support.examples import examples
 
 MAP = Map(
     [
@@ -127,7 +128,7 @@ def made_true(effect: Formula, map: Map, inputs: dict[str, Term]) -> Map | None:
         return None  # this effect contradicts itself
 
 
-@settings(max_examples=400, deadline=None)
+@examples(100)
 @given(effects, wishes, small.maps(), st.sampled_from(["Object", "Thing", "Jar"]))
 @example(parse("?P isPairedWith ?P"), parse("NOT A isPairedWith B"), PAIRED, "Thing")
 def test_matches_agree_with_the_effects_made_true(effect: Formula, wanted: Formula, map: Map, type_name: str) -> None:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 
 from somrs.entish.formula import (
     Attribute,
@@ -35,6 +35,7 @@ from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.truth import bindings, evaluate, holds
 from somrs.ontology.types import FunctionType, Ontology, Value
+from tests.support.examples import examples
 from tests.support.small import ONTOLOGY, formulas, maps
 
 # The twin: reads values, compares and assigns in the most direct way, in metres and centimetres only
@@ -195,7 +196,7 @@ def shown(row: Assignment) -> frozenset[tuple[str, str]]:
     return frozenset((name, f"{metres(term):.6f}" if isinstance(term, Number) else str(term)) for name, term in row.items())
 
 
-@settings(max_examples=500, deadline=None)
+@examples(125)
 @given(formulas, maps())
 def test_bindings_are_those_of_the_plain_twin(formula: Formula, map: Map) -> None:
     assume(says_what_x_is(formula))
@@ -209,7 +210,7 @@ def test_bindings_are_those_of_the_plain_twin(formula: Formula, map: Map) -> Non
     assert holds(formula, map, ONTOLOGY) == bool(rows)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(40)
 @given(formulas, maps())
 def test_given_bindings_select_among_the_rows(formula: Formula, map: Map) -> None:
     assume(not undefined(formula))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice, product
 
-from hypothesis import HealthCheck, event, given, note, settings
+from hypothesis import event, given, note
 from hypothesis import strategies as st
 
 from somrs.entish import Formula, Name, Relation, Term, Truth
@@ -21,6 +21,7 @@ from somrs.planner.model.plan import NoPlan, Plan, linearisations
 from somrs.planner.model.problem import Available, Problem
 from somrs.planner.model.validation import after, validate
 from somrs.planner.planning import plan
+from tests.support.examples import examples
 
 ONTOLOGY = Ontology(
     [
@@ -222,7 +223,7 @@ def described(problem: Problem) -> str:
     return "\n".join([*services, "; ".join(facts), str({o.name: o.values for o in problem.map.objects.values()}), f"goal: {problem.goal}"])
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(50)
 @given(problems())
 def test_plans_are_valid_and_a_plain_search_agrees(problem: Problem) -> None:
     note(described(problem))

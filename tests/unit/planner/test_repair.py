@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from itertools import islice
 
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.entish import Name
@@ -22,6 +22,7 @@ from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.runtime.virtual import Work
+from tests.support.examples import examples
 from tests.support.relay import Relay, carried, goal, problem
 from tests.unit.planner.test_properties import problems
 
@@ -99,7 +100,7 @@ def test_when_a_search_takes_too_long_what_is_left_is_kept() -> None:
     assert kept == repaired(left) is not None
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(40)
 @given(problems(), st.data())
 def test_whatever_is_kept_leads_to_the_goal(problem: Problem, data: st.DataObject) -> None:
     found = plan(problem)

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
 
@@ -30,6 +30,7 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.repository.entries import Contents
+from tests.support.examples import examples
 from tests.support.keeper import Keeper, definitions
 from tests.unit.repository.test_redefinition import WORKSHOP
 
@@ -133,7 +134,7 @@ class Editor:
         return Undo(version=int(str(self.of(*range(max(latest - 4, 0), latest + 1)))))
 
 
-@settings(max_examples=100, deadline=None)
+@examples(40)
 @given(st.data())
 def test_whatever_is_edited_nothing_is_lost(data: st.DataObject) -> None:
     loaded = load_text(WORKSHOP, base=upper())

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.errors import UsageError
 from somrs.kernel.component import Effect, Input, Undelivered
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.virtual import CarryOut, Moment, Work, World
+from tests.support.examples import examples
 from tests.support.ledger import Ledger, Sink, Teller, doubled, expected, told
 
 
@@ -95,7 +96,7 @@ def medium(seed: int | None) -> World:
     return World(medium=times)
 
 
-@settings(max_examples=300, deadline=None)
+@examples(75)
 @given(st.lists(steps, max_size=25), st.booleans(), st.none() | st.integers(0, 2**32))
 def test_whenever_it_is_killed_the_sums_are_right_and_everything_is_said(steps: list[object], journaled: bool, seed: int | None) -> None:
     books = Books(journaled=journaled, world=medium(seed))

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.errors import UsageError
@@ -37,6 +37,7 @@ from somrs.repository.component import Repository
 from somrs.repository.entries import Contents, Handled, HistoryOf, Subscription
 from somrs.runtime.virtual import World, at_once
 from somrs.storage.repository_store import KIND, RepositoryStore
+from tests.support.examples import examples
 from tests.support.lab import CLIENT, REPOSITORY, lab, records, request, sent, tell
 from tests.support.paths import ROOT
 
@@ -185,7 +186,7 @@ UPDATES = st.builds(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.lists(UPDATES, max_size=12))
 def test_the_file_holds_the_map_and_history_adds_up_to_it(updates: list[UpdateMap]) -> None:
     with tempfile.TemporaryDirectory() as folder:

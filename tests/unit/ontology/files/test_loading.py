@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.errors import ModelError, Problem
@@ -22,6 +22,7 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.schema import json_schema, published
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import PART_OF, AttributeType, Constraint, FunctionType, Kind, ObjectType, Ontology, Part, RelationType, Value
+from tests.support.examples import examples
 from tests.support.paths import ROOT
 
 DEMO = Path(str(resources.files("somrs.demo").joinpath("data/scenario-1.yaml")))
@@ -203,7 +204,7 @@ def test_text_that_is_no_such_file(text: str, rule: str) -> None:
 
 
 @given(st.data())
-@settings(max_examples=150, deadline=None)
+@examples(40)
 def test_no_text_makes_loading_fail_otherwise(data: st.DataObject) -> None:
     """A file with something overwritten is read, or its problems are told; nothing else happens."""
     start = data.draw(st.integers(0, len(HOUSE) - 1))
@@ -356,7 +357,7 @@ def maps(draw: st.DrawFn) -> Map:
 
 
 @given(maps())
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_map_is_read_back_as_written(map: Map) -> None:
     assert load_text(dump_map(map, upper())).map == map
 
@@ -399,7 +400,7 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
 
 
 @given(definitions())
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_ontology_is_read_back_as_written(new: list[AttributeType | RelationType | FunctionType | ObjectType | ServiceType]) -> None:
     ontology = upper().extended(new)
     assert [*load_text(dump_ontology(ontology, without=upper())).ontology] == [*ontology]

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.errors import ModelError, Problem, UsageError
@@ -19,6 +19,7 @@ from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Change, Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.owl import Format, Read, export, read, to_graph
 from somrs.ontology.types import AttributeType, Constraint, Definition, Kind, ObjectType, Ontology, RelationType
+from tests.support.examples import examples
 from tests.support.paths import ROOT
 from tests.unit.ontology.files.test_loading import HOUSE, definitions, maps, the_map
 
@@ -63,7 +64,7 @@ def test_whole_sites_are_read_back(site: str, format: Format) -> None:
 
 
 @given(definitions(), st.sampled_from(Format))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_ontology_is_read_back_as_written(new: list[Definition], format: Format) -> None:
     ontology = upper().extended(new)
     try:
@@ -77,7 +78,7 @@ def test_ontology_is_read_back_as_written(new: list[Definition], format: Format)
 
 
 @given(maps(), st.sampled_from(Format))
-@settings(max_examples=30, deadline=None)
+@examples(30)
 def test_map_is_read_back_as_written(map: Map, format: Format) -> None:
     try:
         text = export(upper(), map, format).decode()
@@ -128,7 +129,7 @@ def test_the_shapes_are_shapes() -> None:
 
 
 @given(maps())
-@settings(max_examples=12, deadline=None)
+@examples(12)
 def test_what_our_check_accepts_the_other_accepts(map: Map) -> None:
     assert violations(map, upper()) == []
     assert judged(map, upper()) == ""

@@ -10,13 +10,14 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, composite
 
 from somrs.planner.encodings.equation import Equation, companions, definite, equation
 from somrs.planner.encodings.sas import written
 from somrs.planner.grounding.finite import Assignment, Effect, FiniteTask, Operation, State
+from tests.support.examples import examples
 
 needs_scipy = pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="SciPy is not installed")
 PROVED = 11
@@ -127,7 +128,7 @@ def test_a_lamp_that_a_switch_lights_only_if_there_is_power_is_not_looked_at_wit
 
 
 @needs_scipy
-@settings(deadline=None)  # the first one loads SciPy
+@examples(100)
 @given(tasks())
 def test_no_plan_is_said_of_no_task_that_has_one(task: FiniteTask) -> None:
     from somrs.planner_service.engine_equation import equations, unsatisfiable

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from somrs.planner.encodings.sas import parsed, written
@@ -23,6 +23,7 @@ from somrs.planner.model.validation import validate
 from somrs.planner.model.world import World
 from somrs.planner.planning import plan
 from somrs.sites.pddl import read
+from tests.support.examples import examples
 from tests.support.paths import SHARED
 from tests.unit.planner.test_properties import problems
 
@@ -61,7 +62,7 @@ def check_groups(task: Task) -> int:
     return len(found)
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(40)
 @given(problems())
 def test_of_facts_that_exclude_each_other_never_two_hold(problem: Problem) -> None:
     task = task_of(problem)
@@ -77,7 +78,7 @@ def test_the_same_where_the_ontology_says_nothing_of_it(name: str) -> None:
     assert check_groups(task) > 0
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(40)
 @given(problems())
 def test_what_is_written_can_be_read(problem: Problem) -> None:
     task = task_of(problem)
@@ -147,7 +148,7 @@ def small_strips(draw: st.DrawFn) -> Problem:
     return strips(draw(some), draw(some), *((needs, gone, "".join(sorted({*come} - {*gone}))) for needs, gone, come in actions))
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(75)
 @given(small_strips())
 @example(strips("a", "bc", ("a", "a", "c"), ("a", "a", "bc")))
 @example(strips("a", "bc", ("a", "a", "b"), ("a", "a", "bc")))

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 from msgspec import Struct, structs
@@ -21,6 +21,7 @@ from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES, SENDER
 from somrs.protocol.soap.soap import decode, encode
 from tests.support.bodies import KINDS, messages
+from tests.support.examples import examples
 
 HEADER = Header(
     sender="http://here/task-manager",
@@ -57,7 +58,7 @@ def changed(old: str, new: str) -> str:
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_every_body_survives(kind: type[Struct]) -> None:
-    @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    @examples(15)
     @given(messages(kind))
     def survives(message: Message) -> None:
         assert decode(encode(message)) == message
@@ -287,7 +288,7 @@ def test_sender_and_reply_to_may_be_missing() -> None:
         assert (header.sender if name == "From" else header.reply_to) == ANONYMOUS
 
 
-@settings(max_examples=200, deadline=None)
+@examples(50)
 @given(st.binary(max_size=200) | st.text(max_size=100).map(lambda text: text.encode(errors="surrogatepass")))
 def test_no_bytes_do_harm(document: bytes) -> None:
     refused(document)
@@ -302,7 +303,7 @@ EXAMPLES = [
 ]
 
 
-@settings(max_examples=400, deadline=None)
+@examples(100)
 @given(st.data())
 def test_no_mutation_does_harm(data: st.DataObject) -> None:
     """Bytes replaced, pieces cut out or doubled, tags exchanged: a message comes out of it, or a WireError."""

@@ -7,7 +7,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.devices.simulator.motion.clearance import Disc
@@ -16,6 +16,7 @@ from somrs.devices.simulator.world.solids import Point, Solid, solid_of
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Value
+from tests.support.examples import examples
 
 ONTOLOGY = upper()
 RADIUS = 0.25
@@ -81,7 +82,7 @@ obstacles = st.builds(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.lists(obstacles, max_size=6))
 def test_finds_a_way_where_the_plain_search_does_and_a_safe_one(things: list[Object]) -> None:
     size, start, goal = (6.0, 4.0), (0.5, 0.5), (5.5, 3.5)

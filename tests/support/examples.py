@@ -1,0 +1,23 @@
+"""How many examples property tests try: as many as fit a run of all tests, or, with EXAMPLES=20 in the environment, 20 times as many.
+
+In a run of all tests they are the same every time: what is found there, everybody finds. `make properties` looks for others.
+"""
+
+import os
+
+from hypothesis import HealthCheck, settings
+
+FACTOR = int(os.environ.get("EXAMPLES", "1"))
+
+PROFILE = settings(
+    deadline=None,  # a busy machine is no defect
+    suppress_health_check=[HealthCheck.too_slow],
+    derandomize=FACTOR == 1,
+    database=None if FACTOR == 1 else settings.default.database,
+    max_examples=50 * FACTOR,
+)
+
+
+def examples(count: int) -> settings:
+    """Try so many examples; a decorator for a property test."""
+    return settings(PROFILE, max_examples=count * FACTOR)
