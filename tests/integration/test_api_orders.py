@@ -480,7 +480,7 @@ def test_orders_survive_a_restart_of_the_windows_and_each_time_is_stated_once(tm
             assert (run.state, run.times) == (RunState.MISSED, 3)
             assert (await fifth.orders.order(order.id)).next == MONDAY + 6 * DAY + 2 * HOUR
         assert len(porter.done) == 1, "the second task found that it was so already"
-        assert len(system.manager.transactions) == 2
+        assert len(system.manager.state.tasks) == 2
 
     async def run() -> None:
         system, clock = SmallSystem(tmp_path, [porter]), Time()

@@ -167,7 +167,7 @@ def test_a_task_is_found_by_the_beginning_of_its_id_even_if_it_was_long_ago(tmp_
         await ended(desk, old)
         new = (await desk.tasks.submit(Submit(effect="Tin001 isOn Cupboard002"))).task
         await ended(desk, new)
-        assert old not in system.manager.transactions
+        assert old not in system.manager.state.tasks
         seen = await desk.tasks.read(old.rpartition(":")[2][:12])
         assert (seen.view.task, seen.view.outcome, len(seen.contracts)) == (old, Outcome.ACCOMPLISHED, 1)
         assert seen.events[-1].text == "accomplished"

@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
+from somrs.storage.journal_entries import batch, decoded, encoded
 
 from somrs.client.client import Addresses
 from somrs.deployment.programs import run_task_manager
@@ -26,7 +27,6 @@ from somrs.kernel.pending import Entry, Journaled, Pending
 from somrs.planner.model.plan import Link, NoPlan, Plan, Step
 from somrs.protocol.messages.clients import ReadRecords, Records
 from somrs.storage.journal import KIND, Journal, program
-from somrs.storage.journal_entries import batch, decoded, encoded
 from tests.support.bodies import KINDS, messages
 from tests.support.examples import examples
 from tests.support.ledger import Ledger, doubled, told

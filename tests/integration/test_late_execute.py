@@ -9,8 +9,9 @@ from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.runtime.virtual import LATENCY, Medium
-from somrs.task_manager.participants import SILENCE
+from somrs.task_manager.execution.participants import SILENCE
 from tests.integration.test_recovery import puts_back, sees
+from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem
 
 WISH = "Jar002 isOn Platform001"
@@ -75,7 +76,7 @@ def test_one_that_was_told_too_late_and_says_so_is_replaced_without_looking() ->
     assert view.outcome is Outcome.ACCOMPLISHED
     assert first.orders == []
     assert [work.service for work in view.work] == ["Robot2.TransferObject"]
-    texts = [event.text for event in system.manager.transactions[task].events]
+    texts = texts(system.manager.state.tasks[task])
     assert any("Robot1.TransferObject did not begin: Execute came 5.0 s too late" in text for text in texts), texts
 
 

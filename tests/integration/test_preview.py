@@ -62,7 +62,7 @@ def test_nobody_is_committed_and_nothing_is_left_of_it() -> None:
     assert said == {"Arrange", "Cancel"}
     assert at_home(system)
     assert system.devices["Robot1"].calendar(system.world.now) == []
-    assert system.manager.transactions == {}
+    assert system.manager.state.tasks == {}
     assert system.manager._previews == {}
     assert not [one for one in system.world.records["tm"] if isinstance(one, TaskRecord)]
     assert not [timer for timer in system.world.timers("tm") if timer.startswith("urn:uuid:")], "nothing is going to ring for it"

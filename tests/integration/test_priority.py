@@ -15,8 +15,6 @@ from somrs.protocol.messages.directory import AT_ONCE, Offer
 from somrs.protocol.messages.frp import Execute, Outcome, State
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Profile
-from somrs.task_manager.claims import Claim, Claims
-from somrs.task_manager.turns import Turns
 from tests.integration.test_rival_task_managers import Hands, until_executing
 from tests.support.examples import examples
 from tests.support.virtual_system import Robot, VirtualSystem
@@ -46,7 +44,7 @@ def test_of_tasks_that_wait_for_one_thing_the_higher_priority_comes_first() -> N
 
 
 def in_the_order_in_which_they_ended(system: VirtualSystem) -> list[str]:
-    ended = {task: transaction.ended_at or 0.0 for task, transaction in system.manager.transactions.items()}
+    ended = {task: transaction.ended_at or 0.0 for task, transaction in system.manager.state.tasks.items()}
     return sorted(ended, key=lambda task: ended[task])
 
 
@@ -76,7 +74,7 @@ def test_of_tasks_that_wait_for_one_device_the_higher_priority_comes_first() -> 
     for task in (low, high):
         (step,) = system.view(task).steps
         assert step.state is State.COMMITTED, "whoever waits was promised the device, and is not told to begin"
-        assert system.manager.transactions[task].events[-1].text == "waiting for its turn at Robot1"
+        assert system.manager.sentence(state.tasks[task].events[-1].event) == "waiting for its turn at Robot1"
     system.finish(first, low, high)
     assert began(robot) == ["Jar001", "Tin001", "Jar002"]
 
@@ -120,7 +118,7 @@ def test_who_waited_for_a_device_that_falls_silent_does_not_wait_for_ever() -> N
     second = system.submit("Jar002 isOn Platform001")
     system.world.run(2)
     system.world.cut_off("devices/Robot1")
-    assert system.world.run(600, lambda: system.manager.transactions[first].outcome is not None)
+    assert system.world.run(600, lambda: system.manager.state.tasks[first].outcome is not None)
     system.world.reconnect("devices/Robot1")
     (view,) = system.finish(second)
     assert view.outcome is Outcome.ACCOMPLISHED

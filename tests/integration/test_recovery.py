@@ -14,7 +14,7 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import MapChanged, UpdateMap
 from somrs.runtime.virtual import LATENCY, Work
 from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, ServiceFailed
-from somrs.task_manager.work import undone
+from somrs.task_manager.execution.execution_log import undone
 from tests.support.virtual_system import Robot, Script, VirtualSystem, done
 
 WISH = "Jar002 isOn Platform001"

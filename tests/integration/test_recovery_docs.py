@@ -9,7 +9,8 @@ from somrs.cli.task_commands import handlers
 from somrs.client.export import Table, columns
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.services import Occasion
-from somrs.protocol.messages.clients import ContractView, EventKind, MessageView, StepView, TaskEvent, TaskRecord, WorkView
+from somrs.protocol.messages.clients import ContractView, MessageView, StepView, TaskEvent, TaskRecord, WorkView
+from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import State
 from somrs.service_manager.participant import participant
 from somrs.task_manager import participants, recovery, tender, transaction

@@ -14,6 +14,7 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, ServiceFailed
+from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem, done
 
 FIRST, SECOND = "Jar002 isOn Platform001", "Jar002 isOn Cupboard002"
@@ -82,7 +83,7 @@ def test_the_later_of_two_tasks_that_want_one_thing_waits_and_says_so() -> None:
     assert first in view.explanation
     assert FIRST in view.explanation
     assert "has Jar002" in view.explanation
-    assert view.explanation in [event.text for event in system.manager.transactions[second].events]
+    assert view.explanation in texts(system.manager.state.tasks[second])
     views = system.finish(first, second)
     assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 2
     assert views[1].explanation == ""

@@ -29,7 +29,7 @@ from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Advance, Done, Order
-from somrs.task_manager.manager import REMEMBERED
+from somrs.task_manager.manager import REMEMBERED, SCHEMA
 from tests.integration.test_task_manager import WISH, breaks
 from tests.support.examples import examples
 from tests.support.relay import Relay
@@ -85,7 +85,7 @@ def test_only_contracts_that_changed_come_again() -> None:
     same = news(system, task, contracts=before.contracts_at, after=len(before.events), messages=before.messages, wait=0)
     assert same.contracts == ()
     assert same.contracts_at == before.contracts_at
-    assert system.world.run(60, lambda: any("failed" in event.text for event in system.manager.transactions[task].events))
+    assert system.world.run(60, lambda: any("failed" in event.text for event in system.manager.state.tasks[task].events))
     later = news(system, task, contracts=before.contracts_at, after=len(before.events))
     assert (later.contracts[0].service, later.contracts[0].state) == ("Robot1.TransferObject", State.FAILED)
 
@@ -128,7 +128,7 @@ def test_a_thousand_messages_come_in_pages_that_fit_the_wire() -> None:
 
     system = VirtualSystem(Robot("Robot1", 10, 1200, works=works))
     task = system.submit(WISH)
-    assert system.world.run(1190, lambda: system.manager.transactions[task].passed > 1100)
+    assert system.world.run(1190, lambda: system.manager.state.tasks[task].passed > 1100)
     found: list[MessageView] = []
     more = True
     while more:
@@ -189,7 +189,7 @@ def test_who_follows_the_list_is_told_that_a_new_task_manager_knows_nothing_of_i
     system.submit(WISH)
     before = rows(system, 0)
     system.world.remove("tm")
-    system.world.add("tm", system._new_manager(), system._plan, journaled=True)
+    system.world.add("tm", system._new_manager(), system._plan, journaled=SCHEMA)
     system.world.run(5)
     after = rows(system, before.version)
     assert after.begun != before.begun
@@ -252,15 +252,15 @@ def test_news_put_together_are_the_whole(pauses: list[float], restart: bool) -> 
         if restart:
             system.restart_manager()
             system.world.run(0.1)
-        if system.manager.transactions[task].outcome is not None:
+        if system.manager.state.tasks[task].outcome is not None:
             break
         found = news(system, task, after=events, messages=heard, contracts=at, wait=0)
         assert [event.number for event in found.events] == [*range(events + 1, events + 1 + len(found.events))]
         events, heard, at = events + len(found.events), found.messages, found.contracts_at
         contracts |= {contract.participant: contract for contract in found.contracts}
-        if system.manager.transactions[task].outcome is None:
+        if system.manager.state.tasks[task].outcome is None:
             passed += messages(system, task, after=len(passed)).messages
-    if system.manager.transactions[task].outcome is None:
+    if system.manager.state.tasks[task].outcome is None:
         whole = news(system, task, contracts=0, wait=0)
         more = news(system, task, after=events, contracts=at, wait=0)
         contracts |= {contract.participant: contract for contract in more.contracts}
@@ -273,7 +273,7 @@ def test_a_manager_that_is_watched_is_a_pickle() -> None:
     system = two()
     task = system.submit(WISH)
     until(system, task, State.EXECUTING)
-    count = len(system.manager.transactions[task].events)
+    count = len(system.manager.state.tasks[task].events)
     manager: object = pickle.loads(pickle.dumps(system.manager))
     assert isinstance(manager, type(system.manager))
     header = Header(sender="client", recipient="tm", message_id="urn:uuid:q1", reply_to="client")
@@ -281,8 +281,8 @@ def test_a_manager_that_is_watched_is_a_pickle() -> None:
     again = pickle.loads(pickle.dumps(manager))
     effects = again.handle(Started("tm"), system.world.now)
     assert not [effect for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, TaskNews)]
-    again.transactions[task].cancel(system.world.now, "enough")
-    assert again.transactions[task].events[-1].text == "stopping: enough"
+    again.state.tasks[task].cancel(system.world.now, "enough")
+    assert again.sentence(state.tasks[task].events[-1].event) == "stopping: enough"
     told = again.handle(Started("tm"), system.world.now)
     assert [effect for effect in told if isinstance(effect, Send) and isinstance(effect.message.body, TaskNews)]
 
@@ -290,7 +290,7 @@ def test_a_manager_that_is_watched_is_a_pickle() -> None:
 def test_a_plan_that_is_too_long_for_a_message_comes_in_parts() -> None:
     relay = Relay(couriers=10, parcels=10)
     task = relay.submit(relay.goal)
-    assert relay.world.run(600, lambda: relay.manager.transactions[task].phase is Phase.EXECUTING)
+    assert relay.world.run(600, lambda: relay.manager.state.tasks[task].phase is Phase.EXECUTING)
     whole, parts, rest = relay.view(task), list[object](), 0
     while True:
         page = news(relay, task, parts=rest, contracts=0, wait=0)

@@ -6,6 +6,7 @@ from somrs.protocol.messages.clients import CancelTask, Policy, Preview, Preview
 from somrs.protocol.messages.frp import Arrange, Failed, Outcome, State
 from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Advance, Done, Order, ServiceFailed
+from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem, done
 
 WISH = "Jar002 isOn Platform001"
@@ -161,7 +162,7 @@ def test_signs_of_life_between_do_not_make_what_a_robot_says_twice_news() -> Non
     system = VirtualSystem(Robot("Robot1", 10, 60, works=says_it_twice))
     task = system.submit(WISH)
     system.finish(task)
-    news = [event.text for event in system.manager.transactions[task].events]
+    news = texts(system.manager.state.tasks[task])
     assert news.count("Robot1.TransferObject: carries the jar") == 1
 
 

@@ -40,10 +40,10 @@ def test_a_task_cancelled_while_services_are_asked_stays_cancelled() -> None:
     system.world.run(1)
     assert ("Arrange", "Robot1") in system.said(task)
     system.ask(CancelTask(task=task))
-    events = len(system.manager.transactions[task].events)
+    events = len(system.manager.state.tasks[task].events)
     system.world.run(300)
     assert (system.view(task).phase, system.view(task).outcome) == (Phase.ENDED, Outcome.CANCELLED)
-    assert len(system.manager.transactions[task].events) == events
+    assert len(system.manager.state.tasks[task].events) == events
     assert system.world.timers("tm") == {"replica"}
 
 
@@ -179,10 +179,10 @@ def test_the_oldest_tasks_that_are_over_are_forgotten() -> None:
     until_executing(system, alive)
     over = [system.submit("Jar001 isOn Cupboard002") for _ in range(REMEMBERED + 10)]
     system.finish(over[-1])
-    assert len(system.manager.transactions) == REMEMBERED
-    assert alive in system.manager.transactions, "a task that is not over is never forgotten"
-    assert over[0] not in system.manager.transactions
-    assert over[-1] in system.manager.transactions
+    assert len(system.manager.state.tasks) == REMEMBERED
+    assert alive in system.manager.state.tasks, "a task that is not over is never forgotten"
+    assert over[0] not in system.manager.state.tasks
+    assert over[-1] in system.manager.state.tasks
 
 
 class Stranger:

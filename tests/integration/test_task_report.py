@@ -12,7 +12,8 @@ from somrs.cli.task_report import messages, tell
 from somrs.client import terminal
 from somrs.client.task_report import Story, builtins
 from somrs.client.trace import lines_of, without_heartbeats
-from somrs.protocol.messages.clients import EventKind, ReadTasks, TaskNews, TaskRecord, Tasks, TaskView, WatchTask
+from somrs.protocol.messages.clients import ReadTasks, TaskNews, TaskRecord, Tasks, TaskView, WatchTask
+from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import State
 from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Advance, Order
@@ -129,9 +130,9 @@ def test_undoing_is_shown_while_it_is_done() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, undoes=puts_back))
     task = system.submit(BOTH)
     until_one_is_done(system, task)
-    system.manager.transactions[task].cancel(system.world.now, "enough")
+    cancel(system.manager.state.tasks[task], system.world.now, "enough")
     system.finish(task)
-    events = system.manager.transactions[task].events
+    events = system.manager.state.tasks[task].events
     assert [event.kind for event in events if event.kind is EventKind.UNDO]
     assert "undo" in shown(terminal.events(events))
 
@@ -153,7 +154,7 @@ def test_news_of_a_task_come_by_pages_that_fit_a_message() -> None:
     system = VirtualSystem(Robot("Robot1", 1, 4000, works=dawdles))
     task = system.submit(WISH)
     system.world.run(3200)
-    all = system.manager.transactions[task].events
+    all = system.manager.state.tasks[task].events
     assert len(all) > 500
     found: list[int] = []
     for _ in range(20):

@@ -19,7 +19,8 @@ from somrs.repository.entries import Contents
 from somrs.runtime.virtual import Medium, Watch, Work, World, promptly
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Done, Halt, Kept, Order, Perform, Profile, Quote, Quoted, Refusal, Undo
-from somrs.task_manager.manager import TaskManager, view
+from somrs.task_manager.manager import SCHEMA, TaskManager
+from somrs.task_manager.transaction.views import view
 
 SITE = """
 map: Test
@@ -143,7 +144,7 @@ class VirtualSystem:
             self.join(robot)
         self.problems: list[Problem] = []
         """What the planner was asked."""
-        self.world.add("tm", self._new_manager(), self._plan, journaled=True)
+        self.world.add("tm", self._new_manager(), self._plan, journaled=SCHEMA)
         self.world.run(settle)
         self._asked = 0
 
@@ -208,12 +209,12 @@ class VirtualSystem:
         return answer.problem
 
     def view(self, task: str) -> TaskView:
-        return view(self.manager.transactions[task])
+        return view(self.manager.state.tasks[task])
 
     def finish(self, *tasks: str, seconds: float = 3600) -> list[TaskView]:
         """Let time pass until all tasks ended."""
-        ended = self.world.run(seconds, lambda: all(self.manager.transactions[task].outcome is not None for task in tasks))
-        assert ended, [self.manager.transactions[task].events for task in tasks]
+        ended = self.world.run(seconds, lambda: all(self.manager.state.tasks[task].outcome is not None for task in tasks))
+        assert ended, [self.manager.state.tasks[task].events for task in tasks]
         self.world.run(2)
         return [self.view(task) for task in tasks]
 

@@ -16,11 +16,9 @@ from somrs.protocol.messages.frp import Accept, Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.runtime.virtual import Moment, World
 from somrs.service_manager.sdk.orders import Kept, Profile
-from somrs.task_manager.claims import Claims
+from somrs.task_manager.execution.participants import Participants
+from somrs.task_manager.execution.reports import Reports
 from somrs.task_manager.manager import TaskManager
-from somrs.task_manager.participants import Participants
-from somrs.task_manager.reports import Reports, Then
-from somrs.task_manager.work import Ledger
 from tests.support.paths import ROOT
 from verification.fault_runs.draw import draw
 from verification.fault_runs.hands import DeviceManager, Hands

@@ -28,7 +28,6 @@ from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Profile
 from somrs.sites.pddl import Imported, classical, read
 from somrs.task_manager.manager import TaskManager
-from somrs.task_manager.transaction import Transaction
 from verification.codmap.faults import Faults
 from verification.codmap.hands import STEP_TIME, Hands, Observer
 from verification.codmap.referee import objections
@@ -94,7 +93,7 @@ class Play:
     def transaction(self) -> Transaction | None:
         manager = self.world.components["tm"]
         assert isinstance(manager, TaskManager)
-        return manager.transactions.get(self.client.task)
+        return manager.state.tasks.get(self.client.task)
 
     def run(self) -> Transaction | None:
         """The task, over or given up; None when it never came to an end. What is undone then, fault runs see to."""

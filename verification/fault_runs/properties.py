@@ -22,9 +22,8 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.entries import Handled
 from somrs.service_manager.participant.participant import ServiceManager
-from somrs.task_manager.manager import TaskManager, view
-from somrs.task_manager.purpose import Purpose
-from somrs.task_manager.transaction import Transaction
+from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.transaction.views import view
 from verification.fault_runs.client import asked_id
 from verification.fault_runs.site import LOOKING
 from verification.fault_runs.truth import Deed
@@ -186,7 +185,7 @@ class Witness:
     def _reported(self, manager: TaskManager, message: Message, situation: str) -> None:
         """Whatever is news to a transaction that goes on has to come to the Repository first."""
         header, kind = message.header, type(message.body).__name__
-        transaction = manager.transactions.get(header.transaction or "")
+        transaction = manager.state.tasks.get(header.transaction or "")
         if transaction is None or transaction.outcome is not None or header.message_id in self._known:
             return
         self._known.add(header.message_id)
@@ -203,14 +202,14 @@ class Witness:
         manager = self._stage.task_manager(address)
         if manager is None or any(str(parse(effect)) == str(problem.goal) for effect in self._previews.values()):
             return
-        wanting = [t for t in manager.transactions.values() if t.outcome is None and any(p.goal == str(problem.goal) for p in t.pursuits)]
+        wanting = [t for t in manager.state.tasks.values() if t.outcome is None and any(p.goal == str(problem.goal) for p in t.pursuits)]
         if wanting and all(self._unsaid.get(task.id) for task in wanting):
             self._nothing_unsaid(wanting[0].id, "it was planned")
 
     # How tasks end
 
     def _follow(self, manager: TaskManager) -> None:
-        for task in manager.transactions.values():
+        for task in manager.state.tasks.values():
             if task.id in self.outcomes:
                 known = self.outcomes[task.id]
                 if (task.outcome, task.ended_at) != (known.outcome, known.ended_at):
@@ -300,8 +299,8 @@ class Witness:
             if manager is None:
                 yield f"{address} is down"
                 continue
-            yield from (f"{task.id} is {task.phase}: {task.events[-1].text}" for task in manager.transactions.values() if not task.outcome)
-            if (left := stage.world.timers(address) - {"replica"}) and all(t.outcome for t in manager.transactions.values()):
+            yield from (f"{task.id} is {task.phase}: {task.events[-1].text}" for task in manager.state.tasks.values() if not task.outcome)
+            if (left := stage.world.timers(address) - {"replica"}) and all(t.outcome for t in manager.state.tasks.values()):
                 yield f"{address} still waits for {sorted(left)[0]}"
         for transaction, participant in self._terms:
             device = stage.world.components.get(f"devices/{service_of(participant).partition('.')[0]}")
@@ -333,7 +332,7 @@ class Witness:
                     raise Violation(Property.HOME, f"{entry.task} is on record with two outcomes")
         for number, task in stage.client.tasks.items():
             manager = stage.task_manager(stage.story.wishes[number].to)
-            known = manager.transactions[task].outcome if manager is not None and task in manager.transactions else None
+            known = manager.state.tasks[task].outcome if manager is not None and task in manager.state.tasks else None
             if known is None or task not in records or records[task].outcome is not known:
                 raise Violation(Property.RESTART, f"{task} was taken, and is not on record as it ended")
 

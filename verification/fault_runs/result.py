@@ -6,7 +6,8 @@ import gc
 from collections import Counter
 from dataclasses import dataclass, field
 
-from somrs.protocol.messages.clients import EventKind, TaskRecord
+from somrs.protocol.messages.clients import TaskRecord
+from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import Outcome, State
 from verification.fault_runs.draw import draw
 from verification.fault_runs.properties import Violation

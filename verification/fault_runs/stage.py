@@ -21,8 +21,7 @@ from somrs.repository.entries import Contents, Handled, Subscription
 from somrs.runtime.virtual import LATENCY, Moment, Work, World
 from somrs.service_manager.participant.participant import LEAVE, ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Kept, Profile
-from somrs.task_manager.manager import TaskManager
-from somrs.task_manager.setting import Setting
+from somrs.task_manager.manager import SCHEMA, TaskManager
 from verification.fault_runs.client import Client
 from verification.fault_runs.hands import DeviceManager, Hands, Labour
 from verification.fault_runs.likeness import difference
@@ -90,7 +89,7 @@ class Stage:
             else:
                 self._join(character)
         for address in self.managers:
-            self.world.add(address, self.parts.task_manager(address), partial(self._plan, address), journaled=True)
+            self.world.add(address, self.parts.task_manager(address), partial(self._plan, address), journaled=SCHEMA)
 
     # What is there
 
@@ -271,7 +270,7 @@ class Stage:
         different: str | None = None
         match before, after:
             case TaskManager(), TaskManager():
-                different = difference(before.transactions, after.transactions, leave_out=(Setting, Replica))
+                different = difference(before.state.tasks, after.state.tasks, leave_out=(Setting, Replica))
                 if different is None and (before.replica.version, before.replica.map) != (after.replica.version, after.replica.map):
                     different = "the copies of the map"
             case Repository(), Repository():

@@ -41,7 +41,7 @@ def log(stage: Stage, heard: Ear) -> Iterator[str]:
     lines += [(at, 2, text) for at, text in heard.heard]
     for address in stage.managers:
         manager = stage.task_manager(address)
-        for task in manager.transactions.values() if manager is not None else ():
+        for task in manager.state.tasks.values() if manager is not None else ():
             lines += [(event.at, 3, f"  {address} {task.id[-6:]} {event.step or ''}: {event.text}") for event in task.events]
     for at, _, text in sorted(lines, key=lambda line: line[:2]):
         yield f"{at - stage.start:10.3f} {text}"

@@ -14,7 +14,7 @@ from somrs.ontology.values import value_of
 from somrs.protocol.messages.clients import Phase, TaskRecord, TaskView
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Event
-from somrs.task_manager.participants import SILENCE
+from somrs.task_manager.execution.participants import SILENCE
 from verification.kill_runs.bystanders import AUTHOR, PATH, Acknowledged
 from verification.kill_runs.draw import HOMES, Case, Victim
 from verification.kill_runs.plays import ROBOTS

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from somrs.protocol.frp.states import WORKING, Said
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.participants import IDLE
+from somrs.task_manager.execution.participants import IDLE
 from verification.model_check.coordinator import Coordinator, Coordinators, Phase
 from verification.model_check.futures import Futures
 from verification.model_check.media import EMPTY, Arrival, Channel, Event, Medium, members

@@ -20,7 +20,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from somrs.client.task_history import Past, past
 from somrs.errors import UsageError
-from somrs.protocol.messages.clients import ContractView, EventKind, MessageView, ReadRecords, Records, TaskEvent, TaskRecord, WorkView
+from somrs.protocol.messages.clients import ContractView, MessageView, ReadRecords, Records, TaskEvent, TaskRecord, WorkView
+from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import State
 
 PAGE = 100

@@ -96,7 +96,7 @@ def _opened(file: Path) -> sqlite3.Connection:
         (version,) = db.execute("PRAGMA user_version").fetchone()
     except sqlite3.DatabaseError as error:
         raise _unreadable(file, error) from None
-    if (application, version) != (KIND.application, KIND.version):
+    if application != KIND.application or not 1 <= version <= KIND.version:  # its records are the same in every format
         db.close()
         raise UsageError(f"{file}: is not {KIND.owner} file, or of another version of SO-MRS; read it with the one that wrote it")
     return db

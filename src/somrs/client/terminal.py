@@ -18,8 +18,9 @@ from rich.text import Text
 from somrs.client.message_chart import SETBACKS, said
 from somrs.client.trace import Line
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
-from somrs.protocol.messages.clients import EventKind, StepView, TaskEvent, TaskView, WorkView
+from somrs.protocol.messages.clients import StepView, TaskEvent, TaskView, WorkView
 from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import Outcome, State
 
 MARKS = {Outcome.ACCOMPLISHED: ("✔", "green"), Outcome.FAILED: ("✘", "red"), Outcome.CANCELLED: ("■", "yellow")}

@@ -25,7 +25,8 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Map
-from somrs.protocol.messages.clients import EventKind, Policy, Submit, TaskView
+from somrs.protocol.messages.clients import Policy, Submit, TaskView
+from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import Outcome, State
 
 GOAL = "Platform001"

@@ -138,10 +138,10 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
     from somrs.protocol.messages.clients import ReadRecords
     from somrs.storage.archive import FILE
     from somrs.storage.journal import Journal
-    from somrs.task_manager.manager import TaskManager
+    from somrs.task_manager.manager import SCHEMA, TaskManager
 
     data.mkdir(parents=True, exist_ok=True)
-    journal = Journal(data / FILE, f"the Repository at {addresses.repository}, the Registry at {addresses.registry}")
+    journal = Journal(data / FILE, SCHEMA, f"the Repository at {addresses.repository}, the Registry at {addresses.registry}")
     try:
         trace = Trace(data / "messages.jsonl")
         rim = await _where_it_was(journal, host, port, trace)

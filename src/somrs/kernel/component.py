@@ -1,16 +1,20 @@
 """The one signature that joins all parts: `handle(input, now) -> effects`.
 
 A component reads no clock and does no I/O. Its node (`runtime.node`) feeds it inputs and carries the effects out in order.
-Durable effects (`Record`) are on disk before a `Send` behind them leaves.
+Durable effects (`Record`) are on disk before a `Send` behind them leaves. Timers, questions and answers are values of the component's
+own types: Structs, which can be compared, hashed and written down.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Generator, Hashable
+from typing import Any, Protocol, TypeVar
 
 from msgspec import Struct
 
 from somrs.protocol.messages.envelope import Message
+
+T = TypeVar("T")
 
 
 class Received(Struct, frozen=True, tag=True):
@@ -22,13 +26,13 @@ class Received(Struct, frozen=True, tag=True):
 class Rang(Struct, frozen=True, tag=True):
     """A timer that the component set with `Wake` rang."""
 
-    timer: str
+    timer: Hashable
 
 
 class Answered(Struct, frozen=True, tag=True):
     """The answer to an earlier `Ask`; `value` is what the asked one returns, or the exception it raised."""
 
-    question: str
+    question: Hashable
     value: object
 
 
@@ -65,9 +69,9 @@ class Send(Struct, frozen=True):
 
 
 class Wake(Struct, frozen=True):
-    """Ring `timer` at `at`; a timer of that name that has not rung is moved. `at` None takes it away."""
+    """Ring `timer` at `at`; an equal timer that has not rung is moved. `at` None takes it away."""
 
-    timer: str
+    timer: Hashable
     at: float | None
 
 
@@ -75,14 +79,14 @@ class Ask(Struct, frozen=True):
     """Have something done that takes time or I/O: `task` is a value that the node knows how to carry out (a planning
     problem, a device's service, a history to be read). Its result comes back as `Answered(question, ...)`."""
 
-    question: str
+    question: Hashable
     task: object
 
 
 class Withdraw(Struct, frozen=True):
     """Stop working on an earlier `Ask`. It is answered all the same, with what it came to."""
 
-    question: str
+    question: Hashable
 
 
 class Record(Struct, frozen=True):
@@ -93,10 +97,28 @@ class Record(Struct, frozen=True):
 
 Effect = Send | Wake | Ask | Withdraw | Record
 
+Effects = Generator[Effect, None, None]
+"""What a component's parts do about an input: effects as they come. Nothing happens before somebody goes through them."""
+
+Doing = Generator[Effect, None, T]
+"""Effects, and at their end a result: `result = yield from doing`."""
+
 
 class Component(Protocol):
     """A Task Manager, Service Manager, Registry or Repository, without its I/O."""
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """What to do about the input. `now` is in seconds and never goes back."""
+        ...
+
+
+class Stateful(Component, Protocol):
+    """A component whose inputs are kept in a journal: what it knows is one tree of data, of the type that its schema names."""
+
+    @property
+    def state(self) -> Any: ...
+
+    @property
+    def open(self) -> list[str]:
+        """What it has not finished, for people."""
         ...

@@ -6,12 +6,31 @@ restart: `Pending` for the effects, `Journaled` for a component whose inputs are
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
 
+import msgspec
 from msgspec import Struct
 
-from somrs.kernel.component import Answered, Ask, Component, Effect, Input, Rang, Record, Send, Trouble, Wake, Withdraw
+from somrs.kernel import codec
+from somrs.kernel.codec import Codec, Schema
+from somrs.kernel.component import (
+    Answered,
+    Ask,
+    Effect,
+    Input,
+    Rang,
+    Received,
+    Record,
+    Send,
+    Started,
+    Stateful,
+    Trouble,
+    Undelivered,
+    Wake,
+    Withdraw,
+)
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 
 DELIVERY_TIME = 30.0
@@ -54,9 +73,9 @@ class Pending:
     """
 
     messages: dict[int, Sent] = field(default_factory=dict)
-    timers: dict[str, float] = field(default_factory=dict)
-    questions: dict[str, object] = field(default_factory=dict)
-    withdrawn: set[str] = field(default_factory=set)
+    timers: dict[Hashable, float] = field(default_factory=dict)
+    questions: dict[Hashable, object] = field(default_factory=dict)
+    withdrawn: set[Hashable] = field(default_factory=set)
     """Those among the questions that nobody is to work on any more."""
     count: int = 0
 
@@ -95,10 +114,10 @@ class Pending:
 class Journaled:
     """A component whose every input is in a journal before anything that comes of it is seen outside.
 
-    As a pickle it is the snapshot of a journal; the entries behind it are replayed. `number` and `at` are the last entry's.
+    `Written` has it as bytes; the entries behind it are replayed. `number` and `at` are the last entry's.
     """
 
-    component: Component
+    component: Stateful
     pending: Pending = field(default_factory=Pending)
     number: int = 0
     at: float = 0.0
@@ -140,3 +159,118 @@ class Journaled:
                 continue
             records += [effect for effect, _ in effects if isinstance(effect, Record)]
         return records
+
+
+# As bytes
+
+S = TypeVar("S")
+TimerT = TypeVar("TimerT")
+QuestionT = TypeVar("QuestionT")
+TaskT = TypeVar("TaskT")
+AnswerT = TypeVar("AnswerT")
+
+
+class Snapshot(Struct, Generic[S, TimerT, QuestionT, TaskT], kw_only=True):
+    """`Journaled` as it is written."""
+
+    number: int
+    at: float
+    state: S
+    messages: dict[int, Sent]
+    timers: list[tuple[TimerT, float]]
+    questions: list[tuple[QuestionT, TaskT]]
+    withdrawn: list[QuestionT]
+    count: int
+    delivered: list[int]
+
+
+class _Rang(Struct, Generic[TimerT], frozen=True, tag="Rang"):
+    timer: TimerT
+
+
+class _Answered(Struct, Generic[QuestionT, AnswerT], frozen=True, tag="Answered"):
+    question: QuestionT
+    value: AnswerT
+
+
+class _Entry(Struct, Generic[TimerT, QuestionT, AnswerT], frozen=True, array_like=True):
+    """`Entry` with what may be in it."""
+
+    number: int
+    at: float
+    event: Started | Received | Undelivered | _Rang[TimerT] | _Answered[QuestionT, AnswerT]
+    delivered: tuple[int, ...] = ()
+
+    def entry(self) -> Entry:
+        event: Input
+        match self.event:
+            case _Rang(timer):
+                event = Rang(timer)
+            case _Answered(question, value):
+                event = Answered(question, value)
+            case other:
+                event = other
+        return Entry(self.number, self.at, event, self.delivered)
+
+
+class Written:
+    """How the journal of a component of this schema is written and read."""
+
+    def __init__(self, schema: Schema) -> None:
+        self.schema = schema
+        snapshot: Any = Snapshot
+        entry: Any = _Entry
+        self._snapshots: Codec[Any] = Codec(snapshot[schema.state, schema.timers, schema.questions, schema.tasks])
+        self._entries: Codec[list[Any]] = Codec(list.__class_getitem__(entry[schema.timers, schema.questions, schema.answers]))
+
+    def snapshot(self, journaled: Journaled) -> bytes:
+        """The whole of it. Raises TypeError or NotImplementedError where it is no data."""
+        pending = journaled.pending
+        return codec.encoded(
+            Snapshot(
+                number=journaled.number,
+                at=journaled.at,
+                state=journaled.component.state,
+                messages=pending.messages,
+                timers=[*pending.timers.items()],
+                questions=[*pending.questions.items()],
+                withdrawn=[*pending.withdrawn],
+                count=pending.count,
+                delivered=journaled.delivered,
+            )
+        )
+
+    def journaled(self, document: bytes, version: int | None = None) -> Journaled:
+        """What a snapshot holds that was written with the schema of that version. Raises UsageError for a version that cannot be read,
+        and msgspec's errors for what is no snapshot."""
+        schema = self.schema
+        if version in (None, schema.version):
+            found = self._snapshots.decoded(document)
+        else:
+            found = self._snapshots.converted(schema.snapshot(codec.plain(document), version))
+        pending = Pending(
+            messages=found.messages,
+            timers=dict(found.timers),
+            questions=dict(found.questions),
+            withdrawn={*found.withdrawn},
+            count=found.count,
+        )
+        return Journaled(schema.restore(found.state), pending, found.number, found.at, found.delivered)
+
+    def entry(self, entry: Entry) -> bytes:
+        """One entry. Raises TypeError or NotImplementedError for what could not be read again."""
+        if isinstance(entry.event, Answered) and not isinstance(entry.event.value, self.schema.answers):
+            raise TypeError(f"the answer to {entry.event.question} cannot be kept: it is a {type(entry.event.value).__name__}")
+        return codec.encoded(entry)
+
+    @staticmethod
+    def batch(entries: Iterable[bytes]) -> bytes:
+        """Written entries as one, which is kept in one row: a commit is then one insertion, however many inputs came."""
+        return msgspec.msgpack.encode([msgspec.Raw(entry) for entry in entries])
+
+    def entries(self, document: bytes, version: int | None = None) -> list[Entry]:
+        """The entries of a batch."""
+        schema = self.schema
+        if version in (None, schema.version):
+            return [one.entry() for one in self._entries.decoded(document)]
+        return [one.entry() for one in self._entries.converted([schema.entry(one, version) for one in codec.plain(document)])]

@@ -8,7 +8,9 @@ lost shows as a gap between versions. If the gap does not close by itself, every
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+
+from msgspec import Struct, field
 
 from somrs.kernel.component import Effect, Input, Rang, Received, Send, Undelivered, Wake
 from somrs.ontology.naming import Named, Renaming, revised
@@ -57,8 +59,7 @@ class News:
         return bool(self.definitions or self.removed or self.read)
 
 
-@dataclass(slots=True, kw_only=True)
-class _Reading:
+class _Reading(Struct, kw_only=True):
     """The pages so far: `first` is the version of the first one, `last` the latest version among them, `changed_at` that in which the
     ontology changed last before its first page."""
 
@@ -71,30 +72,34 @@ class _Reading:
     complete: bool = False
 
 
-class Replica:
+class ReplicaDue(Struct, frozen=True, tag=True):
+    """The timer of a component's copy."""
+
+
+class Replica(Struct):
     """`ontology`, `map` and `version` are the Repository's as far as is known here; `ready` once they were read.
 
-    The owner hands every input to `handle` first, and carries out the effects. `timer` is the one timer that is used.
+    The owner hands every input to `handle` first, and carries out the effects. `ReplicaDue` is the one timer that is used.
     """
 
-    def __init__(self, owner: str, repository: str, timer: str = "replica") -> None:
-        self.ontology = Ontology()
-        self.map = Map()
-        self.version = -1
-        self._owner, self._repository, self._timer = owner, repository, timer
-        self._source = repository
-        """What the Repository calls itself; it may be known here by another name for the same address."""
-        self._events: dict[int, MapChanged | OntologyChanged] = {}
-        self._announced = -1
-        """The latest version heard of."""
-        self._reading: _Reading | None = None
-        self._asked = 0
-        self._question: str | None = None
-        self._subscription: str | None = None
-        self._subscribed_at = -1
-        self._answer_by: float | None = None
-        self._gap_until: float | None = None
-        self._renew_at = 0.0
+    owner: str
+    repository: str
+    ontology: Ontology = field(default_factory=Ontology)
+    map: Map = field(default_factory=Map)
+    version: int = -1
+    source: str = ""
+    """What the Repository calls itself; it may be known here by another name for the same address."""
+    events: dict[int, MapChanged | OntologyChanged] = {}
+    announced: int = -1
+    """The latest version heard of."""
+    reading: _Reading | None = None
+    asked: int = 0
+    question: str | None = None
+    subscription: str | None = None
+    subscribed_at: int = -1
+    answer_by: float | None = None
+    gap_until: float | None = None
+    renew_at: float = 0.0
 
     @property
     def ready(self) -> bool:
@@ -111,7 +116,7 @@ class Replica:
                 effects = self._received(message, now)
             case Undelivered(message):
                 effects = self._undelivered(message, now)
-            case Rang(timer) if timer == self._timer:
+            case Rang(ReplicaDue()):
                 effects = self._rang(now)
             case _:
                 effects = None
@@ -120,45 +125,45 @@ class Replica:
     # Asking
 
     def _subscribe(self, now: float) -> Send:
-        self._renew_at = now + LEASE / 3
-        self._subscribed_at = self.version
+        self.renew_at = now + LEASE / 3
+        self.subscribed_at = self.version
         send = self._ask(SubscribeMap(lease=LEASE), now)
-        self._subscription = send.message.header.message_id
+        self.subscription = send.message.header.message_id
         return send
 
     def _read(self, body: ReadOntology | ReadMap, now: float) -> Send:
         send = self._ask(body, now)
-        self._question = send.message.header.message_id
+        self.question = send.message.header.message_id
         return send
 
     def _ask(self, body: Body, now: float) -> Send:
         # The time is part of the id: what was asked in an earlier life of the owner is another question.
-        self._asked += 1
-        identity = message_id(self._owner, self._repository, self._timer, self._asked, now)
-        header = Header(sender=self._owner, recipient=self._repository, message_id=identity, reply_to=self._owner)
-        self._answer_by = now + PATIENCE
+        self.asked += 1
+        identity = message_id(self.owner, self.repository, "replica", self.asked, now)
+        header = Header(sender=self.owner, recipient=self.repository, message_id=identity, reply_to=self.owner)
+        self.answer_by = now + PATIENCE
         return Send(Message(header=header, body=body), until=now + PATIENCE)
 
     def _begin_reading(self, now: float) -> list[Effect]:
-        self._reading = _Reading()
+        self.reading = _Reading()
         return [self._read(ReadOntology(), now)]
 
     def _give_up_reading(self, now: float) -> list[Effect]:
         """Begin anew with the subscription, which tells the version that the Repository is at."""
-        self._reading = self._question = None
+        self.reading = self.question = None
         return [self._subscribe(now)]
 
     def _rang(self, now: float) -> list[Effect]:
-        if self._answer_by is not None and self._answer_by <= now:
+        if self.answer_by is not None and self.answer_by <= now:
             return self._give_up_reading(now)
-        if self._gap_until is not None and self._gap_until <= now:
+        if self.gap_until is not None and self.gap_until <= now:
             return self._begin_reading(now)
-        return [self._subscribe(now)] if self._renew_at <= now else []
+        return [self._subscribe(now)] if self.renew_at <= now else []
 
     def _undelivered(self, message: Message, now: float) -> list[Effect] | None:
-        ours = isinstance(message.body, SubscribeMap | ReadMap | ReadOntology) and message.header.recipient == self._repository
-        if ours and message.header.message_id in (self._question, self._subscription):
-            self._answer_by = now + GAP_TIME
+        ours = isinstance(message.body, SubscribeMap | ReadMap | ReadOntology) and message.header.recipient == self.repository
+        if ours and message.header.message_id in (self.question, self.subscription):
+            self.answer_by = now + GAP_TIME
         return [] if ours else None
 
     # Hearing
@@ -167,14 +172,14 @@ class Replica:
         """What to do at once; whatever follows from having heard more is done by `_news`."""
         about = message.header.relates_to
         match message.body:
-            case MapSubscribed(version=version) if about is not None and about == self._subscription:
-                self._source = message.header.sender
+            case MapSubscribed(version=version) if about is not None and about == self.subscription:
+                self.source = message.header.sender
                 return self._subscribed(version, now)
-            case OntologyPage() | MapPage() as page if self._reading is not None and about is not None and about == self._question:
-                return self._page(self._reading, page, now)
-            case Fault() if about is not None and about in (self._question, self._subscription):
+            case OntologyPage() | MapPage() as page if self.reading is not None and about is not None and about == self.question:
+                return self._page(self.reading, page, now)
+            case Fault() if about is not None and about in (self.question, self.subscription):
                 return []  # asked anew when patience is out
-            case _ if message.header.sender not in (self._source, self._repository):
+            case _ if message.header.sender not in (self.source or self.repository, self.repository):
                 return None
             case MapChanged() as changed:
                 self._heard(changed.event.version, changed)
@@ -191,22 +196,22 @@ class Replica:
                 return None
 
     def _heard(self, version: int, event: MapChanged | OntologyChanged) -> None:
-        self._events[version] = event
-        self._announced = max(self._announced, version)
+        self.events[version] = event
+        self.announced = max(self.announced, version)
 
     def _subscribed(self, version: int, now: float) -> list[Effect]:
-        self._subscription = None
-        if self._reading is None:
-            self._answer_by = None
-        if version < self._subscribed_at:  # its store was put back or begun anew: what is known here belongs to another map
-            self.version = self._announced = -1
-            self._events.clear()
-            self._reading = None
-        self._announced = max(self._announced, version)
-        return self._begin_reading(now) if not self.ready and self._reading is None else []
+        self.subscription = None
+        if self.reading is None:
+            self.answer_by = None
+        if version < self.subscribed_at:  # its store was put back or begun anew: what is known here belongs to another map
+            self.version = self.announced = -1
+            self.events.clear()
+            self.reading = None
+        self.announced = max(self.announced, version)
+        return self._begin_reading(now) if not self.ready and self.reading is None else []
 
     def _page(self, reading: _Reading, page: OntologyPage | MapPage, now: float) -> list[Effect]:
-        self._question = self._answer_by = None
+        self.question = self.answer_by = None
         if reading.first is None:
             reading.first = page.version
         elif page.version < reading.last:
@@ -225,7 +230,7 @@ class Replica:
                 if page.more:
                     return [self._read(ReadMap(after=page.objects[-1].name), now)]
         reading.complete = True
-        self._announced = max(self._announced, reading.last)
+        self.announced = max(self.announced, reading.last)
         return []
 
     # Following
@@ -238,7 +243,7 @@ class Replica:
         definitions: list[Definition] = []
         removed: list[Named] = []
         renamed: list[Renaming] = []
-        while self.ready and (event := self._events.get(self.version + 1)) is not None:
+        while self.ready and (event := self.events.get(self.version + 1)) is not None:
             self.version += 1
             happened = event.event if isinstance(event, MapChanged) else event
             renamed += happened.renamed
@@ -263,33 +268,33 @@ class Replica:
 
     def _adopt(self) -> bool:
         """Take the pages as the copy, if every event is there that leads from the first to the last of them."""
-        reading = self._reading
+        reading = self.reading
         if reading is None or not reading.complete or reading.first is None:
             return False
-        if any(version not in self._events for version in range(reading.first + 1, reading.last + 1)):
+        if any(version not in self.events for version in range(reading.first + 1, reading.last + 1)):
             return False
         self.ontology, self.map = Ontology(reading.definitions), Map(reading.objects, reading.facts)
         self.version = reading.first
-        self._reading = None
+        self.reading = None
         return True
 
     def _forget(self) -> None:
         """Drop the events that neither the copy nor the pages being read need any more."""
         reached = self.version
-        if self._reading is not None:
-            reached = min(reached, self._reading.first if self._reading.first is not None else -1)
-        self._events = {version: event for version, event in self._events.items() if version > reached}
+        if self.reading is not None:
+            reached = min(reached, self.reading.first if self.reading.first is not None else -1)
+        self.events = {version: event for version, event in self.events.items() if version > reached}
 
     def _watch_gap(self, moved: bool, now: float) -> None:
-        behind = self.ready and self._announced > self.version
-        waiting = behind if self._reading is None else self._reading.complete
+        behind = self.ready and self.announced > self.version
+        waiting = behind if self.reading is None else self.reading.complete
         if not waiting:
-            self._gap_until = None
-        elif moved or self._gap_until is None or self._gap_until <= now:
-            self._gap_until = now + GAP_TIME
+            self.gap_until = None
+        elif moved or self.gap_until is None or self.gap_until <= now:
+            self.gap_until = now + GAP_TIME
 
     def _wake(self) -> Wake:
-        return Wake(self._timer, min(time for time in (self._renew_at, self._answer_by, self._gap_until) if time is not None))
+        return Wake(ReplicaDue(), min(time for time in (self.renew_at, self.answer_by, self.gap_until) if time is not None))
 
 
 def _applicable(map: Map, changes: Iterable[Change]) -> Iterator[Change]:

@@ -53,6 +53,7 @@ def why_not(problem: Problem, world: World, guessed: bool = False) -> NoPlan:
         missing=tuple(best.missing),
         unoffered=tuple(best.unoffered),
         undecided=guessed or bool(left_out),
+        said=tuple(best.said),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from msgspec import Struct, structs
 
 from somrs.ontology.objects import Change, Map, differences
 from somrs.ontology.types import Ontology
@@ -12,8 +12,7 @@ NOTHING = Map()
 """In place of the map, while a problem is on its way."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shipment:
+class Shipment(Struct, frozen=True, kw_only=True):
     """A problem without what it was about last; `changes` lead from the last map to its own."""
 
     problem: Problem
@@ -40,7 +39,7 @@ class Sender:
         whole = self._map is None or len(changes) > MANY
         self._ontology, self._map = problem.ontology, problem.map
         return Shipment(
-            problem=replace(problem, map=NOTHING, ontology=Ontology() if same else problem.ontology),
+            problem=structs.replace(problem, map=NOTHING, ontology=Ontology() if same else problem.ontology),
             same_ontology=same,
             changes=() if whole else changes,
             map=problem.map if whole else None,
@@ -61,4 +60,4 @@ class Recipient:
             self._map = shipment.map
         elif shipment.changes:
             self._map = self._map.changed(shipment.changes)
-        return replace(shipment.problem, ontology=self._ontology, map=self._map)
+        return structs.replace(shipment.problem, ontology=self._ontology, map=self._map)

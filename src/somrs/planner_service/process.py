@@ -13,17 +13,30 @@ from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 
+from msgspec import Struct
+
 from somrs.errors import RemoteError
+from somrs.kernel.codec import Codec, encoded
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner_service.engines import plan_in_process
-from somrs.planner_service.problem_delta import Recipient, Sender
+from somrs.planner_service.problem_delta import Recipient, Sender, Shipment
 
 PARENT_CHECK = 1.0
 """Seconds between two looks whether the parent process is still there."""
 
 MOST_STARTS = 2
 """So many processes try a question: what kills two of them (its memory, perhaps) would kill more."""
+
+
+class Defect(Struct, frozen=True, tag=True):
+    """What the planner raised, in words."""
+
+    text: str
+
+
+_SHIPMENT: Codec[Shipment] = Codec(Shipment)
+_ANSWER: Codec[Plan | NoPlan | Defect] = Codec(Plan | NoPlan | Defect)
 
 
 class PlannerProcess:
@@ -42,7 +55,7 @@ class PlannerProcess:
         return self._running[0].pid if self._running is not None else None
 
     async def plan(self, problem: Problem) -> Plan | NoPlan:
-        """Raises what the planner raises, and RemoteError when its process ends again and again."""
+        """Raises RemoteError with what the planner raised, and when its process ends again and again."""
         return await asyncio.get_running_loop().run_in_executor(self._talking, self._ask, problem)
 
     def __enter__(self) -> PlannerProcess:
@@ -61,16 +74,16 @@ class PlannerProcess:
                 raise RemoteError("the planner was ended before it had an answer")
             _, connection, sender = self._running or self._start()
             try:
-                connection.send(sender.packed(problem))
-                answer: Plan | NoPlan | Exception = connection.recv()
+                connection.send_bytes(encoded(sender.packed(problem)))
+                answer = _ANSWER.decoded(connection.recv_bytes())
             except (EOFError, OSError):  # it has ended
                 self._end()
                 continue
             except BaseException:  # what could not be sent is not what it has
                 self._end()
                 raise
-            if isinstance(answer, Exception):
-                raise answer
+            if isinstance(answer, Defect):
+                raise RemoteError(answer.text)
             return answer
         raise RemoteError(f"the planner's process ended {MOST_STARTS} times without an answer")
 
@@ -109,13 +122,13 @@ def _serve(questions: Connection) -> None:
     recipient = Recipient()
     with contextlib.suppress(EOFError, OSError):
         while True:
-            shipment = questions.recv()
-            answer: object
+            question = questions.recv_bytes()
+            answer: Plan | NoPlan | Defect
             try:
-                answer = plan_in_process(recipient.unpacked(shipment))
+                answer = plan_in_process(recipient.unpacked(_SHIPMENT.decoded(question)))
             except Exception as error:  # noqa: BLE001  # whatever went wrong is the answer; the Task Manager says what it means
-                answer = error
-            questions.send(answer)
+                answer = Defect(str(error) or type(error).__name__)
+            questions.send_bytes(encoded(answer))
 
 
 def _end_with_parent(parent: int) -> None:

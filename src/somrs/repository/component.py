@@ -90,7 +90,7 @@ class Repository:
             case Rang():
                 return self._expire(now)
             case Answered(question, value):
-                return self._answered(question, value, now)
+                return self._answered(str(question), value, now)
             case Undelivered(message):
                 return self._undelivered(message)
 

@@ -11,7 +11,7 @@ from functools import partial
 from urllib.parse import urlsplit
 
 from somrs.errors import RemoteError
-from somrs.kernel.component import Component, Received
+from somrs.kernel.component import Component, Received, Stateful
 from somrs.kernel.pending import Journaled
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.clock import Clock
@@ -62,7 +62,7 @@ class Host:
         address = f"{self.url}{path}"
         return self._start(path, self._node(address, make(address), carry_out, keep=keep, disk=disk), again=False)
 
-    def add_journaled(self, path: str, make: Callable[[str], Component], journal: Journal, *, carry_out: CarryOut = _nothing_to_do) -> Node:
+    def add_journaled(self, path: str, make: Callable[[str], Stateful], journal: Journal, *, carry_out: CarryOut = _nothing_to_do) -> Node:
         """Put a component there whose inputs are kept: as its journal has it, or, if it has none, made for its address.
 
         Raises UsageError when the journal cannot be gone on with.

@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Hashable
 
 from somrs.errors import InputError, RemoteError
 from somrs.kernel.component import (
@@ -100,8 +100,8 @@ class Node:
         self._inputs: deque[Input] = deque()
         self._handling = self._closed = False
         self._broken = ""
-        self._timers: dict[str, asyncio.TimerHandle] = {}
-        self._asked: dict[str, asyncio.Task[None]] = {}
+        self._timers: dict[Hashable, asyncio.TimerHandle] = {}
+        self._asked: dict[Hashable, asyncio.Task[None]] = {}
         self._requesters = Requesters()
         self._snapshot: asyncio.TimerHandle | None = None
         self._last_input = 0.0
@@ -145,7 +145,7 @@ class Node:
         try:
             effects = self._journaled.handle(entry)
         finally:
-            self._journal.note(self.component)
+            self._journal.note(self._journaled.component)
             self.output.position = self._journal.disk.position
         for effect, _ in effects:
             if isinstance(effect, Record):
@@ -279,21 +279,21 @@ class Node:
                 if (asked := self._asked.get(question)) is not None:
                     asked.cancel()
 
-    def _set(self, timer: str, at: float | None) -> None:
+    def _set(self, timer: Hashable, at: float | None) -> None:
         if (old := self._timers.pop(timer, None)) is not None:
             old.cancel()
         if at is not None:
             delay = max(0.0, at - self._clock.now())
             self._timers[timer] = asyncio.get_running_loop().call_later(delay, self._ring, timer)
 
-    def _ring(self, timer: str) -> None:
+    def _ring(self, timer: Hashable) -> None:
         self._timers.pop(timer, None)
         self._feed_late(Rang(timer))
 
-    def _ask(self, question: str, task: object) -> None:
+    def _ask(self, question: Hashable, task: object) -> None:
         self._asked[question] = asyncio.create_task(self._carry(question, task))
 
-    async def _carry(self, question: str, task: object) -> None:
+    async def _carry(self, question: Hashable, task: object) -> None:
         value: object
         report = _answered_once if self._journaled is not None else lambda partial: self.feed(Answered(question, partial))
         try:
@@ -307,7 +307,7 @@ class Node:
             del self._asked[question]
             self._answer(question, value)
 
-    def _answer(self, question: str, value: object) -> None:
+    def _answer(self, question: Hashable, value: object) -> None:
         self._feed_late(Answered(question, value))
 
     def _feed_late(self, event: Input) -> None:

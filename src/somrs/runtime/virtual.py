@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import heapq
 import itertools
-import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
+from typing import cast
 
 from somrs.errors import RemoteError, UsageError
+from somrs.kernel.codec import Schema
 from somrs.kernel.component import (
     Answered,
     Ask,
@@ -26,13 +27,13 @@ from somrs.kernel.component import (
     Record,
     Send,
     Started,
+    Stateful,
     Undelivered,
     Wake,
     Withdraw,
 )
-from somrs.kernel.pending import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, WITHDRAWN, Journaled
+from somrs.kernel.pending import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, WITHDRAWN, Journaled, Written
 from somrs.protocol.messages.envelope import Message
-from somrs.storage.journal_entries import batch, decoded, encoded
 
 LATENCY = 0.001
 """Seconds that a message takes."""
@@ -75,7 +76,8 @@ class _Place:
     """What is known at an address, whatever becomes of the component there: what it carries out with, and what is on its disk."""
 
     carry_out: CarryOut
-    journaled: bool
+    written: Written | None
+    """How its inputs are written, if they are kept."""
     entries: list[bytes] = field(default_factory=list)
     snapshot: bytes | None = None
 
@@ -112,6 +114,11 @@ def at_once(answer: Callable[[object], object]) -> CarryOut:
     return work
 
 
+def _stateful(component: Component) -> Stateful:
+    assert hasattr(component, "state"), f"{type(component).__name__} has no state that could be kept"
+    return cast(Stateful, component)
+
+
 def _cannot(task: object) -> object:
     raise RemoteError(f"nobody here can do {type(task).__name__}")
 
@@ -130,18 +137,20 @@ class World:
         self._places: dict[str, _Place] = {}
         self._events: list[tuple[float, int, Callable[[], None]]] = []
         self._count = itertools.count()
-        self._timers: dict[tuple[str, str], int] = {}
-        self._work: dict[tuple[str, str], int] = {}
+        self._timers: dict[tuple[str, Hashable], int] = {}
+        self._work: dict[tuple[str, Hashable], int] = {}
         self._parked: list[_Sent] = []
         self._cut_off: set[str] = set()
         self._posted: set[str] = set()
 
     # Components
 
-    def add(self, address: str, component: Component, carry_out: CarryOut | None = None, *, journaled: bool = False) -> None:
-        """Put a component at an address, where nothing is known of one before, and start it. `journaled`: its inputs are kept."""
+    def add(self, address: str, component: Component, carry_out: CarryOut | None = None, *, journaled: Schema | None = None) -> None:
+        """Put a component at an address, where nothing is known of one before, and start it. `journaled`: its inputs are kept, as data of
+        this schema."""
         self.records[address] = []
-        self._places[address] = _Place(carry_out=carry_out or at_once(_cannot), journaled=journaled)
+        written = Written(journaled) if journaled is not None else None
+        self._places[address] = _Place(carry_out=carry_out or at_once(_cannot), written=written)
         self._begin(address, component)
 
     def remove(self, address: str) -> None:
@@ -172,12 +181,14 @@ class World:
         """
         self.remove(address)
         place = self._places[address]
-        if not place.journaled:
+        written = place.written
+        if written is None:
             self._begin(address, make())
             return
-        journaled = Journaled(make()) if place.snapshot is None else pickle.loads(place.snapshot)
+        journaled = Journaled(_stateful(make())) if place.snapshot is None else written.journaled(place.snapshot)
         known = self.records[address]
-        known += [record.entry for record in journaled.replay(decoded(batch(place.entries))) if record.entry not in known]
+        entries = written.entries(written.batch(place.entries))
+        known += [record.entry for record in journaled.replay(entries) if record.entry not in known]
         life = _Life(address, journaled.component, journaled)
         self._lives[address], self.components[address] = life, journaled.component
         self._resume(address, life, journaled)
@@ -186,15 +197,17 @@ class World:
 
     def snapshot(self, address: str) -> None:
         """What a node does from time to time: the journal of a component whose inputs are kept begins anew with its state."""
-        journaled = self._lives[address].journaled
-        if journaled is None:
+        place, journaled = self._places[address], self._lives[address].journaled
+        if journaled is None or place.written is None:
             raise UsageError(f"{address} keeps no journal of which a snapshot could be taken")
-        self._places[address].snapshot = pickle.dumps(journaled)
-        self._places[address].entries.clear()
+        place.snapshot = place.written.snapshot(journaled)
+        place.entries.clear()
 
     def _begin(self, address: str, component: Component) -> None:
         self.components[address] = component
-        self._lives[address] = _Life(address, component, Journaled(component) if self._places[address].journaled else None)
+        self._lives[address] = _Life(
+            address, component, Journaled(_stateful(component)) if self._places[address].written is not None else None
+        )
         self._feed(address, Started(address))
         self._deliver_parked()
 
@@ -215,7 +228,7 @@ class World:
             else:
                 self._ask(address, question, task)
 
-    def ring(self, address: str, timer: str) -> None:
+    def ring(self, address: str, timer: Hashable) -> None:
         """Ring a timer that is rung from outside."""
         self._feed(address, Rang(timer))
 
@@ -227,7 +240,7 @@ class World:
         self._cut_off.discard(address)
         self._deliver_parked()
 
-    def timers(self, address: str) -> set[str]:
+    def timers(self, address: str) -> set[Hashable]:
         """The timers of a component that have yet to ring."""
         return {timer for owner, timer in self._timers if owner == address}
 
@@ -262,8 +275,9 @@ class World:
             self.remove(address)
             return False
         if (journaled := life.journaled) is not None:
-            entry = journaled.entry(event, self.now)
-            self._places[address].entries.append(encoded(entry))
+            entry, place = journaled.entry(event, self.now), self._places[address]
+            assert place.written is not None, "whatever is journaled has a schema"
+            place.entries.append(place.written.entry(entry))
             effects = journaled.handle(entry)
         else:
             effects = [(effect, 0) for effect in life.component.handle(event, self.now)]
@@ -296,31 +310,31 @@ class World:
             case Record(entry):
                 self.records[address].append(entry)
 
-    def _set(self, address: str, timer: str, at: float | None) -> None:
+    def _set(self, address: str, timer: Hashable, at: float | None) -> None:
         self._timers.pop((address, timer), None)
         if at is not None:
             serial = self._timers[address, timer] = next(self._count)
             self._at(at, partial(self._ring, address, timer, serial))
 
-    def _ring(self, address: str, timer: str, serial: int) -> None:
+    def _ring(self, address: str, timer: Hashable, serial: int) -> None:
         if self._timers.get((address, timer)) == serial:
             del self._timers[address, timer]
             self._feed(address, Rang(timer))
 
-    def _ask(self, address: str, question: str, task: object) -> None:
+    def _ask(self, address: str, question: Hashable, task: object) -> None:
         serial = self._work[address, question] = next(self._count)
         self._continue(address, question, serial, self._places[address].carry_out(task))
 
-    def _answer(self, address: str, question: str, value: object, life: _Life) -> None:
+    def _answer(self, address: str, question: Hashable, value: object, life: _Life) -> None:
         if self._lives.get(address) is life:
             self._feed(address, Answered(question, value))
 
-    def _continue(self, address: str, question: str, serial: int, work: Work) -> None:
+    def _continue(self, address: str, question: Hashable, serial: int, work: Work) -> None:
         step = next(work, None)
         if step is not None:
             self._at(self.now + step[0], partial(self._come, address, question, serial, work, step[1]))
 
-    def _come(self, address: str, question: str, serial: int, work: Work, value: object) -> None:
+    def _come(self, address: str, question: Hashable, serial: int, work: Work, value: object) -> None:
         if self._work.get((address, question)) == serial:
             self._feed(address, Answered(question, value))
             if self._work.get((address, question)) == serial:

@@ -14,7 +14,7 @@ from somrs.errors import FormulaError, UsageError
 from somrs.kernel.replica import Replica
 from somrs.ontology.check import check as check_formula
 from somrs.protocol.messages.clients import Submit
-from somrs.task_manager.setting import wrong_with
+from somrs.task_manager.context import wrong_with
 
 VALUES = ("number", "text", "truth")
 """What a blank can be besides an object of a type."""

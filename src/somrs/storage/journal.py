@@ -1,17 +1,14 @@
 """The journal of a component: its inputs since the last snapshot of its state, and the archive of what is over.
 
-A Task Manager that is started again takes its state from here and handles the inputs behind it once more (`kernel.pending`).
-The state is a pickle, so a journal belongs to the program that wrote it, and to nobody whom one would not let run a program.
+A component that is started again takes its state from here and handles the inputs behind it once more (`kernel.pending`). Both are data
+of the versions that the component's schema names: a later program reads those of earlier ones, and writes its own from then on.
 """
 
 from __future__ import annotations
 
 import asyncio
 import functools
-import hashlib
-import pickle
 import sqlite3
-import sys
 import time
 import zlib
 from collections import deque
@@ -23,12 +20,14 @@ from msgspec import Struct
 
 import somrs
 from somrs.errors import UsageError
-from somrs.kernel.component import Component
-from somrs.kernel.pending import Entry, Journaled
+from somrs.kernel.codec import Schema
+from somrs.kernel.component import Stateful
+from somrs.kernel.pending import Entry, Journaled, Written
 from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord
 from somrs.storage import archive
 from somrs.storage.disk import Disk, Kind
-from somrs.storage.journal_entries import batch, decoded, encoded
+
+_PROGRAM = f"SO-MRS {somrs.__version__}"
 
 SNAPSHOT_ENTRIES = 5000
 """After so many entries a snapshot is due: as many as are handled again in about a second."""
@@ -41,26 +40,17 @@ KIND = Kind(
     holds="input, record or state",
     rival="another process",
     application=0x534F4D4A,  # `SOMJ` in ASCII
-    version=1,
+    version=2,
     tables="""
     CREATE TABLE life (number INTEGER PRIMARY KEY CHECK (number = 1), program TEXT NOT NULL, setting TEXT NOT NULL,
-      address TEXT NOT NULL, open TEXT NOT NULL);
+      address TEXT NOT NULL, open TEXT NOT NULL, schema INTEGER NOT NULL);
     CREATE TABLE snapshot (number INTEGER NOT NULL, at REAL NOT NULL, sum INTEGER NOT NULL, state BLOB NOT NULL);
     CREATE TABLE entries (last INTEGER PRIMARY KEY, batch BLOB NOT NULL);
     """
     + archive.TABLES,
+    # Files of the first format hold a state that only the program that wrote it can read: version 0. Their records stay.
+    migrations={1: "ALTER TABLE life ADD COLUMN schema INTEGER NOT NULL DEFAULT 0;"},
 )
-
-
-def program() -> str:
-    """What a state can be gone on with: the same code, on the same Python."""
-    package = Path(somrs.__file__).parent
-    code = hashlib.sha256()
-    for part in ("entish", "ontology", "protocol", "planner", "task_manager"):
-        for file in sorted((package / part).glob("*.py")):
-            code.update(file.read_bytes())
-    python = ".".join(map(str, sys.version_info[:2]))
-    return f"SO-MRS {somrs.__version__} ({code.hexdigest()[:8]}) on Python {python}"
 
 
 class _Found(Struct):
@@ -70,21 +60,23 @@ class _Found(Struct):
     setting: str
     address: str
     open: list[str]
+    schema: int
     state: bytes
     sum: int
     entries: list[bytes]
 
 
 class Journal:
-    """An open journal. `address` is where its component was reached, `open` what it had not finished; nothing for a new file.
+    """An open journal of a component of this schema. `address` is where the component was reached, `open` what it had not finished;
+    nothing for a new file.
 
-    `setting` says what else the state depends on, such as the addresses of other parts; as the program, it has to be the same.
+    `setting` says what else the state depends on, such as the addresses of other parts; it has to be the same.
     """
 
-    def __init__(self, path: Path, setting: str = "") -> None:
+    def __init__(self, path: Path, schema: Schema, setting: str = "") -> None:
         self.disk = Disk(path, KIND)
+        self._written = Written(schema)
         self._setting = setting
-        self._program = program()
         self._queued: deque[tuple[int, bytes]] = deque()
         self._since = 0
         self._not_before = 0.0
@@ -96,10 +88,11 @@ class Journal:
         self.address = self._found.address if self._found is not None else ""
         self.open: tuple[str, ...] = tuple(self._found.open) if self._found is not None else ()
 
-    def begin(self, address: str, make: Callable[[str], Component]) -> tuple[Journaled, bool]:
+    def begin(self, address: str, make: Callable[[str], Stateful]) -> tuple[Journaled, bool]:
         """The component, as it was when the last input came, and whether there was one: if not, it is made for this address.
 
-        Raises UsageError when there is a state with something open in it that cannot be gone on with.
+        What was written by an earlier version is written anew at once. Raises UsageError when there is a state with something open in it
+        that cannot be gone on with.
         """
         found, self._found, self.address = self._found, None, address
         if found is not None and (change := self._changed(found, address)) is not None:
@@ -114,14 +107,17 @@ class Journal:
             journaled = self._replayed(found)
         except UsageError:
             raise
-        except Exception as error:  # whatever a pickle that does not fit this program raises
-            raise UsageError(self._stuck(found, f"cannot be read any more ({type(error).__name__}: {error})")) from error
+        except Exception as error:  # whatever data raise that do not fit
+            raise UsageError(self._stuck(found, f"cannot be read ({type(error).__name__}: {error})")) from error
+        if found.schema != self._written.schema.version:
+            self.disk.do(lambda db: self._anew(db, address, journaled))
+            self._since = 0
         return journaled, True
 
     def _changed(self, found: _Found, address: str) -> str | None:
-        """What is not as it was when the file was written, if anything."""
-        if found.program != self._program:
-            return f"was written by {found.program}, and this is {self._program}"
+        """Why the file cannot be gone on with, if it cannot."""
+        if not self._written.schema.leads_from(found.schema):
+            return f"was written by {found.program}, whose state {_PROGRAM} cannot read"
         if found.setting != self._setting:
             return f"was written for {found.setting}, and this is for {self._setting}"
         if found.address != address:
@@ -139,9 +135,9 @@ class Journal:
     def _replayed(self, found: _Found) -> Journaled:
         if zlib.crc32(found.state) != found.sum:
             raise UsageError(self._stuck(found, "is damaged: its state is not the one that was written"))
-        journaled = pickle.loads(found.state)
-        assert isinstance(journaled, Journaled), "only begin and snapshot write states"
-        entries = [entry for document in found.entries for entry in decoded(document) if entry.number > journaled.number]
+        journaled = self._written.journaled(found.state, found.schema)
+        entries = [entry for document in found.entries for entry in self._written.entries(document, found.schema)]
+        entries = [entry for entry in entries if entry.number > journaled.number]
         self._since = len(entries)
         try:
             records = journaled.replay(entries)
@@ -155,7 +151,7 @@ class Journal:
 
     def append(self, entry: Entry) -> None:
         """Have the entry on disk, soon."""
-        self._queued.append((entry.number, encoded(entry)))
+        self._queued.append((entry.number, self._written.entry(entry)))
         self._since += 1
         self.disk.write(self._flush)
 
@@ -164,9 +160,9 @@ class Journal:
         assert isinstance(record, TaskRecord), f"an archive is of tasks, not of {type(record).__name__}"
         self.disk.write(functools.partial(archive.keep, record))
 
-    def note(self, component: Component) -> None:
+    def note(self, component: Stateful) -> None:
         """Have on disk what the component has not finished, if that changed."""
-        now_open = tuple(getattr(component, "open", ()))
+        now_open = tuple(component.open)
         if now_open != self.open:
             self.open = now_open
             document = msgspec.json.encode(now_open).decode()
@@ -185,7 +181,7 @@ class Journal:
     def snapshot(self, journaled: Journaled) -> None:
         """Have the state on disk, soon, and then forget the entries that led to it. An interrupted one leaves the one before."""
         begun = time.monotonic()
-        state = pickle.dumps(journaled, protocol=pickle.HIGHEST_PROTOCOL)
+        state = self._written.snapshot(journaled)
         self._since = 0
         self._not_before = time.monotonic() + (time.monotonic() - begun) / SNAPSHOT_SHARE
         number, at = journaled.number, journaled.at
@@ -203,12 +199,14 @@ class Journal:
             last, entry = self._queued.popleft()
             entries.append(entry)
         if entries:
-            db.execute("INSERT INTO entries VALUES (?, ?)", (last, batch(entries)))
+            db.execute("INSERT INTO entries VALUES (?, ?)", (last, Written.batch(entries)))
 
     def _anew(self, db: sqlite3.Connection, address: str, journaled: Journaled) -> None:
         db.execute("DELETE FROM entries")
-        db.execute("INSERT OR REPLACE INTO life VALUES (1, ?, ?, ?, '[]')", (self._program, self._setting, address))
-        _snapshot(db, 0, 0.0, pickle.dumps(journaled, protocol=pickle.HIGHEST_PROTOCOL))
+        is_open = msgspec.json.encode(tuple(journaled.component.open)).decode()
+        life = (_PROGRAM, self._setting, address, is_open, self._written.schema.version)
+        db.execute("INSERT OR REPLACE INTO life (number, program, setting, address, open, schema) VALUES (1, ?, ?, ?, ?, ?)", life)
+        _snapshot(db, journaled.number, journaled.at, self._written.snapshot(journaled))
 
     # The archive
 
@@ -218,10 +216,10 @@ class Journal:
 
 
 def _found(db: sqlite3.Connection) -> _Found | None:
-    life = db.execute("SELECT program, setting, address, open FROM life").fetchone()
+    life = db.execute("SELECT program, setting, address, open, schema FROM life").fetchone()
     if life is None:
         return None
-    program, setting, address, open = life
+    program, setting, address, open, schema = life
     snapshot = db.execute("SELECT state, sum FROM snapshot").fetchone()
     if snapshot is None:
         raise KeyError("there is no state")
@@ -230,6 +228,7 @@ def _found(db: sqlite3.Connection) -> _Found | None:
         setting=setting,
         address=address,
         open=msgspec.json.decode(open, type=list[str]),
+        schema=schema,
         state=snapshot[0],
         sum=snapshot[1],
         entries=[document for (document,) in db.execute("SELECT batch FROM entries ORDER BY last")],

@@ -3,26 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from itertools import islice
 
-from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
-from somrs.kernel.replica import Replica
+from somrs.kernel.codec import Schema
+from somrs.kernel.component import Answered, Ask, Doing, Effect, Effects, Input, Rang, Received, Send, Started, Trouble, Undelivered, Wake
 from somrs.protocol.messages import clients, frp
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.paging import fitting
-from somrs.task_manager.claims import Claims
-from somrs.task_manager.participants import sent_home
-from somrs.task_manager.preview import Previewing
-from somrs.task_manager.questions import Questions
-from somrs.task_manager.setting import Setting, wrong_with
-from somrs.task_manager.transaction import Transaction
-from somrs.task_manager.views import message_view, previewed, view, view_in_parts
-from somrs.task_manager.watching import TIMER as WATCH
-from somrs.task_manager.watching import Watching
-
-__all__ = ["TaskManager", "view"]
+from somrs.task_manager.context import Context, wrong_with
+from somrs.task_manager.device_queue import AtWork
+from somrs.task_manager.execution.participants import sent_home
+from somrs.task_manager.preview import Previewing, new_preview
+from somrs.task_manager.requests import Came, ForPlan, ReportAnswered, ServicesKnown
+from somrs.task_manager.state import TaskManagerState, UnsettledReport
+from somrs.task_manager.subscriptions import Reply, SubscriptionsOf
+from somrs.task_manager.timers import (
+    Answer,
+    AnswerDue,
+    Asked,
+    BidsDue,
+    DeadlineDue,
+    MapDue,
+    NewsDue,
+    OverdueDue,
+    PlanWanted,
+    PreviewDue,
+    Question,
+    RecordsWanted,
+    SilenceDue,
+    StopDue,
+    Timer,
+)
+from somrs.task_manager.transaction.state import TaskState
+from somrs.task_manager.transaction.transaction import Transaction, new_task
+from somrs.task_manager.transaction.views import message_view, previewed, view_in_parts
 
 READY_TIME = 30.0
 """Seconds that a task waits for the map to be read, after the start; then its client hears that the Repository is not there."""
@@ -35,244 +50,284 @@ class TaskManager:
     """Takes tasks and sees them through. Several at once, each a transaction of its own."""
 
     def __init__(self, address: str, *, repository: str, registry: str) -> None:
-        self.address = address
-        self.replica = Replica(address, repository)
-        self.transactions: dict[str, Transaction] = {}
-        self._open: dict[str, Transaction] = {}
-        """Those that are not over."""
-        self._repository = repository
-        self._effects: list[Effect] = []
-        self._questions = Questions(address, repository, registry, self._effects)
-        self._claims = Claims()
-        self._map_version = -1
-        self._until_known: list[tuple[int, Callable[[float], None]]] = []
-        self._until_ready: dict[str, Message] = {}
-        self._previews: dict[str, Previewing] = {}
-        self._readers: dict[str, Message] = {}
-        touched: dict[str, None] = {}
-        self._watching = Watching(transactions=self.transactions, touched=touched, effects=self._effects, reply=self._reply)
-        self._setting = Setting(
-            address=address,
-            effects=self._effects,
-            replica=self.replica,
-            questions=self._questions,
-            when_known=self._when_known,
-            claims=self._claims,
+        self._adopt(TaskManagerState.new(address, repository, registry))
+
+    @classmethod
+    def restored(cls, state: TaskManagerState) -> TaskManager:
+        """The Task Manager that has this state."""
+        made = cls.__new__(cls)
+        made._adopt(state)
+        return made
+
+    def _adopt(self, state: TaskManagerState) -> None:
+        self.state = state
+        self.address = state.requests.address
+        self._context = Context(
+            replica=state.replica,
+            requests=state.requests,
+            reservations=state.reservations,
+            queues=state.queues,
+            quotes=state.quotes,
+            touched=state.touched,
             busy=self._busy,
-            touched=touched,
+            still_at_work=self._still_at_work,
         )
+        self._subscriptions = SubscriptionsOf(state.subscriptions, state.tasks)
 
     @property
     def open(self) -> list[str]:
         """The tasks that are not over."""
-        return [*self._open]
+        return [*self.state.running]
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """What to do about the input."""
-        news = self.replica.handle(event, now)
-        if news is not None:
-            self._effects += news.effects
-            self._map_moved(news.read, now)
-        else:
-            self._handle(event, now)
-        self._claims.wake(now)
-        self._setting.turns.wake(now)
-        self._watching.tell()
-        for id in [id for id, transaction in self._open.items() if transaction.outcome is not None]:
-            del self._open[id]
-            self._forget()
-        for id in [id for id, preview in self._previews.items() if preview.over]:
-            del self._previews[id]
-        effects = self._effects[:]
-        self._effects.clear()
-        return effects
+        return [*self._effects(event, now)]
 
-    def _handle(self, event: Input, now: float) -> None:
+    def _effects(self, event: Input, now: float) -> Effects:
+        state = self.state
+        news = state.replica.handle(event, now)
+        if news is not None:
+            yield from news.effects
+            yield from self._map_moved(news.read, now)
+        else:
+            yield from self._handle(event, now)
+        for task in state.reservations.called():
+            if task in state.tasks:
+                yield from self._transaction(task).freed(now)
+        for task in state.queues.called(self._still_at_work):
+            if task in state.tasks:
+                yield from self._transaction(task).proceed(now)
+        yield from self._replies(self._subscriptions.tell(state.touched))
+        for id in [id for id in state.running if state.tasks[id].outcome is not None]:
+            state.running.remove(id)
+            self._forget()
+        for id in [id for id, preview in state.previews.items() if preview.over]:
+            del state.previews[id]
+
+    def _handle(self, event: Input, now: float) -> Effects:
+        state = self.state
         match event:
             case Started():
-                self._questions.start(now)
-                self._watching.start(now)
-                self._effects += self.replica.start(now)
+                state.requests.start(now)
+                state.subscriptions.start(now)
+                yield from state.replica.start(now)
             case Received(message):
-                self._receive(message, now)
+                yield from self._receive(message, now)
             case Rang(timer):
-                self._ring(timer, now)
+                yield from self._ring(timer, now)  # type: ignore[arg-type]  # only its own timers ring
             case Answered(question, value):
-                self._answered(question, value, now)
+                yield from self._answered(question, value, now)
+            case Undelivered(message, reason) if message.header.message_id in state.requests.pending:
+                yield from self._came((yield from state.requests.undelivered(message, reason, now)), now)
             case Undelivered(message, reason):
-                if not self._questions.undelivered(message, reason, now):
-                    self._undelivered(message, reason, now)
+                yield from self._undelivered(message, reason, now)
 
     # Messages
 
-    def _receive(self, message: Message, now: float) -> None:
-        body, id = message.body, message.header.message_id
-        if self._questions.answered(message, now):
-            return
-        if isinstance(body, FrpBody) and message.header.transaction is not None:
-            if (transaction := self.transactions.get(message.header.transaction)) is not None:
-                transaction.hearing.receive(message, now)
-            elif (preview := self._previews.get(message.header.transaction)) is not None:
-                preview.receive(message, now)
+    def _receive(self, message: Message, now: float) -> Effects:
+        state, body, id = self.state, message.body, message.header.message_id
+        if state.requests.is_answer(message):
+            yield from self._came((yield from state.requests.answered(message, now)), now)
+        elif isinstance(body, FrpBody) and message.header.transaction is not None:
+            if message.header.transaction in state.tasks:
+                yield from self._transaction(message.header.transaction).receive(message, now)
+            elif message.header.transaction in state.previews:
+                yield from self._previewed(message.header.transaction, lambda preview: preview.receive(message, now))
             else:
-                self._effects += sent_home(message, self.address)
-        elif not self.replica.ready and isinstance(body, clients.Submit | clients.Preview):
-            self._until_ready[id] = message
-            self._effects.append(Wake(f"ready {id}", now + READY_TIME))
+                yield from sent_home(message, self.address)
+        elif not state.replica.ready and isinstance(body, clients.Submit | clients.Preview):
+            state.until_ready[id] = message
+            yield Wake(MapDue(id), now + READY_TIME)
         else:
-            self._serve(message, now)
+            yield from self._serve(message, now)
 
-    def _serve(self, message: Message, now: float) -> None:
+    def _serve(self, message: Message, now: float) -> Effects:
         """A client's request."""
+        state = self.state
         match message.body:
             case clients.Submit():
-                self._submit(message, message.body, now)
+                yield from self._submit(message, message.body, now)
+            case clients.CancelTask(task=task) | clients.WatchTask(task=task) if task not in state.tasks:
+                yield self._reply(message, frp.Fault(code="env:Sender", text=f"there is no task {task} here"))
             case clients.CancelTask(task=task, reason=reason):
-                if (transaction := self._known(message, task)) is not None:
-                    transaction.cancel(now, reason)
-                    self._reply(message, clients.Cancelling(task=task))
+                yield from self._transaction(task).cancel(now, reason)
+                yield self._reply(message, clients.Cancelling(task=task))
             case clients.ReadTasks():
-                self._reply(message, self._tasks(message.body))
-            case clients.WatchTask(task=task):
-                if self._known(message, task) is not None:
-                    self._watching.wait(message, message.body, now)
-            case clients.WatchTasks():
-                self._watching.wait(message, message.body, now)
+                yield self._reply(message, self._tasks(message.body))
+            case clients.WatchTask() | clients.WatchTasks():
+                yield self._subscriptions.wait(message, message.body, now)
             case clients.ReadMessages():
-                self._read_messages(message, message.body)
+                yield self._read_messages(message, message.body)
             case clients.Preview():
-                self._preview(message, message.body, now)
+                yield from self._preview(message, message.body, now)
             case clients.ReadRecords():
-                question = f"records {message.header.message_id}"
-                self._readers[question] = message
-                self._effects.append(Ask(question, message.body))
+                yield self._read_records(message, message.body)
             case frp.Fault():
                 pass  # a Fault is never answered
             case body if type(body) not in REQUESTS and not isinstance(body, FrpBody):
                 pass  # an answer that came twice, or too late
             case body:
-                self._reply(message, frp.Fault(code="wsa:ActionNotSupported", text=f"a Task Manager does not take {type(body).__name__}"))
+                fault = frp.Fault(code="wsa:ActionNotSupported", text=f"a Task Manager does not take {type(body).__name__}")
+                yield self._reply(message, fault)
 
-    def _submit(self, message: Message, task: clients.Submit, now: float) -> None:
-        id = message_id("task", message.header.message_id)
-        if id not in self.transactions:
-            if (wrong := wrong_with(task, self.replica)) is not None:
-                self._reply(message, clients.TaskRejected(problem=wrong))
+    def _submit(self, message: Message, task: clients.Submit, now: float) -> Effects:
+        state, id = self.state, message_id("task", message.header.message_id)
+        if id not in state.tasks:
+            if (wrong := wrong_with(task, state.replica)) is not None:
+                yield self._reply(message, clients.TaskRejected(problem=wrong))
                 return
-            transaction = Transaction(id, task, self._setting, now, client=message.header.sender)
-            self.transactions[id] = self._open[id] = transaction
-            transaction.start(now)
-        self._reply(message, clients.Submitted(task=id))
+            state.tasks[id] = new_task(id, task, now, client=message.header.sender)
+            state.running.append(id)
+            yield from self._transaction(id).start(now)
+        yield self._reply(message, clients.Submitted(task=id))
 
-    def _preview(self, message: Message, task: clients.Preview, now: float) -> None:
-        id = message_id("preview", message.header.message_id)
-        if id not in self._previews:
-            preview = Previewing(id, task, self._setting, partial(self._reply, message))
-            if (wrong := wrong_with(preview.task, self.replica)) is not None:
-                self._reply(message, previewed(wrong))
+    def _preview(self, message: Message, wanted: clients.Preview, now: float) -> Effects:
+        state, id = self.state, message_id("preview", message.header.message_id)
+        if id not in state.previews:
+            preview = new_preview(id, wanted, message)
+            if (wrong := wrong_with(preview.task, state.replica)) is not None:
+                yield self._reply(message, previewed(wrong))
             else:
-                self._previews[id] = preview
-                preview.begin(now)
+                state.previews[id] = preview
+                yield from self._previewed(id, lambda preview: preview.begin(now))
+
+    def _previewed(self, id: str, work: Callable[[Previewing], Doing[clients.Previewed | None]]) -> Effects:
+        """Go on with a preview; it is answered when it is over."""
+        preview = self.state.previews[id]
+        came = yield from work(Previewing(preview, self._context))
+        if came is not None:
+            yield self._reply(preview.request, came)
 
     def _tasks(self, wanted: clients.ReadTasks) -> clients.Tasks:
-        found = [each for each in self.transactions.values() if each.outcome is None or not wanted.running]
+        tasks = self.state.tasks
+        found = [each for each in tasks.values() if each.outcome is None or not wanted.running]
         newest = sorted(found, key=lambda each: (each.submitted_at, each.id), reverse=True)
         if wanted.behind is not None:
-            last = self.transactions.get(wanted.behind)
+            last = tasks.get(wanted.behind)
             newest = [each for each in newest if last is not None and (each.submitted_at, each.id) < (last.submitted_at, last.id)]
         page = tuple(fitting((view_in_parts(each, 0)[0] for each in newest), max(wanted.limit, 0)))
         return clients.Tasks(tasks=page, more=len(page) < len(newest))
 
-    def _read_messages(self, request: Message, wanted: clients.ReadMessages) -> None:
+    def _read_messages(self, request: Message, wanted: clients.ReadMessages) -> Effect:
         """Those of a task that is over are in its record."""
-        transaction, after = self._open.get(wanted.task), max(wanted.after, 0)
-        if transaction is not None:
-            page = tuple(fitting(message_view(at, one) for at, one in islice(transaction.messages, after, None)))
-            self._reply(request, clients.Messages(messages=page, more=after + len(page) < len(transaction.messages)))
-        else:
-            question = f"messages {request.header.message_id}"
-            self._readers[question] = request
-            parts = tuple(name for name in clients.PARTS if name != "messages")
-            self._effects.append(Ask(question, clients.ReadRecords(task=wanted.task, limit=1, after=after, without=parts)))
+        after = max(wanted.after, 0)
+        if wanted.task in self.state.running:
+            passed = self.state.tasks[wanted.task].messages
+            page = tuple(fitting(message_view(one.at, one.message) for one in islice(passed, after, None)))
+            return self._reply(request, clients.Messages(messages=page, more=after + len(page) < len(passed)))
+        parts = tuple(name for name in clients.PARTS if name != "messages")
+        return self._read_records(request, clients.ReadRecords(task=wanted.task, limit=1, after=after, without=parts))
 
-    def _known(self, message: Message, task: str) -> Transaction | None:
-        transaction = self.transactions.get(task)
-        if transaction is None:
-            self._reply(message, frp.Fault(code="env:Sender", text=f"there is no task {task} here"))
-        return transaction
+    def _read_records(self, request: Message, wanted: clients.ReadRecords) -> Effect:
+        id = request.header.message_id
+        self.state.readers[id] = request
+        return Ask(RecordsWanted(id), wanted)
 
     # What the node answers
 
-    def _ring(self, timer: str, now: float) -> None:
-        kind, _, id = timer.partition(" ")
-        if kind == WATCH:
-            self._watching.ring(id)
-        elif kind == "ready":
-            if (waiting := self._until_ready.pop(id, None)) is not None:
-                text = f"the map of the environment is not known yet, because {self._repository} does not answer; try again later"
-                self._reply(waiting, frp.Fault(code="env:Receiver", text=text))
-        elif not self._questions.ring(timer, now):
-            task, _, what = timer.partition("/")
-            if (transaction := self.transactions.get(task)) is not None:
-                _ring(transaction, what, now)
-            elif (preview := self._previews.get(task)) is not None:
-                preview.ring(what, now)
+    def _ring(self, timer: Timer, now: float) -> Effects:
+        state = self.state
+        match timer:
+            case NewsDue(request):
+                yield from self._replies(self._subscriptions.ring(request))
+            case MapDue(request):
+                if (waiting := state.until_ready.pop(request, None)) is not None:
+                    repository = state.requests.repository
+                    text = f"the map of the environment is not known yet, because {repository} does not answer; try again later"
+                    yield self._reply(waiting, frp.Fault(code="env:Receiver", text=text))
+            case AnswerDue():
+                yield from self._came((yield from state.requests.ring(timer, now)), now)
+            case BidsDue() | SilenceDue() | OverdueDue() | DeadlineDue() | StopDue() if timer.owner in state.tasks:
+                yield from self._transaction(timer.owner).ring(timer, now)
+            case BidsDue() | PreviewDue() if timer.owner in state.previews:
+                yield from self._previewed(timer.owner, lambda preview: preview.ring(timer, now))
 
-    def _answered(self, question: str, value: object, now: float) -> None:
-        if (preview := self._previews.get(question.partition("/")[0])) is not None:
-            preview.planned(question, value, now)
-        elif (reader := self._readers.pop(question, None)) is not None:
-            self._reply(reader, _read(reader, value))
-        elif (transaction := self.transactions.get(question.partition("/")[0])) is not None:
-            transaction.planned(question, value, now)
+    def _answered(self, question: object, value: object, now: float) -> Effects:
+        state = self.state
+        answer: Answer = value if isinstance(value, Answer) else Trouble(str(value) or type(value).__name__)
+        match question:
+            case PlanWanted(owner=owner) if owner in state.tasks:
+                yield from self._transaction(owner).planned(question, answer, now)
+            case PlanWanted(owner=owner) if owner in state.previews:
+                yield from self._previewed(owner, lambda preview: preview.planned(question, answer, now))
+            case RecordsWanted(request) if (reader := state.readers.pop(request, None)) is not None:
+                yield self._reply(reader, _read(reader, answer))
 
-    def _undelivered(self, message: Message, reason: str, now: float) -> None:
-        if (transaction := self.transactions.get(message.header.transaction or "")) is not None:
-            transaction.hearing.undelivered(message, reason, now)
-        elif (preview := self._previews.get(message.header.transaction or "")) is not None:
-            preview.undelivered(message, reason, now)
+    def _undelivered(self, message: Message, reason: str, now: float) -> Effects:
+        transaction = message.header.transaction or ""
+        if transaction in self.state.tasks:
+            yield from self._transaction(transaction).undelivered(message, reason, now)
+        elif transaction in self.state.previews:
+            yield from self._previewed(transaction, lambda preview: preview.undelivered(message, reason, now))
+
+    def _came(self, came: Came | None, now: float) -> Effects:
+        """The Repository, or the Registry, answered a request."""
+        state = self.state
+        match came:
+            case ServicesKnown(purpose, offers) if purpose.owner in state.tasks:
+                yield from self._transaction(purpose.owner).discovered(purpose, offers, now)
+            case ServicesKnown(ForPlan(owner=owner), offers) if owner in state.previews:
+                yield from self._previewed(owner, lambda preview: preview.discovered(offers, now))
+            case ReportAnswered(purpose, answer) if purpose.owner in state.tasks:
+                unsettled = yield from self._transaction(purpose.owner).report_answered(answer, now)
+                if unsettled is not None:
+                    version, problems = unsettled
+                    state.unsettled.append(UnsettledReport(version=version, task=purpose.owner, problems=problems))
 
     # The map
 
-    def _map_moved(self, read: bool, now: float) -> None:
-        if not self.replica.ready:
+    def _map_moved(self, read: bool, now: float) -> Effects:
+        state = self.state
+        if not state.replica.ready:
             return
-        waiting, self._until_ready = self._until_ready, {}
+        waiting, state.until_ready = state.until_ready, {}
         for id, message in waiting.items():
-            self._effects.append(Wake(f"ready {id}", None))
-            self._serve(message, now)
+            yield Wake(MapDue(id), None)
+            yield from self._serve(message, now)
         # A version that goes back belongs to another store: the versions that are awaited will never come.
-        begun_anew = read and self.replica.version < self._map_version
-        self._map_version = self.replica.version
-        due = [then for version, then in self._until_known if begun_anew or version <= self.replica.version]
-        self._until_known = [(version, then) for version, then in self._until_known if not begun_anew and version > self.replica.version]
-        for then in due:
-            then(now)
+        begun_anew = read and state.replica.version < state.map_version
+        state.map_version = state.replica.version
+        due = [report for report in state.unsettled if begun_anew or report.version <= state.replica.version]
+        state.unsettled = [report for report in state.unsettled if report not in due]
+        for report in due:
+            if report.task in state.tasks:
+                yield from self._transaction(report.task).settled(report.problems, now)
 
-    def _when_known(self, version: int, then: Callable[[float], None], now: float) -> None:
-        if version <= self.replica.version:
-            then(now)
-        else:
-            self._until_known.append((version, then))
+    # What transactions share
+
+    def _transaction(self, id: str) -> Transaction:
+        return Transaction(self.state.tasks[id], self._context)
 
     def _busy(self, provider: str) -> list[tuple[float, float]]:
-        pursuits = (pursuit for transaction in self._open.values() for pursuit in transaction.pursuits)
-        return [time for pursuit in pursuits if pursuit.workflow is not None for time in pursuit.workflow.promised(provider)]
+        executions = (execution for id in self.state.running for execution in self.state.tasks[id].executions)
+        return [time for execution in executions if execution.workflow is not None for time in execution.workflow.promised(provider)]
+
+    def _still_at_work(self, work: AtWork) -> bool:
+        task: TaskState | None = self.state.tasks.get(work.transaction)
+        return task is not None and task.members.at_work(work.participant)
 
     # Speaking
 
-    def _reply(self, to: Message, body: Body) -> None:
-        self._effects.append(Send(reply(to, body, self.address)))
+    def _reply(self, to: Message, body: Body) -> Send:
+        return Send(reply(to, body, self.address))
+
+    def _replies(self, replies: Reply) -> Effects:
+        for effect in replies:
+            if isinstance(effect, tuple):
+                yield self._reply(*effect)
+            else:
+                yield effect
 
     def _forget(self) -> None:
         """The oldest tasks that are over, beyond so many. Whoever watched them was told."""
-        while len(self.transactions) > REMEMBERED and len(self.transactions) > len(self._open):
-            oldest = next(id for id in self.transactions if id not in self._open)
-            del self.transactions[oldest]
-            self._watching.forget(oldest)
+        state = self.state
+        while len(state.tasks) > REMEMBERED and len(state.tasks) > len(state.running):
+            oldest = next(id for id in state.tasks if id not in state.running)
+            del state.tasks[oldest]
+            state.subscriptions.forget(oldest)
 
 
-def _read(request: Message, found: object) -> Body:
+def _read(request: Message, found: Answer) -> Body:
     """What was asked of the records, for the client that asked for it."""
     match found, request.body:
         case clients.Records(), clients.ReadRecords():
@@ -285,16 +340,14 @@ def _read(request: Message, found: object) -> Body:
             return frp.Fault(code="env:Receiver", text=f"the records cannot be read: {found}")
 
 
-def _ring(transaction: Transaction, what: str, now: float) -> None:
-    kind, _, participant = what.partition("/")
-    match kind:
-        case "bids":
-            transaction.bids_due(participant, now)
-        case "silence":
-            transaction.hearing.silent(participant, now)
-        case "overdue":
-            transaction.hearing.overdue(participant, now)
-        case "deadline":
-            transaction.give_up(now, f"the deadline of {transaction.task.deadline:g} s is over")
-        case "stop":
-            transaction.stop_overdue(now)
+SCHEMA = Schema(
+    component="task-manager",
+    version=1,
+    state=TaskManagerState,
+    timers=Timer,
+    questions=Question,
+    tasks=Asked,
+    answers=Answer,
+    restore=TaskManager.restored,
+)
+"""What its journal is made of."""

@@ -6,27 +6,31 @@ It takes a few seconds at most. Whoever has not answered by then is put down wit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import chain
 
-from msgspec import structs
+from msgspec import Struct, field, structs
 
-from somrs.kernel.component import Wake
+from somrs.kernel.component import Doing, Effects, Wake
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Preview, Previewed, Quotation, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.event_text import waiting
+from somrs.protocol.messages.events import Event, WaitsForTasks
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.arrange import Bid, bid, choose, fitted
-from somrs.task_manager.claims import Held
-from somrs.task_manager.draft import Draft
-from somrs.task_manager.offered import Offered
-from somrs.task_manager.participants import Member, Participants
-from somrs.task_manager.setting import Setting
-from somrs.task_manager.tender import AT_ONCE, Tender, Tenders, call
-from somrs.task_manager.views import previewed, step_view
-from somrs.task_manager.workflow import Progress, StepRun, Workflow
+from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
+from somrs.task_manager.arrangement.call_for_proposals import AT_ONCE, Arrangement, Call, Calls, call_for
+from somrs.task_manager.arrangement.plan_request import Found, PlanRequest, PlanRequester
+from somrs.task_manager.context import Context
+from somrs.task_manager.execution.bids import Bid, bid, choose, fitted
+from somrs.task_manager.execution.member import Member
+from somrs.task_manager.execution.participants import Members, Participants
+from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
+from somrs.task_manager.reservations import Held
+from somrs.task_manager.timers import Answer, BidsDue, PlanWanted, PreviewDue
+from somrs.task_manager.transaction.views import previewed, step_view
 
 MOST_TIME = 6.0
 """Seconds that asking takes at most."""
@@ -40,151 +44,192 @@ SILENT = {State.ARRANGING: f"did not answer within {REPLY_TIME:g} s", State.NEW:
 NOT_WANTED = "it was only asked what it would cost"
 
 
+class PreviewState(Struct, kw_only=True):
+    """One preview. `request` is answered once, with what it came to."""
+
+    id: str
+    wanted: Preview
+    request: Message
+    task: Submit
+    planning: PlanRequest
+    calls: Calls
+    services: KnownServices = field(default_factory=KnownServices)
+    members: Members = field(default_factory=Members)
+    workflow: Workflow = field(default_factory=lambda: Workflow.of(Plan()))
+    asked_at: float = 0.0
+    waits: str = ""
+    quotations: dict[str, list[Quotation]] = {}
+    """By step."""
+    unserved: dict[str, str] = {}
+    over: bool = False
+
+
+def new_preview(id: str, wanted: Preview, request: Message) -> PreviewState:
+    """A preview that a client has just asked for; `begin` it next."""
+    task = Submit(
+        effect=wanted.effect,
+        precondition=wanted.precondition,
+        policy=wanted.policy,
+        time_value=wanted.time_value,
+        deadline=wanted.deadline,
+        priority=wanted.priority,
+    )
+    planning = PlanRequest(owner=id, goal=0, serial=0, task=task)
+    return PreviewState(id=id, wanted=wanted, request=request, task=task, planning=planning, calls=Calls(timer=BidsDue(id, 0)))
+
+
 class Previewing:
-    """One preview. `tell` is called once, with what it came to."""
+    """Goes on with one preview; what it came to comes at its end, once. It has no state of its own."""
 
-    def __init__(self, id: str, wanted: Preview, setting: Setting, tell: Callable[[Previewed], None]) -> None:
-        self.id = id
-        self.over = False
-        self._wanted, self._setting, self._tell = wanted, setting, tell
-        self.task = Submit(
-            effect=wanted.effect,
-            precondition=wanted.precondition,
-            policy=wanted.policy,
-            time_value=wanted.time_value,
-            deadline=wanted.deadline,
-            priority=wanted.priority,
-        )
-        self._offered = Offered(replica=setting.replica)
-        self._draft = Draft(f"{id}/plan", id, self.task, self._offered, setting, self._planned, holds=False)
-        self._participants = Participants(id, setting, self._heed, self._note)
-        self._tenders = Tenders(f"{id}/bids", setting.effects)
-        self._workflow = Workflow(Plan())
-        self._asked_at = 0.0
-        self._waits = ""
-        self._quotations: dict[str, list[Quotation]] = {}
-        """By step."""
-        self._unserved: dict[str, str] = {}
+    def __init__(self, state: PreviewState, context: Context) -> None:
+        self._state, self._context = state, context
+        self._services = AvailableServices(state.services, context.replica)
+        self._participants = Participants(state.id, state.members, context, self._heed, self._note)
 
-    def begin(self, now: float) -> None:
-        self._setting.claims.enter(self.id, self.task.effect, self.task.priority)
-        self._draft.begin(now)
+    def begin(self, now: float) -> Doing[Previewed | None]:
+        state = self._state
+        self._context.reservations.enter(state.id, state.task.effect, state.task.priority)
+        yield from self._planning.begin(now)
+        return None
 
     # Planning
 
-    def planned(self, question: str, found: object, now: float) -> None:
-        """The planner's answer."""
-        if self._draft.question == question:
-            self._draft.answered(found, now)
+    @property
+    def _planning(self) -> PlanRequester:
+        return PlanRequester(self._state.planning, self._services, self._context, holds=False)
 
-    def _planned(self, found: object, now: float) -> None:
-        self._setting.claims.leave(self.id)
+    def discovered(self, offers: tuple[Offer, ...] | str, now: float) -> Doing[Previewed | None]:
+        """The services on offer are known, or why they cannot be."""
+        return (yield from self._planned((yield from self._planning.discovered(offers)), now))
+
+    def planned(self, question: PlanWanted, answer: Answer, now: float) -> Doing[Previewed | None]:
+        """The planner's answer."""
+        if self._state.planning.question != question:
+            return None
+        return (yield from self._planned((yield from self._planning.answered(answer)), now))
+
+    def _planned(self, found: Found | None, now: float) -> Doing[Previewed | None]:
+        state, reservations = self._state, self._context.reservations
+        if found is None:
+            return None
+        reservations.leave(state.id)
         if isinstance(found, Held):
-            self._waits, found = found.in_words(self._setting.claims), found.plan
-        if not isinstance(found, Plan) or not self._wanted.quotes or not found.steps:
-            self._end(structs.replace(previewed(found), waits=self._waits))
-            return
-        self._asked_at, self._workflow = now, Workflow(found)
-        self._setting.effects.append(Wake(f"{self.id}/time", now + MOST_TIME))
-        self._ask(now)
+            tasks = {task: reservations.goal(task) for task in found.by}
+            state.waits, found = waiting(WaitsForTasks(tasks=tasks, objects=found.objects)), found.plan
+        if not isinstance(found, Plan) or not state.wanted.quotes or not found.steps:
+            return (yield from self._end(structs.replace(previewed(found), waits=state.waits)))
+        state.asked_at, state.workflow = now, Workflow.of(found)
+        yield Wake(PreviewDue(state.id), now + MOST_TIME)
+        return (yield from self._ask(now))
 
     # Asking
 
-    def receive(self, message: Message, now: float) -> None:
+    @property
+    def _arrangement(self) -> Arrangement:
+        return Arrangement(self._state.workflow, self._state.members, self._participants)
+
+    def receive(self, message: Message, now: float) -> Doing[Previewed | None]:
         """A service answers."""
-        received = self._participants.receive(message, now)
-        if received is None or not received[1].moved or self.over:
-            return
+        received = yield from self._participants.receive(message, now)
+        if received is None or not received[1].moved or self._state.over:
+            return None
         member, _ = received
-        tender = self._tenders.of(member)
-        if tender is None:
-            return
+        call = self._state.calls.of(member)
+        if call is None:
+            return None
         match message.body:
             case frp.Terms() as terms:
-                self._setting.quoted(member.offer.service, terms.price, terms.duration)
-                tender.offered(member, terms, message.header.message_id)
+                self._context.quotes.given(member.offer.service, terms.price, terms.duration)
+                self._arrangement.offered(call, member, terms, message.header.message_id)
             case frp.Refuse(reason=why) | frp.Fault(text=why):
                 member.last_word = why
-        self._answered(tender, now)
+        return (yield from self._answered(call, now))
 
-    def undelivered(self, message: Message, reason: str, now: float) -> None:
+    def undelivered(self, message: Message, reason: str, now: float) -> Doing[Previewed | None]:
         """A service could not be reached."""
-        member = self._participants.undelivered(message, reason, now)
-        tender = self._tenders.of(member) if member is not None else None
-        if tender is not None and not self.over:
-            self._answered(tender, now)
+        member = yield from self._participants.undelivered(message, reason, now)
+        call = self._state.calls.of(member) if member is not None else None
+        return (yield from self._answered(call, now)) if call is not None and not self._state.over else None
 
-    def ring(self, timer: str, now: float) -> None:
+    def ring(self, timer: object, now: float) -> Doing[Previewed | None]:
         """Somebody has not answered in time, or all of it has taken long enough."""
-        if self.over:
-            return
-        if timer == "time":
-            for tender in [*self._tenders]:
-                self._settle(tender, now)
-            self._guess(now)
+        state = self._state
+        if state.over:
+            return None
+        if isinstance(timer, PreviewDue):
+            for call in state.calls:
+                yield from self._settle(call, now)
+            yield from self._guess(now)
         else:
-            for tender in self._tenders.due(now):
-                self._settle(tender, now)
-        self._ask(now)
+            for call in [*state.calls.due(now)]:
+                yield from self._settle(call, now)
+            yield from state.calls.wake()
+        return (yield from self._ask(now))
 
-    def _answered(self, tender: Tender, now: float) -> None:
-        if tender.answered:
-            self._settle(tender, now)
-            self._ask(now)
+    def _answered(self, call: Call, now: float) -> Doing[Previewed | None]:
+        if not self._arrangement.answered(call):
+            return None
+        yield from self._settle(call, now)
+        return (yield from self._ask(now))
 
-    def _ask(self, now: float) -> None:
+    def _ask(self, now: float) -> Doing[Previewed | None]:
         """Ask for the steps that come next; when all were asked for, that is it."""
-        while not self.over:
-            runs = [run for run in self._workflow.open if not self._tenders.settles(run.step)]
-            before = len(self._tenders)
+        state = self._state
+        workflow, calls = state.workflow, state.calls
+        while True:
+            runs = [run for run in workflow.open if not calls.settles(run.step)]
+            before = len(calls)
             for run in runs[: AT_ONCE - before]:
-                able = self._offered.able(run)
+                able = self._services.able(run)
                 if not able:
                     self._nobody(run, now, "nobody offers it")
                     continue
-                earliest, latest = self._workflow.earliest_start(run, now), self._latest
-                self._tenders.open(call(run, able, self._participants, earliest, latest, now, REPLY_TIME))
-            if self._workflow.arranged:
-                self._conclude()
-            if len(self._tenders) or not runs:
-                return
+                earliest, latest = workflow.earliest_start(run, now), self._latest
+                yield from calls.open((yield from self._arrangement.call(run, able, earliest, latest, now, REPLY_TIME)))
+            if workflow.arranged:
+                return (yield from self._end(self._conclusion()))
+            if len(calls) or not runs:
+                return None
 
     @property
     def _latest(self) -> float | None:
-        return self._asked_at + self._wanted.deadline if self._wanted.deadline is not None else None
+        state = self._state
+        return state.asked_at + state.wanted.deadline if state.wanted.deadline is not None else None
 
     # Choosing
 
-    def _settle(self, tender: Tender, now: float) -> None:
+    def _settle(self, call: Call, now: float) -> Effects:
         """Take the best of what came, on paper."""
-        self._tenders.close(tender)
+        state, run = self._state, self._arrangement.run(call)
+        yield from state.calls.close(call)
         bids: dict[str, Bid] = {}
         quotations: list[Quotation] = []
-        for member in tender.invited:
+        invited = self._arrangement.invited(call)
+        for member in invited:
             offered = member.bid is not None and member.state is State.OFFERED
             if member.bid is not None and offered:
                 bids[member.id] = fitted(member.bid, self._busy(member.offer))
-            elif member.state in SILENT and (guess := self._last_asked(tender.run, member, now)) is not None:
+            elif member.state in SILENT and (guess := self._last_asked(run, member, now)) is not None:
                 bids[member.id] = guess
             quotations.append(self._quotation(member, bids.get(member.id), estimate=not offered))
-            self._participants.dismiss(member, NOT_WANTED, now)
+            yield from self._participants.dismiss(member, NOT_WANTED, now)
         in_time = [one for one in bids.values() if self._latest is None or one.finish <= self._latest]
-        best = choose(in_time, self.task, self._asked_at) if in_time else None
-        self._quotations[tender.run.step.id] = [
+        best = choose(in_time, state.task, state.asked_at) if in_time else None
+        state.quotations[call.step] = [
             structs.replace(quotation, chosen=best is not None and member.id == best.participant)
-            for member, quotation in zip(tender.invited, quotations, strict=True)
+            for member, quotation in zip(invited, quotations, strict=True)
         ]
         if best is None:
             reasons = "; ".join(f"{one.service}: {one.reason}" for one in quotations if one.reason)
-            self._nobody(tender.run, now, f"nobody takes it ({reasons})" if not bids else "nobody would be done in time")
+            self._nobody(run, now, f"nobody takes it ({reasons})" if not bids else "nobody would be done in time")
             return
-        chosen = next(member for member in tender.invited if member.id == best.participant)
-        self._workflow.bind(tender.run, chosen.offer.provider)
+        chosen = next(member for member in invited if member.id == best.participant)
+        state.workflow.bind(run, chosen.offer.provider)
         chosen.bid = best
-        tender.run.take(chosen, best.start, best.finish)
+        state.workflow.take(run, chosen, best.start, best.finish)
 
     def _quotation(self, member: Member, bid: Bid | None, *, estimate: bool) -> Quotation:
-        silent = SILENT.get(member.state, "")
+        silent, asked_at = SILENT.get(member.state, ""), self._state.asked_at
         if bid is None:
             return Quotation(step=member.label, service=member.offer.service, reason=silent or member.last_word)
         return Quotation(
@@ -193,73 +238,78 @@ class Previewing:
             price=bid.terms.price,
             currency=bid.terms.currency,
             duration=bid.terms.duration,
-            start=bid.start - self._asked_at,
-            finish=bid.finish - self._asked_at,
+            start=bid.start - asked_at,
+            finish=bid.finish - asked_at,
             estimate=estimate,
             reason=silent if estimate else "",
         )
 
     def _nobody(self, run: StepRun, now: float, why: str) -> None:
         """The steps behind it are asked for all the same, as if it took no time."""
-        self._unserved[run.label] = why
-        run.start = run.finish = self._workflow.earliest_start(run, now)
-        run.progress = Progress.ARRANGED
+        state = self._state
+        state.unserved[run.label] = why
+        run.start = run.finish = state.workflow.earliest_start(run, now)
+        state.workflow.move(run, Progress.ARRANGED)
 
-    def _guess(self, now: float) -> None:
+    def _guess(self, now: float) -> Effects:
         """There is no time to ask for what is left: put down what services asked last."""
-        for run in self._workflow:
+        state = self._state
+        for run in state.workflow:
             if run.progress is not Progress.OPEN:
                 continue
-            invited = [self._participants.known(offer, run.label, run.key) for offer in self._offered.able(run)]
-            tender = Tender(run=run, invited=invited, earliest=0.0, latest=None, until=now)
-            self._tenders.open(tender)
-            self._settle(tender, now)
+            known = [self._participants.known(offer, run.label, run.key) for offer in self._services.able(run)]
+            for number, member in enumerate(known):  # nobody is asked: they need names of their own all the same
+                member.id = f"{member.id}/{run.key}/{number}"
+                state.members.by_id[member.id] = member
+            call = call_for(run, (member.id for member in known), earliest=0.0, latest=None, until=now)
+            yield from state.calls.open(call)
+            yield from self._settle(call, now)
 
     def _last_asked(self, run: StepRun, member: Member, now: float) -> Bid | None:
         """The bid that the service would make if it asked what it asked last, or says that it always asks."""
         offer = member.offer
-        known = self._setting.last_asked(offer)
+        known = self._context.quotes.last(offer)
         if known is None:
             return None
         price, duration = known
         terms = frp.Terms(effect=str(run.step.effect), price=price, duration=duration)
-        return fitted(bid(member.id, terms, "", self._workflow.earliest_start(run, now)), self._busy(offer))
+        return fitted(bid(member.id, terms, "", self._state.workflow.earliest_start(run, now)), self._busy(offer))
 
     def _busy(self, offer: Offer) -> Iterator[tuple[float, float]]:
-        return chain(self._setting.busy(offer.provider), self._workflow.promised(offer.provider))
+        return chain(self._context.busy(offer.provider), self._state.workflow.promised(offer.provider))
 
     # Telling
 
-    def _conclude(self) -> None:
-        plan, runs = self._workflow.plan, [*self._workflow]
-        quotations = tuple(chain.from_iterable(self._quotations.get(run.step.id, ()) for run in runs))
+    def _conclusion(self) -> Previewed:
+        state = self._state
+        plan, runs = state.workflow.plan, [*state.workflow]
+        quotations = tuple(chain.from_iterable(state.quotations.get(run.step.id, ()) for run in runs))
         chosen = {one.step: one for one in quotations if one.chosen}
         currencies = {one.currency for one in chosen.values()}
-        whole = not self._unserved
-        found = Previewed(
+        whole = not state.unserved
+        return Previewed(
             steps=tuple(
                 step_view(run.step, plan, service=one.service, price=one.price, duration=one.duration)
                 if (one := chosen.get(run.label)) is not None
                 else step_view(run.step, plan)
                 for run in runs
             ),
-            waits=self._waits,
+            waits=state.waits,
             quotations=quotations,
             price=sum(one.price or 0.0 for one in chosen.values()) if whole and len(currencies) == 1 else None,
             currency=next(iter(sorted(currencies)), "EUR"),
             seconds=max((one.finish or 0.0 for one in chosen.values()), default=0.0) if whole else None,
             estimate=any(one.estimate for one in chosen.values()),
-            unserved=self._unserved,
+            unserved=state.unserved,
         )
-        self._end(found)
 
-    def _end(self, found: Previewed) -> None:
-        self.over = True
-        self._tenders.drop()
-        self._setting.effects.append(Wake(f"{self.id}/time", None))
-        self._tell(found)
+    def _end(self, found: Previewed) -> Doing[Previewed | None]:
+        self._state.over = True
+        yield from self._state.calls.drop()
+        yield Wake(PreviewDue(self._state.id), None)
+        return found
 
-    def _heed(self, now: float, text: str) -> None:
+    def _heed(self, event: Event, now: float) -> None:
         """There is nobody at work who could fall silent."""
 
     def _note(self, now: float, message: Message) -> None:

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from somrs.gui.pages.task_words import counted, gist
-from somrs.protocol.messages.clients import EventKind, TaskEvent, TaskView
+from somrs.protocol.messages.clients import TaskEvent, TaskView
+from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.people import person
 

@@ -135,6 +135,13 @@ class NoPlan(Struct, frozen=True, tag=True):
     unoffered: tuple[str, ...] = ()
     undecided: bool = False
     """Whether there may be a plan all the same: it was too much to look through, or cannot be expressed."""
+    said: tuple[str, ...] = ()
+    """The reasons that the explanation is made of, if there are several."""
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The explanation, each reason by itself."""
+        return self.said or (self.explanation,)
 
 
 def linearisations(plan: Plan) -> Iterator[tuple[Step, ...]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from msgspec import Struct
 
 from somrs.entish import Formula
@@ -30,9 +28,8 @@ class Lost(Struct, frozen=True):
     why: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Problem:
-    """A task as the planner sees it. It can be pickled: search may happen in another process.
+class Problem(Struct, frozen=True, kw_only=True, tag=True):
+    """A task as the planner sees it.
 
     `goal` may have variables (any binding will do) and OR. `precondition` is what the client says is so at the start.
     `excluded` are objects that no step may involve: promised to another task, or in a state that nobody knows.

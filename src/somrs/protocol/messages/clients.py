@@ -7,6 +7,7 @@ from enum import StrEnum
 from msgspec import Struct
 
 from somrs.ontology.services import Handler
+from somrs.protocol.messages.events import Event, EventKind
 from somrs.protocol.messages.frp import Outcome, State
 
 
@@ -115,6 +116,8 @@ class TaskView(Struct, frozen=True, kw_only=True):
     outcome: Outcome | None = None
     ended_at: float | None = None
     explanation: str = ""
+    reasons: tuple[str, ...] = ()
+    """The explanation, each reason by itself."""
     steps: tuple[StepView, ...] = ()
     work: tuple[WorkView, ...] = ()
     """All that services did, in the order in which they began, in this plan and those before."""
@@ -138,6 +141,8 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     outcome: Outcome | None = None
     ended_at: float | None = None
     explanation: str = ""
+    reasons: tuple[str, ...] = ()
+    """The explanation, each reason by itself."""
     client: str = ""
     deadline: float | None = None
     priority: int = 0
@@ -185,37 +190,16 @@ class TasksNews(Struct, frozen=True, kw_only=True, tag=True):
     more: bool = False
 
 
-class EventKind(StrEnum):
-    """What an event is in the life of a task."""
-
-    NEWS = "news"
-    """It goes on."""
-    SETBACK = "setback"
-    """Something went wrong."""
-    HANDLER = "handler"
-    """A procedure that was laid down for a failure is begun."""
-    REPLACE = "replace"
-    """The ladder's first rung: another service takes the step."""
-    REPLAN = "replan"
-    """Its second rung: a new plan, from how things are now."""
-    WAIT = "wait"
-    """It waits for another task, or goes on."""
-    LOOK = "look"
-    """A cognitive service is to find out, or found out, what a failure left."""
-    UNDO = "undo"
-    """Its third and its last rung: what was done, or left, is undone."""
-    END = "end"
-    """The task is over."""
-
-
 class TaskEvent(Struct, frozen=True, kw_only=True):
-    """Something that happened to a task, in words: `number` counts from 1, `at` in seconds since 1970."""
+    """Something that happened to a task: `number` counts from 1, `at` in seconds since 1970. `event` is what happened, for programs; `text`
+    says it, for people. Records that SO-MRS 0.1 kept have the text only."""
 
     number: int
     at: float
     text: str
     step: str | None = None
     kind: EventKind = EventKind.NEWS
+    event: Event | None = None
 
 
 class ContractView(Struct, frozen=True, kw_only=True):
@@ -302,6 +286,8 @@ class Previewed(Struct, frozen=True, kw_only=True, tag=True):
 
     steps: tuple[StepView, ...]
     explanation: str = ""
+    reasons: tuple[str, ...] = ()
+    """The explanation, each reason by itself."""
     waits: str = ""
     quotations: tuple[Quotation, ...] = ()
     price: float | None = None
@@ -349,6 +335,8 @@ class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
     ended_at: float
     outcome: Outcome
     explanation: str = ""
+    reasons: tuple[str, ...] = ()
+    """The explanation, each reason by itself."""
     precondition: str | None = None
     policy: Policy = Policy.PRICE
     deadline: float | None = None

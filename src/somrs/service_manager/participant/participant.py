@@ -67,11 +67,11 @@ class ServiceManager:
             case Received(message):
                 self._received(message, now)
             case Rang(timer):
-                self._ring(timer, now)
-            case Answered(question, value) if question in self._quoting:
+                self._ring(str(timer), now)
+            case Answered(str(question), value) if question in self._quoting:
                 self._quoted(question, value, now)
             case Answered(question, value):
-                self._turns.answered(question, value, now)
+                self._turns.answered(str(question), value, now)
             case Undelivered(message):
                 self._undelivered(message, now)
         effects = [*self._effects]

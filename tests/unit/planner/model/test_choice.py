@@ -17,7 +17,8 @@ from somrs.planner.model.plan import Plan
 from somrs.planner.model.problem import Available, Problem
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
-from somrs.protocol.messages.clients import EventKind, Policy
+from somrs.protocol.messages.clients import Policy
+from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import Outcome
 from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Capability, Done, Order, Profile
@@ -156,5 +157,5 @@ def test_when_one_refuses_another_takes_it_without_a_new_plan() -> None:
     task = made.submit("Jar001 isOn Platform001")
     (view,) = made.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
-    assert not [event for event in made.manager.transactions[task].events if event.kind is EventKind.REPLAN]
+    assert not [event for event in made.manager.state.tasks[task].events if event.kind is EventKind.REPLAN]
     assert len(robots[2].orders) == 2

@@ -8,135 +8,125 @@ comes first, then the one that was submitted first. What is under way is not int
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+
+from msgspec import Struct, field
 
 from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relation, Term
 from somrs.entish.formula import alternatives, literals, terms
 from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import Plan, Step
 
-Then = Callable[[float], None]
-"""Called once what is waited for is free."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Claim:
+class Reservation(Struct, frozen=True, kw_only=True):
     """The objects that a plan changes, and those that have to stay as they are for it."""
 
     changes: frozenset[str] = frozenset()
     relies: frozenset[str] = frozenset()
 
-    def __or__(self, other: Claim) -> Claim:
-        return Claim(changes=self.changes | other.changes, relies=self.relies | other.relies)
+    def __or__(self, other: Reservation) -> Reservation:
+        return Reservation(changes=self.changes | other.changes, relies=self.relies | other.relies)
 
-    def meets(self, other: Claim) -> frozenset[str]:
+    def meets(self, other: Reservation) -> frozenset[str]:
         """What both cannot have."""
         return self.changes & (other.changes | other.relies) | self.relies & other.changes
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Held:
+class Held(Struct, frozen=True, kw_only=True):
     """There is a plan, but others have what it needs: who, and which of the objects."""
 
-    claim: Claim
+    wanted: Reservation
     by: dict[str, frozenset[str]]
     plan: Plan
 
     @property
-    def objects(self) -> str:
-        return ", ".join(sorted(frozenset[str]().union(*self.by.values())))
-
-    def in_words(self, claims: Claims) -> str:
-        who = " and ".join(f"task {task} ({claims.wish(task)})" for task in self.by)
-        return f"waiting for {who} to end, which {'has' if len(self.by) == 1 else 'have'} {self.objects}"
+    def objects(self) -> tuple[str, ...]:
+        return tuple(sorted(frozenset[str]().union(*self.by.values())))
 
 
-@dataclass(slots=True)
-class _Waiting:
-    claim: Claim
-    then: Then | None
-    """None: it was called, and makes its plan; until it has that, its claim is respected by whoever comes behind it."""
+class _Waiting(Struct):
+    wanted: Reservation
+    called: bool = False
+    """It makes its plan; until it has that, what it waits for is respected by whoever comes behind it."""
 
 
-@dataclass(slots=True)
-class Claims:
+class Reservations(Struct, kw_only=True):
     """Of all tasks that are under way, by task."""
 
-    _wishes: dict[str, str] = field(default_factory=dict)
+    goals: dict[str, str] = {}
     """What each wants, in the order in which they come first: by priority, and then as they were submitted."""
-    _priorities: dict[str, int] = field(default_factory=dict)
-    _held: dict[str, Claim] = field(default_factory=dict)
-    _waiting: dict[str, _Waiting] = field(default_factory=dict)
-    _freed: bool = False
+    priorities: dict[str, int] = {}
+    held: dict[str, Reservation] = {}
+    waiting: dict[str, _Waiting] = field(default_factory=dict)
+    freed: bool = False
     """Something is free that was not when it was looked last."""
 
-    def enter(self, task: str, wish: str, priority: int = 0) -> None:
+    def enter(self, task: str, goal: str, priority: int = 0) -> None:
         """The task was submitted."""
-        behind = [other for other in reversed(self._wishes) if self._priorities[other] < priority]
-        self._wishes[task], self._priorities[task] = wish, priority
+        behind = [other for other in reversed(self.goals) if self.priorities[other] < priority]
+        self.goals[task], self.priorities[task] = goal, priority
         for other in reversed(behind):
-            self._wishes[other] = self._wishes.pop(other)
+            self.goals[other] = self.goals.pop(other)
 
     def leave(self, task: str) -> None:
         """It is over."""
-        self._wishes.pop(task, None)
-        self._priorities.pop(task, None)
-        self._held.pop(task, None)
-        self._waiting.pop(task, None)
-        self._freed = True
+        self.goals.pop(task, None)
+        self.priorities.pop(task, None)
+        self.held.pop(task, None)
+        self.waiting.pop(task, None)
+        self.freed = True
 
-    def wish(self, task: str) -> str:
-        return self._wishes.get(task, "")
+    def goal(self, task: str) -> str:
+        return self.goals.get(task, "")
 
-    def conflicts(self, task: str, claim: Claim) -> dict[str, frozenset[str]]:
-        """Who has what the claim asks for, or waits for it and comes first; empty when it can be had."""
-        return {other: met for other, its in self._before(task) if (met := claim.meets(its))}
+    def conflicts(self, task: str, wanted: Reservation) -> dict[str, frozenset[str]]:
+        """Who has what is wanted, or waits for it and comes first; empty when it can be had."""
+        return {other: met for other, its in self._before(task) if (met := wanted.meets(its))}
 
-    def holders(self, task: str, claim: Claim) -> list[str]:
+    def holders(self, task: str, wanted: Reservation) -> list[str]:
         """Who else has any of it, whoever waits for it."""
-        return [other for other, its in self._held.items() if other != task and claim.meets(its)]
+        return [other for other, its in self.held.items() if other != task and wanted.meets(its)]
 
     def taken(self, task: str) -> frozenset[str]:
         """The objects that others change."""
         return frozenset(name for _, its in self._before(task) for name in its.changes)
 
-    def _before(self, task: str) -> Iterator[tuple[str, Claim]]:
-        yield from ((other, claim) for other, claim in self._held.items() if other != task)
-        for other in self._wishes:
+    def _before(self, task: str) -> Iterator[tuple[str, Reservation]]:
+        yield from ((other, its) for other, its in self.held.items() if other != task)
+        for other in self.goals:
             if other == task:
                 return
-            if (waiting := self._waiting.get(other)) is not None:
-                yield other, waiting.claim
+            if (waiting := self.waiting.get(other)) is not None:
+                yield other, waiting.wanted
 
-    def hold(self, task: str, claim: Claim) -> None:
+    def hold(self, task: str, wanted: Reservation) -> None:
         """The task has this from now on, and what it had before: that may have to be undone."""
-        self._held[task] = self._held.get(task, Claim()) | claim
-        self._waiting.pop(task, None)
+        self.held[task] = self.held.get(task, Reservation()) | wanted
+        self.waiting.pop(task, None)
 
-    def wait(self, task: str, claim: Claim, then: Then) -> None:
+    def wait(self, task: str, wanted: Reservation) -> None:
         """The task gives up what it has, and waits for this."""
-        self._held.pop(task, None)
-        self._waiting[task] = _Waiting(claim, then)
-        self._freed = True
+        self.held.pop(task, None)
+        self.waiting[task] = _Waiting(wanted)
+        self.freed = True
 
     def forget(self, task: str) -> None:
         """It does not wait any more."""
-        if self._waiting.pop(task, None) is not None:
-            self._freed = True
+        if self.waiting.pop(task, None) is not None:
+            self.freed = True
 
-    def wake(self, now: float) -> None:
-        """Let those go on that wait for nobody any more."""
-        while self._freed:
-            self._freed = False
-            for task in [task for task in self._wishes if task in self._waiting]:
-                waiting = self._waiting.get(task)
-                if waiting is not None and waiting.then is not None and not self.conflicts(task, waiting.claim):
-                    then, waiting.then = waiting.then, None
-                    then(now)
+    def called(self) -> Iterator[str]:
+        """Those that wait for nobody any more, each once. Between two of them, anything may change."""
+        while self.freed:
+            self.freed = False
+            for task in [task for task in self.goals if task in self.waiting]:
+                waiting = self.waiting.get(task)
+                if waiting is not None and not waiting.called and not self.conflicts(task, waiting.wanted):
+                    waiting.called = True
+                    yield task
 
 
-def claim(steps: Iterable[Step], goal: Formula, ontology: Ontology) -> Claim:
+def reservation(steps: Iterable[Step], goal: Formula, ontology: Ontology) -> Reservation:
     """What a plan changes and relies on. Of a goal with OR it is not known which part will be so."""
     changes: set[str] = set()
     relies: set[str] = set()
@@ -153,7 +143,7 @@ def claim(steps: Iterable[Step], goal: Formula, ontology: Ontology) -> Claim:
             relies.update(_read(step.precondition, ontology))
     if len([*alternatives(goal)]) == 1:
         relies.update(_read(goal, ontology))
-    return Claim(changes=frozenset(changes), relies=frozenset(relies - changes))
+    return Reservation(changes=frozenset(changes), relies=frozenset(relies - changes))
 
 
 def _read(formula: Formula, ontology: Ontology) -> Iterator[str]:

@@ -6,10 +6,13 @@ from collections import Counter, deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from enum import StrEnum
 
+from msgspec import Struct
+
 from somrs.entish import Formula
 from somrs.planner.model.choice import by
 from somrs.planner.model.plan import Plan, Step
-from somrs.task_manager.participants import Member
+from somrs.task_manager.execution.member import Member
+from somrs.task_manager.execution.participants import Members
 
 
 class Progress(StrEnum):
@@ -31,57 +34,33 @@ UNPROMISED = (Progress.OPEN, Progress.ARRANGING)
 PROMISED = (Progress.ARRANGED, Progress.EXECUTING)
 
 
-class StepRun:
+class StepRun(Struct, kw_only=True, eq=False):
     """A step of the plan and its life so far. `reported` is what a failed service, or whoever looked, said is so now.
 
-    `label` is what people know the step by; `key` tells it from all other steps of the transaction.
+    `label` is what people know the step by; `key` tells it from all other steps of the transaction. `participant` has it, or had it last
+    while it is done; `provider` is that one's device.
     """
 
-    def __init__(self, step: Step, label: str, key: str, workflow: Workflow) -> None:
-        self.step, self.label, self.key = step, label, key
-        self.precondition: Formula | None = None
-        self.reported: Formula | None = None
-        self.member: Member | None = None
-        self.excluded: dict[str, str] = {}
-        """Services not to be asked again for this step, and why."""
-        self.lapsed: set[str] = set()
-        """Services whose terms ran out once before the step could begin."""
-        self.handled: set[str] = set()
-        """What was laid down for its failure and has been tried, by its effect."""
-        self.start = self.finish = 0.0
-        self.waits = False
-        """It is arranged, and another has its device."""
-        self._workflow = workflow
-        self._progress = Progress.OPEN
-        self._failure: str | None = None
-
-    @property
-    def progress(self) -> Progress:
-        return self._progress
-
-    @progress.setter
-    def progress(self, progress: Progress) -> None:
-        before, self._progress = self._progress, progress
-        self._workflow.moved(self, before)
-
-    @property
-    def failure(self) -> str | None:
-        """It was begun, and is nobody's now; something has to be done about that before it is arranged again."""
-        return self._failure
-
-    @failure.setter
-    def failure(self, failure: str | None) -> None:
-        self._failure = failure
-        self._workflow.lost(self)
-
-    def take(self, member: Member, start: float, finish: float) -> None:
-        """The service is committed to it, from then until then."""
-        self.member, self.start, self.finish, self.waits = member, start, finish, False
-        self.progress = Progress.ARRANGED
-
-    def lose(self, failure: str | None = None) -> None:
-        """The service that had it is out."""
-        self.progress, self.member, self.failure = Progress.OPEN, None, failure
+    step: Step
+    label: str
+    key: str
+    progress: Progress = Progress.OPEN
+    failure: str | None = None
+    """It was begun, and is nobody's now; something has to be done about that before it is arranged again."""
+    participant: str | None = None
+    provider: str | None = None
+    precondition: Formula | None = None
+    reported: Formula | None = None
+    excluded: dict[str, str] = {}
+    """Services not to be asked again for this step, and why."""
+    lapsed: set[str] = set()
+    """Services whose terms ran out once before the step could begin."""
+    handled: set[str] = set()
+    """What was laid down for its failure and has been tried, by its effect."""
+    start: float = 0.0
+    finish: float = 0.0
+    waits: bool = False
+    """It is arranged, and another has its device."""
 
     @property
     def work(self) -> Hashable:
@@ -89,53 +68,76 @@ class StepRun:
         return self.step.service_type, tuple(self.step.inputs.items())
 
 
-class Workflow:
+class Workflow(Struct, dict=True, eq=False):
     """The steps of a plan with their states; order comes from the plan's links. What comes next is known without going through all
-    steps: each event moves few of them, and plans have hundreds."""
+    steps: each event moves few of them, and plans have hundreds. What is known so is made anew from the steps when they are read back."""
 
-    def __init__(self, plan: Plan, name: str = "", label: str = "") -> None:
-        self.plan = plan
-        self.runs = {step.id: StepRun(step, f"{label}{step.id}", f"{name}{step.id}", self) for step in plan.topological()}
-        self._place = {id: number for number, id in enumerate(self.runs)}
-        self._by_key = {run.key: run for run in self.runs.values()}
-        self._before = {id: tuple(self.runs[before] for before in plan.before(id)) for id in self.runs}
-        self._after = {id: tuple(self.runs[after] for after in plan.after(id)) for id in self.runs}
-        self._count = Counter(dict.fromkeys(Progress, 0))
-        self._count[Progress.OPEN] = len(self.runs)
-        self._unarranged = {id: len(before) for id, before in self._before.items()}
+    plan: Plan
+    runs: dict[str, StepRun]
+    """By the step's id, in an order in which they can be done."""
+
+    @classmethod
+    def of(cls, plan: Plan, name: str = "", label: str = "") -> Workflow:
+        """None of its steps is anybody's yet."""
+        return cls(plan, {step.id: StepRun(step=step, label=f"{label}{step.id}", key=f"{name}{step.id}") for step in plan.topological()})
+
+    def __post_init__(self) -> None:
+        runs, plan = self.runs, self.plan
+        self._place = {id: number for number, id in enumerate(runs)}
+        self._by_key = {run.key: run for run in runs.values()}
+        self._before = {id: tuple(runs[before] for before in plan.before(id)) for id in runs}
+        self._after = {id: tuple(runs[after] for after in plan.after(id)) for id in runs}
+        self._count = Counter({**dict.fromkeys(Progress, 0), **Counter(run.progress for run in runs.values())})
+        self._unarranged = {id: sum(one.progress in UNPROMISED for one in before) for id, before in self._before.items()}
         """How many steps right before it nobody has promised to do, by step."""
-        self._undone = {id: len(before) for id, before in self._before.items()}
-        self._open = {id for id, count in self._unarranged.items() if count == 0}
+        self._undone = {id: sum(one.progress is not Progress.DONE for one in before) for id, before in self._before.items()}
+        self._open: set[str] = set()
         """Steps to arrange, when all before them is promised."""
         self._ready: set[str] = set()
-        self._failed: set[str] = set()
+        self._failed = {id for id, run in runs.items() if run.failure is not None}
         self._promised: dict[str, set[str]] = {}
         """The steps that each provider is committed to, or does."""
+        for id, run in runs.items():
+            self._sort(run)
+            if run.provider is not None and run.progress in PROMISED:
+                self._promised.setdefault(run.provider, set()).add(id)
 
     def __iter__(self) -> Iterator[StepRun]:
         return iter(self.runs.values())
 
-    # What steps tell
+    # How steps change
 
-    def moved(self, run: StepRun, before: Progress) -> None:
-        """The step is in another state than before."""
-        after = run.progress
+    def move(self, run: StepRun, progress: Progress) -> None:
+        """The step is in another state now."""
+        before, run.progress = run.progress, progress
         self._count[before] -= 1
-        self._count[after] += 1
+        self._count[progress] += 1
         self._sort(run)
-        if run.member is not None:
-            _keep(self._promised.setdefault(run.member.offer.provider, set()), run.step.id, after in PROMISED)
-        promised = (after not in UNPROMISED) - (before not in UNPROMISED)
-        done = (after is Progress.DONE) - (before is Progress.DONE)
+        if run.provider is not None:
+            _keep(self._promised.setdefault(run.provider, set()), run.step.id, progress in PROMISED)
+        promised = (progress not in UNPROMISED) - (before not in UNPROMISED)
+        done = (progress is Progress.DONE) - (before is Progress.DONE)
         if promised or done:
             for next_ in self._after[run.step.id]:
                 self._unarranged[next_.step.id] -= promised
                 self._undone[next_.step.id] -= done
                 self._sort(next_)
 
-    def lost(self, run: StepRun) -> None:
-        """The step has to be recovered, or has been."""
-        _keep(self._failed, run.step.id, run.failure is not None)
+    def take(self, run: StepRun, member: Member, start: float, finish: float) -> None:
+        """The service is committed to it, from then until then."""
+        run.participant, run.provider, run.start, run.finish, run.waits = member.id, member.offer.provider, start, finish, False
+        self.move(run, Progress.ARRANGED)
+
+    def lose(self, run: StepRun, failure: str | None = None) -> None:
+        """The service that had it is out."""
+        self.move(run, Progress.OPEN)
+        run.participant = run.provider = None
+        self.fail(run, failure)
+
+    def fail(self, run: StepRun, failure: str | None) -> None:
+        """The step has to be recovered; or, with None, has been."""
+        run.failure = failure
+        _keep(self._failed, run.step.id, failure is not None)
 
     def _sort(self, run: StepRun) -> None:
         id = run.step.id
@@ -147,25 +149,26 @@ class Workflow:
 
     # What comes next
 
-    def adopt(self, old: Workflow) -> Iterator[Member]:
+    def adopt(self, old: Workflow, members: Members) -> Iterator[Member]:
         """Take over what still stands of the plan before. The services whose steps are no more are left over."""
         waiting: dict[Hashable, deque[StepRun]] = {}
         for run in self:
             waiting.setdefault(run.work, deque()).append(run)
         for run in old:
-            if run.progress is not Progress.ARRANGED or run.member is None:
+            member = members.get(run.participant)
+            if run.progress is not Progress.ARRANGED or member is None:
                 continue
-            who = run.member.offer.provider
+            who = member.offer.provider
             same = next((new for new in waiting.get(run.work, ()) if new.step.provider in (None, who) or who in new.step.alike), None)
             if same is not None:
                 new = same
                 waiting[run.work].remove(new)
                 self.bind(new, who)
-                new.take(run.member, run.start, run.finish)
+                self.take(new, member, run.start, run.finish)
                 new.precondition = run.precondition
-                run.member.step = new.key
+                member.step = new.key
             else:
-                yield run.member
+                yield member
 
     def bind(self, run: StepRun, provider: str) -> None:
         """The device does the step, and with it all that have to be done by the same one."""
@@ -180,7 +183,7 @@ class Workflow:
     def held_by(self, member: Member) -> StepRun | None:
         """The step that the participant is committed to, or does."""
         run = self.run_of(member)
-        return run if run is not None and run.member is member else None
+        return run if run is not None and run.participant == member.id else None
 
     def before(self, step: str) -> Sequence[StepRun]:
         """The steps that must be done before this one."""

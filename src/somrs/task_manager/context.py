@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
+
+from msgspec import Struct
 
 from somrs.entish import Formula
 from somrs.entish.formula import names
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
-from somrs.kernel.component import Effect
 from somrs.kernel.replica import Replica
 from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, Handler
@@ -20,9 +20,9 @@ from somrs.ontology.types import UNKNOWN
 from somrs.planner.model.problem import Available, Problem
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
-from somrs.task_manager.claims import Claims
-from somrs.task_manager.questions import Questions
-from somrs.task_manager.turns import Turns
+from somrs.task_manager.device_queue import AtWork, DeviceQueues
+from somrs.task_manager.requests import Requests
+from somrs.task_manager.reservations import Reservations
 
 PRICE, DURATION = "Price", "Duration"
 """The attributes of a service whose price, or duration, is always the same."""
@@ -31,41 +31,48 @@ PRICE, DURATION = "Price", "Duration"
 MOST_PRIORITY = 1000
 
 
-@dataclass(slots=True, kw_only=True)
-class Setting:
-    """What a transaction needs to know of the world around it; shared by all transactions of a Task Manager."""
+class Quotes(Struct, kw_only=True):
+    """What services asked last, and how long they said last that they take."""
 
-    address: str
-    effects: list[Effect]
-    """What is to be done about the input that is being handled."""
-    replica: Replica
-    questions: Questions
-    when_known: Callable[[int, Callable[[float], None], float], None]
-    """Calls the function as soon as the replica has this version of the map."""
-    claims: Claims
-    """What each transaction has to itself."""
-    busy: Callable[[str], list[tuple[float, float]]]
-    """From when until when a provider is committed to this Task Manager, in any transaction."""
-    turns: Turns = field(default_factory=Turns)
-    """Whose turn it is at each device."""
-    touched: dict[str, None] = field(default_factory=dict)
-    """The transactions to which something happened, for those who watch them."""
-    quotes: dict[str, float] = field(default_factory=dict)
-    """What services asked last."""
-    lasted: dict[str, float] = field(default_factory=dict)
-    """How long services said last that they take."""
+    prices: dict[str, float] = {}
+    durations: dict[str, float] = {}
 
-    def quoted(self, service: str, price: float, duration: float) -> None:
+    def given(self, service: str, price: float, duration: float) -> None:
         """A service gave its terms."""
-        self.quotes[service], self.lasted[service] = price, duration
+        self.prices[service], self.durations[service] = price, duration
 
-    def last_asked(self, offer: Offer) -> tuple[float, float] | None:
+    def last(self, offer: Offer) -> tuple[float, float] | None:
         """The price and the duration that a service asked last, or says that it always asks, if both are known."""
-        price = self.quotes.get(offer.service, offer.attributes.get(PRICE))
-        duration = self.lasted.get(offer.service, offer.attributes.get(DURATION))
+        price = self.prices.get(offer.service, offer.attributes.get(PRICE))
+        duration = self.durations.get(offer.service, offer.attributes.get(DURATION))
         if isinstance(price, float | int) and isinstance(duration, float | int):
             return float(price), float(duration)
         return None
+
+
+class Context:
+    """What a transaction needs to know of the world around it. It has no state of its own: it leads to that of the Task Manager."""
+
+    def __init__(
+        self,
+        *,
+        replica: Replica,
+        requests: Requests,
+        reservations: Reservations,
+        queues: DeviceQueues,
+        quotes: Quotes,
+        touched: dict[str, None],
+        busy: Callable[[str], list[tuple[float, float]]],
+        still_at_work: Callable[[AtWork], bool],
+    ) -> None:
+        self.address = requests.address
+        self.replica, self.requests, self.reservations, self.queues, self.quotes = replica, requests, reservations, queues, quotes
+        self.touched = touched
+        """The transactions to which something happened, for those who watch them."""
+        self.busy = busy
+        """From when until when a provider is committed to this Task Manager, in any transaction."""
+        self.still_at_work = still_at_work
+        """Whether a participant's device does yet what it was told to begin."""
 
 
 def problem(

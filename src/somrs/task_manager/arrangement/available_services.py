@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+
+from msgspec import Struct
 
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction
@@ -14,62 +14,78 @@ from somrs.ontology.types import WORKING
 from somrs.planner.model.plan import Step
 from somrs.planner.model.problem import Lost
 from somrs.protocol.messages.directory import Offer
-from somrs.task_manager.arrange import able, about, precondition_now, service_types
-from somrs.task_manager.workflow import StepRun
+from somrs.task_manager.execution.bids import able, about, precondition_now, service_types
+from somrs.task_manager.execution.workflow import StepRun
 
 MOST_FAILURES = 5
 """So often in a row a service may fail in one task, and be asked again when nobody else can be."""
 
 
-@dataclass(slots=True, kw_only=True)
-class Offered:
-    """`offers` and the map are as they were heard of last; both go on while a task runs."""
+class KnownServices(Struct, kw_only=True):
+    """What one task knows of services."""
 
-    replica: Replica
     offers: tuple[Offer, ...] = ()
-    broken: dict[str, str] = field(default_factory=dict)
-    """Services that failed or would not serve in this task, and why: new plans leave them out."""
-    _failures: Counter[str] = field(default_factory=Counter)
-    """Of services that said how they failed, since they last completed anything."""
-    _types: dict[str, ServiceType] = field(default_factory=dict)
+    broken: dict[str, str] = {}
+    """Those that failed or would not serve in this task, and why: new plans leave them out."""
+    failures: dict[str, int] = {}
+    """How often they said that they failed, since they last completed anything."""
+    types: dict[str, ServiceType] = {}
+    """A type that came with an offer stays known: a step of it may be committed when nobody offers it any more."""
+
+
+class AvailableServices:
+    """The offers and the map are as they were heard of last; both go on while a task runs."""
+
+    def __init__(self, state: KnownServices, replica: Replica) -> None:
+        self._state, self._replica = state, replica
+
+    @property
+    def broken(self) -> dict[str, str]:
+        return self._state.broken
 
     def discovered(self, offers: tuple[Offer, ...]) -> None:
-        """A type that came with an offer stays known: a step of it may be committed when nobody offers it any more."""
-        self.offers = offers
-        self._types.update({offer.service_type.name: offer.service_type for offer in offers})
+        """These are all that are on offer now."""
+        self._state.offers = offers
+        self._state.types.update({offer.service_type.name: offer.service_type for offer in offers})
 
     @property
     def usable(self) -> list[Offer]:
-        return [offer for offer in self.offers if offer.service not in self.broken]
+        return [offer for offer in self._state.offers if offer.service not in self.broken]
 
     @property
     def lost_to_it(self) -> list[Lost]:
         """What is on offer, but will not be asked, and why."""
         return [
-            Lost(offer.service_type, offer.service, self.broken[offer.service]) for offer in self.offers if offer.service in self.broken
+            Lost(offer.service_type, offer.service, self.broken[offer.service])
+            for offer in self._state.offers
+            if offer.service in self.broken
         ]
 
     def able(self, run: StepRun) -> list[Offer]:
         """Who can be asked for the step."""
-        return able(run.step, self.offers, self._known, {*run.excluded, *self.broken})
+        return able(run.step, self._state.offers, self._known, {*run.excluded, *self.broken})
 
     def failed(self, service: str, why: str) -> None:
         """It said that it failed."""
-        self._failures[service] += 1
+        self._state.failures[service] = self._state.failures.get(service, 0) + 1
         self.broken[service] = why
+
+    def exclude(self, excluded: dict[str, str]) -> None:
+        """They would not serve, for these reasons."""
+        self._state.broken = {**excluded, **self._state.broken}
 
     def lost(self, service: str, why: str) -> None:
         """It fell silent, and is not asked again."""
-        del self._failures[service]
+        self._state.failures.pop(service, None)
         self.broken[service] = why
 
     def completed(self, service: str) -> None:
-        del self._failures[service]
+        self._state.failures.pop(service, None)
 
     def once_more(self, run: StepRun | None = None) -> list[Offer]:
         """When nobody else can do it: those that failed, but may do better the next time, can be asked again for the step (None: for
         any)."""
-        offers = able(run.step, self.offers, self._known, ()) if run is not None else self.offers
+        offers = able(run.step, self._state.offers, self._known, ()) if run is not None else self._state.offers
         found = [offer for offer in offers if self._may_do_better(offer)]
         for offer in found:
             del self.broken[offer.service]
@@ -78,13 +94,13 @@ class Offered:
         return found
 
     def _may_do_better(self, offer: Offer) -> bool:
-        device = self.replica.map.objects.get(offer.provider)
+        device = self._replica.map.objects.get(offer.provider)
         works = device is None or device.values.get(WORKING) is not False
-        return works and offer.service in self.broken and 0 < self._failures[offer.service] < MOST_FAILURES
+        return works and offer.service in self.broken and 0 < self._state.failures.get(offer.service, 0) < MOST_FAILURES
 
     def precondition(self, run: StepRun) -> Formula | None:
         """The step's precondition as it is now, with what a failed service reported about its objects. Raises LookupError."""
-        map, ontology = self.replica.map, self.replica.ontology
+        map, ontology = self._replica.map, self._replica.ontology
         service_type = self._known[run.step.service_type]
         parts = [precondition_now(run.step, service_type, map, ontology), about(run.step, run.reported, map, ontology)]
         told = [part for part in parts if part is not None]
@@ -95,8 +111,8 @@ class Offered:
 
     @property
     def _known(self) -> dict[str, ServiceType]:
-        return {**self._types, **service_types(self.replica.ontology, self.offers)}
+        return {**self._state.types, **service_types(self._replica.ontology, self._state.offers)}
 
 
-def named(offers: Iterable[Offer]) -> str:
-    return ", ".join(offer.service for offer in offers)
+def named(offers: Iterable[Offer]) -> tuple[str, ...]:
+    return tuple(offer.service for offer in offers)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction, conjuncts, names, substitute
@@ -19,8 +21,7 @@ from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import Terms
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bid:
+class Bid(Struct, frozen=True, kw_only=True):
     """Terms that a service gave, with when it would start and finish (seconds, the coordinator's clock)."""
 
     participant: str

@@ -13,13 +13,13 @@ from somrs.errors import FormulaError
 from somrs.kernel.replica import Replica
 from somrs.ontology.services import PROVIDER, Handler, Occasion
 from somrs.ontology.truth import bindings
-from somrs.task_manager.work import Work
+from somrs.task_manager.execution.execution_log import Work
 
 
 def fitting(of_task: Iterable[Handler], work: Work, on: Occasion, replica: Replica) -> list[Handler]:
     """Those for the work that fit the situation, the task's own first, bound to its step."""
     laid_down = [handler for handler in of_task if handler.service_type in (None, work.step.service_type)] + [*work.service_type.handlers]
-    bound = {**work.step.bindings, PROVIDER: Name(work.member.offer.provider)}
+    bound = {**work.step.bindings, PROVIDER: Name(work.provider)}
     found: list[Handler] = []
     for handler in laid_down:
         if handler.on is not on:

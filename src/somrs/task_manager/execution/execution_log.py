@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from somrs.entish import Formula, Name
 from somrs.entish.formula import Attribute, Comparison, Not, Relation, conjunction, conjuncts, names
@@ -16,21 +17,26 @@ from somrs.ontology.values import constant
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages.clients import WorkView
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.participants import Member
+from somrs.task_manager.execution.member import Member
 
 INTERRUPTED = (State.FAILED, State.STOPPED, State.UNREACHABLE)
 """What became of work that was begun and not done."""
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
-class Work:
-    """What one service began. `state` is what became of it; `situation` what it, or whoever looked, said that it left."""
+class Work(Struct, kw_only=True, eq=False):
+    """What one service began. `state` is what became of it; `situation` what it, or whoever looked, said that it left. `key` is the step's,
+    `participant`, `service` and `provider` are those that did it."""
 
+    number: int
+    """In the order in which they began."""
     label: str
     """The step, as clients know it."""
+    key: str
     step: Step
     service_type: ServiceType
-    member: Member
+    participant: str
+    service: str
+    provider: str
     began: float
     before: Formula | None = None
     """What the step takes away: what undoing it restores. None when it takes nothing away."""
@@ -46,11 +52,8 @@ class Work:
     """It is part of an undoing, which is not undone itself."""
     taken_over: bool = False
     """It was interrupted, and other work began where it ended; undoing that restores what was before both."""
-    took_over: Work | None = None
-
-    @property
-    def service(self) -> str:
-        return self.member.offer.service
+    took_over: int | None = None
+    """The number of the work that it took over."""
 
     @property
     def matters(self) -> bool:
@@ -96,12 +99,11 @@ class Work:
                 return f"{did} was interrupted: {self.situation or self.note}"
 
 
-@dataclass(slots=True)
-class Ledger:
-    """All work of one task."""
+class ExecutionLog(Struct, kw_only=True):
+    """All work of one task. `begun`: how many there were, those included that turned out not to have begun."""
 
     works: list[Work] = field(default_factory=list)
-    _by_participant: dict[str, Work] = field(default_factory=dict)
+    begun: int = 0
 
     def __iter__(self) -> Iterator[Work]:
         return iter(self.works)
@@ -109,6 +111,7 @@ class Ledger:
     def begin(
         self,
         label: str,
+        key: str,
         step: Step,
         service_type: ServiceType,
         member: Member,
@@ -119,30 +122,43 @@ class Ledger:
         undoes: bool = False,
     ) -> Work:
         """Note a step that is about to be executed, with the map as it is before it."""
-        work = Work(label=label, step=step, service_type=service_type, member=member, began=now, undoes=undoes)
+        self.begun += 1
+        work = Work(
+            number=self.begun,
+            label=label,
+            key=key,
+            step=step,
+            service_type=service_type,
+            participant=member.id,
+            service=member.offer.service,
+            provider=member.offer.provider,
+            began=now,
+            undoes=undoes,
+        )
         if service_type.kind is ServiceKind.PHYSICAL:
             work.before, work.concerned = undone(step, map, ontology), concerned(step, map, ontology)
             self._take_over(work)
         self.works.append(work)
-        self._by_participant[member.id] = work
         return work
 
     def _take_over(self, work: Work) -> None:
         for earlier in reversed(self.works):
             if earlier.concerned == work.concerned and earlier.before is not None:
                 if earlier.state in INTERRUPTED and not earlier.undoes and not work.undoes:
-                    work.before, earlier.taken_over, work.took_over = earlier.before, True, earlier
+                    work.before, earlier.taken_over, work.took_over = earlier.before, True, earlier.number
                 return
 
     def drop(self, work: Work) -> None:
         """It was never begun."""
-        self.works.remove(work)
-        del self._by_participant[work.member.id]
+        self.works = [one for one in self.works if one is not work]
         if work.took_over is not None:
-            work.took_over.taken_over = False
+            self.numbered(work.took_over).taken_over = False
 
     def of(self, member: Member) -> Work | None:
-        return self._by_participant.get(member.id)
+        return next((work for work in reversed(self.works) if work.participant == member.id), None)
+
+    def numbered(self, number: int) -> Work:
+        return next(work for work in reversed(self.works) if work.number == number)
 
     def to_undo(self) -> list[Work]:
         """What is to be undone, last things first: a reverse of the order in which one enabled the next."""

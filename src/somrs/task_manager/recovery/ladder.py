@@ -6,8 +6,9 @@ when there is no plan; giving up, with everything undone, is the transaction's l
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from somrs.protocol.messages.directory import Offer
 
@@ -15,36 +16,35 @@ MOST_REPLANS = 8
 """How often one task is planned anew, with nothing completed between, before it is given up."""
 
 
-@dataclass(slots=True)
-class Replans:
+class Replans(Struct):
     """How often one thing was planned anew. Nothing may be done between too few times in a row; and however much is done, not for ever:
     somebody else may undo it each time. As often as there are steps in a plan, services may fail at them."""
 
-    _fruitless: int = 0
-    _all: int = 0
-    _steps: int = 0
+    fruitless: int = 0
+    all: int = 0
+    steps: int = 0
 
     def planned(self, steps: int) -> None:
         """A plan has so many steps."""
-        self._steps = max(self._steps, steps)
+        self.steps = max(self.steps, steps)
 
     def count(self) -> None:
         """It is planned anew."""
-        self._fruitless += 1
-        self._all += 1
+        self.fruitless += 1
+        self.all += 1
 
     def done(self) -> None:
         """A step was completed."""
-        self._fruitless = 0
+        self.fruitless = 0
 
     @property
     def spent(self) -> bool:
-        return self._fruitless >= MOST_REPLANS or self._all >= MOST_REPLANS + self._steps
+        return self.fruitless >= MOST_REPLANS or self.all >= MOST_REPLANS + self.steps
 
     def __str__(self) -> str:
-        if self._fruitless >= MOST_REPLANS:
-            return f"planned anew {self._fruitless} times already, and nothing was done"
-        return f"planned anew {self._all} times already"
+        if self.fruitless >= MOST_REPLANS:
+            return f"planned anew {self.fruitless} times already, and nothing was done"
+        return f"planned anew {self.all} times already"
 
 
 class Rung(StrEnum):

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import msgspec
 from msgspec import structs
 
 from somrs.errors import FormulaError
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.protocol.frp.states import WORKING
-from somrs.protocol.messages.clients import ContractView, MessageView, Previewed, StepView, TaskRow, TaskView, WorkView
+from somrs.protocol.messages.clients import ContractView, MessageView, Previewed, StepView, TaskEvent, TaskRow, TaskView, WorkView
 from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.event_text import joined, sentence, waiting
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.paging import fitting
-from somrs.task_manager.participants import Member
-from somrs.task_manager.workflow import Progress, StepRun
-
-if TYPE_CHECKING:
-    from somrs.task_manager.transaction import Transaction
+from somrs.task_manager.execution.member import Member
+from somrs.task_manager.execution.workflow import Progress, StepRun
+from somrs.task_manager.transaction.state import Noted, TaskState
 
 STEP_STATE = {
     Progress.OPEN: State.NEW,
@@ -31,33 +28,34 @@ STEP_STATE = {
 """How a step looks to clients who know the protocol's states only."""
 
 
-def view(transaction: Transaction) -> TaskView:
+def view(task: TaskState) -> TaskView:
     """A transaction as clients see it."""
-    workflow = transaction.wish.workflow
+    workflow = task.goal.workflow
     return TaskView(
-        task=transaction.id,
-        effect=transaction.task.effect,
-        phase=transaction.phase,
-        submitted_at=transaction.submitted_at,
-        outcome=transaction.outcome,
-        ended_at=transaction.ended_at,
-        explanation=transaction.explanation or transaction.wish.waits,
-        steps=tuple(_run_view(workflow.plan, run) for run in workflow) if workflow is not None else (),
-        work=tuple(work.view() for work in transaction.ledger),
-        client=transaction.client,
-        precondition=transaction.task.precondition,
-        policy=transaction.task.policy,
-        time_value=transaction.task.time_value,
-        deadline=transaction.task.deadline,
-        handlers=transaction.task.handlers,
-        priority=transaction.task.priority,
+        task=task.id,
+        effect=task.task.effect,
+        phase=task.phase,
+        submitted_at=task.submitted_at,
+        outcome=task.outcome,
+        ended_at=task.ended_at,
+        explanation=joined(_reasons(task)),
+        reasons=_reasons(task),
+        steps=tuple(_run_view(task, workflow.plan, run) for run in workflow) if workflow is not None else (),
+        work=tuple(work.view() for work in task.log),
+        client=task.client,
+        precondition=task.task.precondition,
+        policy=task.task.policy,
+        time_value=task.task.time_value,
+        deadline=task.task.deadline,
+        handlers=task.task.handlers,
+        priority=task.task.priority,
     )
 
 
-def view_in_parts(transaction: Transaction, after: int) -> tuple[TaskView, int | None]:
+def view_in_parts(task: TaskState, after: int) -> tuple[TaskView, int | None]:
     """A transaction with as many of its steps and its work behind the first `after` as fit a message; how many that makes, or None if
     these are the last."""
-    seen = view(transaction)
+    seen = view(task)
     parts = [*seen.steps, *seen.work]
     page = [*fitting(parts[after:], len(parts))]
     if len(page) == len(parts):
@@ -67,33 +65,34 @@ def view_in_parts(transaction: Transaction, after: int) -> tuple[TaskView, int |
     return structs.replace(seen, steps=steps, work=work), count if count < len(parts) else None
 
 
-def row(transaction: Transaction) -> TaskRow:
+def row(task: TaskState) -> TaskRow:
     """A transaction in a list."""
-    workflow = transaction.wish.workflow
-    working = [member for member in transaction.participants.working if member.state in WORKING]
+    workflow = task.goal.workflow
+    working = [member for member in task.members.working if member.state in WORKING]
     count, done = (workflow.count, workflow.count_done) if workflow is not None else (0, 0)
     under_way = sum(member.fraction for member in working if workflow is not None and workflow.held_by(member) is not None)
     return TaskRow(
-        task=transaction.id,
-        effect=transaction.task.effect,
-        phase=transaction.phase,
-        submitted_at=transaction.submitted_at,
-        outcome=transaction.outcome,
-        ended_at=transaction.ended_at,
-        explanation=transaction.explanation or transaction.wish.waits,
-        client=transaction.client,
-        deadline=transaction.task.deadline,
-        priority=transaction.task.priority,
+        task=task.id,
+        effect=task.task.effect,
+        phase=task.phase,
+        submitted_at=task.submitted_at,
+        outcome=task.outcome,
+        ended_at=task.ended_at,
+        explanation=joined(_reasons(task)),
+        reasons=_reasons(task),
+        client=task.client,
+        deadline=task.task.deadline,
+        priority=task.task.priority,
         steps=count,
         done=done,
-        fraction=min(1.0, (done + under_way) / count) if count else float(transaction.outcome is Outcome.ACCOMPLISHED),
-        setbacks=transaction.setbacks,
+        fraction=min(1.0, (done + under_way) / count) if count else float(task.outcome is Outcome.ACCOMPLISHED),
+        setbacks=task.setbacks,
         services=tuple(member.offer.service for member in working),
     )
 
 
-def _run_view(plan: Plan, run: StepRun) -> StepView:
-    member = run.member
+def _run_view(task: TaskState, plan: Plan, run: StepRun) -> StepView:
+    member = task.members.get(run.participant)
     return step_view(
         run.step,
         plan,
@@ -139,11 +138,11 @@ def previewed(found: object) -> Previewed:
             steps = tuple(step_view(step, found) for step in found.topological())
             return Previewed(steps=steps, explanation="" if found.steps else "nothing to do: it is so already")
         case NoPlan():
-            return Previewed(steps=(), explanation=found.explanation)
+            return Previewed(steps=(), explanation=found.explanation, reasons=found.reasons)
         case FormulaError():
             return Previewed(steps=(), explanation=str(found))
         case str(why):
-            return Previewed(steps=(), explanation=why)
+            return Previewed(steps=(), explanation=why, reasons=(why,))
         case _:
             return Previewed(steps=(), explanation=f"planning failed: {found}")
 
@@ -166,6 +165,16 @@ def contract_view(member: Member) -> ContractView:
         finish=member.bid.finish if member.bid is not None else None,
         reason=member.last_word or (session.reason if member.left_in in (None, State.ENDED) else ""),
     )
+
+
+def _reasons(task: TaskState) -> tuple[str, ...]:
+    """Why it ended, or ends, or what it waits for."""
+    return task.reasons or ((waiting(task.goal.waits),) if task.goal.waits is not None else ())
+
+
+def event_view(number: int, noted: Noted) -> TaskEvent:
+    """Something that happened."""
+    return TaskEvent(number=number, at=noted.at, text=sentence(noted.event), step=noted.step, kind=noted.kind, event=noted.event)
 
 
 def message_view(at: float, message: Message) -> MessageView:

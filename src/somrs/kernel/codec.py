@@ -1,0 +1,131 @@
+"""States and inputs of components as bytes, in msgpack, and back: those of earlier versions, too.
+
+Ontologies and maps are written as what they are made of; their indexes are sooner made than read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Generic, TypeVar
+
+import msgspec
+from msgspec import Struct
+
+from somrs.errors import UsageError
+from somrs.kernel.component import Stateful
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import AttributeType, FunctionType, ObjectType, Ontology, RelationType
+
+T = TypeVar("T")
+
+
+class _Definitions(Struct, frozen=True, array_like=True):
+    """An ontology on its way."""
+
+    attributes: list[AttributeType]
+    relations: list[RelationType]
+    functions: list[FunctionType]
+    types: list[ObjectType]
+    services: list[ServiceType]
+
+
+class _Contents(Struct, frozen=True, array_like=True):
+    """A map on its way."""
+
+    objects: list[Object]
+    facts: list[Fact]
+
+
+def _written(value: object) -> object:
+    match value:
+        case Ontology():
+            sections = (value.attributes, value.relations, value.functions, value.types, value.services)
+            return _Definitions(*([*section.values()] for section in sections))
+        case Map():
+            return _Contents([*value.objects.values()], [*value.facts()])
+    raise NotImplementedError(f"{type(value).__name__} cannot be written: it is no data")
+
+
+def _read(kind: type, value: Any) -> object:
+    if kind is Ontology:
+        found = msgspec.convert(value, _Definitions)
+        return Ontology([*found.attributes, *found.relations, *found.functions, *found.types, *found.services])
+    if kind is Map:
+        contents = msgspec.convert(value, _Contents)
+        return Map(contents.objects, contents.facts)
+    raise NotImplementedError(f"{kind.__name__} cannot be read: it is no data")
+
+
+_ENCODER = msgspec.msgpack.Encoder(enc_hook=_written)
+
+
+def encoded(value: object) -> bytes:
+    """The value in msgpack. Raises TypeError or NotImplementedError for what is no data."""
+    return _ENCODER.encode(value)
+
+
+class Codec(Generic[T]):
+    """Reads values of one type. Raises msgspec.ValidationError or DecodeError for anything else."""
+
+    def __init__(self, kind: Any) -> None:
+        self._kind = kind
+        self._decoder: msgspec.msgpack.Decoder[T] = msgspec.msgpack.Decoder(kind, dec_hook=_read)
+
+    def decoded(self, document: bytes) -> T:
+        return self._decoder.decode(document)
+
+    def converted(self, value: object) -> T:
+        """The same from what `plain` gives."""
+        found: T = msgspec.convert(value, self._kind, dec_hook=_read)
+        return found
+
+
+def plain(document: bytes) -> Any:
+    """What is written there, whatever its type: dictionaries, lists, texts and numbers."""
+    return msgspec.msgpack.decode(document)
+
+
+class Migration(Struct, frozen=True, kw_only=True):
+    """From one version of a component's data to the next, as `plain` values, which may be changed in place: of a `snapshot` and of an
+    `entry` of its journal."""
+
+    snapshot: Callable[[Any], Any] = lambda snapshot: snapshot
+    entry: Callable[[Any], Any] = lambda entry: entry
+
+
+class Schema(Struct, frozen=True, kw_only=True):
+    """What a component's state and inputs are made of. `version` counts up with each change of any of it, and `migrations` lead from each
+    version to the next. `timers`, `questions`, `tasks` and `answers` are types: of what it sets, asks, and hears; `restore` makes the
+    component that has a state."""
+
+    component: str
+    version: int
+    state: Any
+    timers: Any
+    questions: Any
+    tasks: Any
+    answers: Any
+    restore: Callable[[Any], Stateful]
+    migrations: Mapping[int, Migration] = {}
+
+    def leads_from(self, version: int) -> bool:
+        """Whether data of that version can be read."""
+        return version <= self.version and all(step in self.migrations for step in range(version, self.version))
+
+    def snapshot(self, value: Any, version: int) -> Any:
+        """A snapshot of that version as one of today. Raises UsageError for a version that cannot be read."""
+        for step in self._steps(version):
+            value = step.snapshot(value)
+        return value
+
+    def entry(self, value: Any, version: int) -> Any:
+        """A journal's entry of that version as one of today."""
+        for step in self._steps(version):
+            value = step.entry(value)
+        return value
+
+    def _steps(self, version: int) -> list[Migration]:
+        if not self.leads_from(version):
+            raise UsageError(f"its data have version {version}, and this program reads up to {self.version}")
+        return [self.migrations[step] for step in range(version, self.version)]

@@ -1,0 +1,140 @@
+"""Events of tasks as sentences, for people. No program reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from somrs.protocol.messages import events
+from somrs.protocol.messages.events import Event
+
+
+def joined(reasons: Iterable[str]) -> str:
+    """Reasons on one line."""
+    return "; ".join(reasons)
+
+
+def waiting(event: events.WaitsForTasks) -> str:
+    """For whom a task waits, and for what."""
+    who = " and ".join(f"task {task} ({goal})" for task, goal in event.tasks.items())
+    return f"waiting for {who} to end, which {'has' if len(event.tasks) == 1 else 'have'} {', '.join(event.objects)}"
+
+
+def sentence(event: Event) -> str:
+    """What happened."""
+    match event:
+        case events.TaskStated(effect=effect):
+            return f"task: {effect}"
+        case events.Planned(steps=0):
+            return "nothing to do: it is so already"
+        case events.Planned(steps=count):
+            return f"planned: {count} step{'s' if count != 1 else ''}"
+        case events.WaitsForTasks():
+            return waiting(event)
+        case events.GoesOn():
+            return "going on: what it waited for is free"
+        case events.Replanned(reasons=reasons):
+            return f"planning anew: {joined(reasons)}"
+        case events.TriedOnceMore(services=services):
+            return f"there is no plan without {', '.join(services)}, which may try again"
+        case events.Stopping(reason=reason):
+            return f"stopping: {reason}"
+        case events.TaskEnded(outcome=outcome, reasons=reasons):
+            return f"{outcome}: {joined(reasons)}" if reasons else f"{outcome}"
+        case _:
+            return _of_step(event)
+
+
+def _of_step(event: Event) -> str:
+    match event:
+        case events.ServicesAsked(services=services):
+            return f"asking {', '.join(services)}"
+        case events.TermsOffered(service=service, price=price, currency=currency, duration=duration):
+            return f"{service} offers {price:g} {currency}, {duration:.0f} s"
+        case events.ServiceRefused(service=service, reason=reason):
+            return f"{service} refuses: {reason}"
+        case events.ServiceChosen(service=service, price=price, currency=currency, duration=duration):
+            return f"{service} does it for {price:g} {currency}, in {duration:.0f} s"
+        case events.WaitsForDevice(device=device):
+            return f"waiting for its turn at {device}"
+        case events.StepStarted(service=service):
+            return f"{service} starts"
+        case events.ProgressNoted(service=service, note=note):
+            return f"{service}: {note}"
+        case events.StepCompleted(service=service, situation=situation):
+            return f"{service} completed: {situation}"
+        case events.StepStopped(service=service):
+            return f"{service} stopped"
+        case events.FoundSo():
+            return "what it was to bring about is so"
+        case _:
+            return _of_failure(event)
+
+
+def _of_failure(event: Event) -> str:
+    match event:
+        case events.NotBegun(service=service, description=description):
+            return f"{service} did not begin: {description}"
+        case events.StepFailed(service=service, description=description):
+            return f"{service} failed: {description}"
+        case events.ServiceFaulted(service=service, text=text):
+            return f"{service}: {text}"
+        case events.ContractForgotten(service=service):
+            return f"{service} has forgotten its contract"
+        case events.ServiceSilent(service=service):
+            return f"{service} is silent; asking for its state"
+        case events.ServiceOverdue(service=service, undoing=True):
+            return f"{service} takes far longer to undo it than it said; sending it home"
+        case events.ServiceOverdue(service=service):
+            return f"{service} takes far longer than it said; stopping it"
+        case events.ServiceLost(service=service):
+            return f"{service} {lost(event)}; nothing is known of what it left"
+        case events.ReportRejected(service=service, problems=problems):
+            return f"the Repository rejects what {service} reports: {joined(problems)}"
+        case _:
+            return _of_recovery(event)
+
+
+def lost(event: events.ServiceLost) -> str:
+    """Why nothing is known of what the service left."""
+    if event.silent:
+        return "fell silent while it worked"
+    return "did not say that it stopped" if event.stopping else "did not come to an end"
+
+
+def _of_recovery(event: Event) -> str:
+    match event:
+        case events.ServiceReplaced():
+            return "replacing the service"
+        case events.MayTryAgain(services=services):
+            return f"nobody else can do it: {', '.join(services)} may try again"
+        case events.HandlerBegun(effect=effect):
+            return f"the step failed, and for that was laid down: {effect}"
+        case events.GoalFailed(goal=goal, step=step, reasons=reasons):
+            return f"{goal} for {step}: {joined(reasons)}"
+        case events.LookBegun(service_type=service_type, object=object):
+            return f"{service_type}: somebody is to look at {object}"
+        case events.LookFound(situation=situation):
+            return f"seen: {situation or 'nothing'}"
+        case events.NobodyLooks(object=object):
+            return f"nobody can look at {object}: nothing is assumed about it"
+        case events.KnownOtherwise(object=object, problems=problems):
+            return f"something else is known of {object} by now: {joined(problems)}"
+        case events.FailuresUndone(reasons=reasons):
+            return f"{joined(reasons)}; undoing what failed"
+        case events.UndoneByHandler(effect=effect):
+            return f"undoing it by what was laid down: {effect}"
+        case events.UndoneByService(service=service, situation=situation):
+            return f"{service} is to restore {situation}"
+        case events.UndoneByOthers(situation=situation):
+            return f"others are to restore {situation}"
+        case events.Compensated(service=service, situation=situation):
+            return f"{service} compensated: {situation}"
+        case events.CompensationFailed(service=service, description=description):
+            return f"{service} could not undo it: {description}"
+        case events.WorkUndone():
+            return "is undone"
+        case events.WorkStranded(taken=True):
+            return "is not undone: another task has what it left"
+        case events.WorkStranded(reason=reason):
+            return f"could not be undone: {reason or 'nobody restores it'}"
+    raise AssertionError(f"there is no sentence for {type(event).__name__}")

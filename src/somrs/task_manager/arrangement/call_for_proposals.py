@@ -1,0 +1,199 @@
+"""Calls for proposals, each for one step: who was invited, and whose terms are taken (paper, "SO-MRS architecture": Arrangement)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+
+from msgspec import Struct, field
+
+from somrs.kernel.component import Doing, Effects, Wake
+from somrs.planner.model.choice import by
+from somrs.planner.model.plan import Step
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.frp import State
+from somrs.task_manager.execution.bids import bid, choose, fitted
+from somrs.task_manager.execution.member import Member
+from somrs.task_manager.execution.participants import Members, Participants
+from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
+from somrs.task_manager.timers import BidsDue
+
+AT_ONCE = 32
+"""For so many steps services are asked at a time: what they offer should not run out while others think about theirs."""
+
+REPLY_TIME = 10.0
+"""Seconds that services have to answer Arrange."""
+
+Busy = Callable[[str], Iterable[tuple[float, float]]]
+"""From when until when a provider is committed."""
+
+
+class Call(Struct, kw_only=True, eq=False):
+    """For the step of that id, which is to be had from `earliest` on, and to be done by `latest`. `invited` are participants. Answers are
+    awaited until `until`."""
+
+    step: str
+    key: str
+    same: str | None
+    """The steps that say the same have to be done by the same device."""
+    invited: tuple[str, ...]
+    earliest: float
+    latest: float | None
+    until: float
+
+
+class Calls(Struct, kw_only=True):
+    """All calls for proposals of one goal, by the steps' keys. `timer` rings when the time to answer the first of them is over, at
+    `woken`."""
+
+    timer: BidsDue
+    pending: dict[str, Call] = field(default_factory=dict)
+    woken: float | None = None
+
+    def __len__(self) -> int:
+        return len(self.pending)
+
+    def __iter__(self) -> Iterator[Call]:
+        return iter([*self.pending.values()])
+
+    def open(self, call: Call) -> Effects:
+        self.pending[call.key] = call
+        yield from self._wake()
+
+    def close(self, call: Call) -> Effects:
+        """Nobody is awaited any more."""
+        del self.pending[call.key]
+        yield from self._wake()
+
+    def drop(self) -> Effects:
+        self.pending.clear()
+        yield from self._wake()
+
+    def of(self, member: Member) -> Call | None:
+        """The call that the participant answers."""
+        call = self.pending.get(member.step)
+        return call if call is not None and member.id in call.invited else None
+
+    def settles(self, step: Step) -> bool:
+        """Whether it is being found out at another step which device does this one, too."""
+        return bool(step.alike) and any(call.same == step.same for call in self.pending.values())
+
+    def due(self, now: float) -> Iterator[Call]:
+        """Those for which the time to answer is over, unless what came of the ones before has closed them; `wake` afterwards."""
+        self.woken = None
+        for call in self:
+            if now >= call.until - 0.001 and self.pending.get(call.key) is call:
+                yield call
+
+    def wake(self) -> Effects:
+        """Set the timer for the calls that are left."""
+        yield from self._wake()
+
+    def _wake(self) -> Effects:
+        at = min((call.until for call in self.pending.values()), default=None)
+        if at != self.woken:
+            self.woken = at
+            yield Wake(self.timer, at)
+
+
+class Arrangement:
+    """Asks for terms for the steps of a workflow, and takes the best of those that come."""
+
+    def __init__(self, workflow: Workflow, members: Members, participants: Participants) -> None:
+        self._workflow, self._members, self._participants = workflow, members, participants
+
+    def invited(self, call: Call) -> list[Member]:
+        return [self._members.by_id[id] for id in call.invited]
+
+    def answered(self, call: Call) -> bool:
+        """Whether nobody is awaited any more."""
+        return all(member.state is not State.ARRANGING for member in self.invited(call))
+
+    def run(self, call: Call) -> StepRun:
+        return self._workflow.runs[call.step]
+
+    def offered(self, call: Call, member: Member, terms: frp.Terms, terms_id: str) -> None:
+        member.bid = bid(member.id, terms, terms_id, call.earliest)
+
+    def left(self, call: Call, member: Member, reason: str) -> None:
+        """It is out. Whose terms ran out before they could be taken may be asked once more."""
+        run, service = self.run(call), member.offer.service
+        if member.bid is None or service in run.lapsed:
+            run.excluded[service] = reason
+        else:
+            run.lapsed.add(service)
+        member.bid = None
+
+    def award(self, call: Call, task: Submit, busy: Busy, broken: Collection[str], now: float) -> Doing[Member | None]:
+        """Accept the terms that the policy prefers; everybody else is dismissed, and so is what broke at other work meanwhile."""
+        run, participants = self.run(call), self._participants
+        for member in self.invited(call):
+            if member.state is State.ARRANGING:
+                member.last_word = run.excluded[member.offer.service] = "did not answer"
+                yield from participants.dismiss(member, "no answer in time", now)
+        bidders = {m.id: (m, m.bid) for m in self.invited(call) if m.bid is not None and m.state is State.OFFERED}
+        bids = [fitted(bid, busy(m.offer.provider)) for m, bid in bidders.values() if m.offer.service not in broken]
+        if call.latest is not None:
+            for late in [one for one in bids if one.finish > call.latest]:
+                member, _ = bidders[late.participant]
+                run.excluded[member.offer.service] = f"would be done {late.finish - call.latest:.0f} s too late"
+                bids.remove(late)
+        if not bids:
+            yield from self.withdraw(call, "it failed at another step", now)
+            return None
+        if self._members.held(run.key):
+            yield from self.withdraw(call, "one that had it has come back, and has to stop first", now)
+            return None
+        best = choose(bids, task, now)
+        for member, _ in bidders.values():
+            if member.id == best.participant:
+                yield from participants.accept(member, best.terms_id, now)
+            else:
+                yield from participants.dismiss(member, f"another service was chosen by {task.policy}", now)
+        chosen = bidders[best.participant][0]
+        chosen.bid = best
+        self._workflow.take(run, chosen, best.start, best.finish)
+        return chosen
+
+    def withdraw(self, call: Call, reason: str, now: float) -> Effects:
+        """The step is not wanted any more."""
+        self._workflow.move(self.run(call), Progress.OPEN)
+        for member in self.invited(call):
+            yield from self._participants.dismiss(member, reason, now)
+
+    def call(
+        self, run: StepRun, offers: Sequence[Offer], earliest: float, latest: float | None, now: float, seconds: float = REPLY_TIME
+    ) -> Doing[Call]:
+        """Send Arrange to all of them, who have so many seconds to answer."""
+        self._workflow.move(run, Progress.ARRANGING)
+        inputs = {name: str(term) for name, term in run.step.inputs.items()}
+        arranges: dict[tuple[str, str | None], frp.Arrange] = {}
+
+        def arrange(offer: Offer) -> frp.Arrange:
+            """The same for all, but for who is spoken of."""
+            key = offer.service_type.name, offer.provider if run.step.alike else None
+            if key not in arranges:
+                step = by(run.step, offer.provider) if run.step.alike else run.step
+                precondition = step.precondition if run.step.alike else run.precondition or step.precondition
+                arranges[key] = frp.Arrange(
+                    service_type=offer.service_type.name,
+                    inputs=inputs,
+                    effect=str(step.effect),
+                    precondition=str(precondition) if precondition is not None else None,
+                    earliest_start=earliest,
+                    latest_finish=latest,
+                    reply_by=now + seconds,
+                )
+            return arranges[key]
+
+        invited: list[str] = []
+        for offer in offers:
+            member = yield from self._participants.invite(offer, run.label, run.key, arrange(offer), now, seconds)
+            invited.append(member.id)
+        return call_for(run, invited, earliest=earliest, latest=latest, until=now + seconds)
+
+
+def call_for(run: StepRun, invited: Iterable[str], *, earliest: float, latest: float | None, until: float) -> Call:
+    """The call for a step that these participants were asked for."""
+    return Call(step=run.step.id, key=run.key, same=run.step.same, invited=tuple(invited), earliest=earliest, latest=latest, until=until)

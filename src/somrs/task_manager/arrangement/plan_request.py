@@ -1,0 +1,111 @@
+"""A plan that is being made: first the services on offer are discovered, then the planner is asked, for one that leaves alone what
+other tasks have, and keeps what still stands of the plan before. When there is none, it is found out whether there would be one
+without them: then they have to be waited for.
+"""
+
+from __future__ import annotations
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from somrs.entish.parse import parse
+from somrs.errors import FormulaError
+from somrs.kernel.component import Ask, Doing, Effects, Withdraw
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.directory import Offer
+from somrs.task_manager.arrangement.available_services import AvailableServices
+from somrs.task_manager.context import Context, problem
+from somrs.task_manager.execution.workflow import Progress, Workflow
+from somrs.task_manager.requests import ForPlan
+from somrs.task_manager.reservations import Held, reservation
+from somrs.task_manager.timers import Answer, PlanWanted
+
+Found = Answer | Held | str
+"""What the planner answered; who has what is needed; or a text that says why it could not be asked."""
+
+
+class PlanRequest(Struct, kw_only=True):
+    """For the goal of that number of a task, or preview; `task` is what is wanted. `avoided` are objects that others have, unless a plan is
+    wanted `regardless`. `attempt`: how often the planner was asked."""
+
+    owner: str
+    goal: int
+    serial: int
+    task: Submit
+    avoided: frozenset[str] = frozenset()
+    regardless: bool = False
+    attempt: int = 0
+
+    @property
+    def purpose(self) -> ForPlan:
+        return ForPlan(self.owner, self.goal, self.serial)
+
+    @property
+    def question(self) -> PlanWanted:
+        return PlanWanted(self.owner, self.goal, self.serial, self.attempt)
+
+
+class PlanRequester:
+    """Brings a request to its end. `before` is the plan that it replaces; `holds`: what the plan needs is the task's from then on."""
+
+    def __init__(
+        self, request: PlanRequest, services: AvailableServices, context: Context, before: Workflow | None = None, *, holds: bool = True
+    ) -> None:
+        self._request, self._services, self._context, self._before, self._holds = request, services, context, before, holds
+
+    def begin(self, now: float) -> Effects:
+        yield from self._context.requests.discover(self._request.purpose, now)
+
+    def discovered(self, offers: tuple[Offer, ...] | str) -> Doing[Found | None]:
+        """The services on offer are known, or why they cannot be. What came of it, unless the planner was asked."""
+        if isinstance(offers, str):
+            return offers
+        self._services.discovered(offers)
+        self._request.avoided = self._context.reservations.taken(self._request.owner)
+        return (yield from self._ask())
+
+    def _ask(self) -> Doing[Found | None]:
+        request, context = self._request, self._context
+        avoided = request.avoided if not request.regardless else frozenset()
+        try:
+            task = problem(request.task, context.replica, self._services.usable, avoided, context.quotes.prices)
+        except FormulaError as error:
+            return f"the task does not fit the map any more: {error}"
+        task = replace(task, lost=tuple(self._services.lost_to_it))
+        if self._before is not None:
+            left = self._before.rest
+            promised = frozenset(run.step.id for run in left if run.progress is Progress.ARRANGED)
+            task = replace(task, rest=tuple(run.step for run in left), promised=promised)
+        request.attempt += 1
+        yield Ask(request.question, task)
+        return None
+
+    def answered(self, value: Answer) -> Doing[Found | None]:
+        """The planner answered. What came of it, unless it was asked once more."""
+        request = self._request
+        if isinstance(value, NoPlan) and request.avoided and not request.regardless:
+            request.regardless = True
+            return (yield from self._ask())
+        if isinstance(value, Plan):
+            return (yield from self._found(value))
+        return value
+
+    def _found(self, plan: Plan) -> Doing[Found | None]:
+        request, reservations = self._request, self._context.reservations
+        wanted = reservation(plan.steps, parse(request.task.effect), self._context.replica.ontology)
+        conflicts = reservations.conflicts(request.owner, wanted)
+        if not conflicts:
+            if self._holds:
+                reservations.hold(request.owner, wanted)
+            return plan
+        met = frozenset[str]().union(*conflicts.values())
+        if request.regardless or met <= request.avoided:
+            return Held(wanted=wanted, by=conflicts, plan=plan)
+        request.avoided |= met  # it changes what others rely on, or they have taken it meanwhile
+        return (yield from self._ask())
+
+    def withdraw(self) -> Effects:
+        """It is out of date, or not wanted any more."""
+        if self._request.attempt:
+            yield Withdraw(self._request.question)

@@ -1,0 +1,79 @@
+"""Whose turn it is at a device, among all tasks: it does so many things at once, and who is told to begin has its turn.
+
+Of steps that wait for the same device, those of the task with the highest priority come first, then those that were promised first. What
+is under way is not interrupted, and a device does not wait for a step that cannot begin yet, whatever its priority.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from msgspec import Struct, field
+
+from somrs.protocol.messages.directory import AT_ONCE, Offer
+
+Rank = tuple[float, float, float, str]
+"""The lowest comes first."""
+
+
+class AtWork(Struct, frozen=True):
+    """A participant that was told to begin something."""
+
+    transaction: str
+    participant: str
+
+
+StillAtWork = Callable[[AtWork], bool]
+"""Whether its device does that yet."""
+
+
+class _Turn(Struct, frozen=True):
+    """A task that has a step for the device."""
+
+    offer: Offer
+    rank: Rank
+
+
+class DeviceQueues(Struct, kw_only=True):
+    """Of all devices. Who waits in vain, because its step is gone, costs nothing: it is called, and takes no turn."""
+
+    at_work: dict[str, list[AtWork]] = {}
+    """By device, all that were told to begin and may be at work yet."""
+    waiting: dict[str, dict[str, _Turn]] = field(default_factory=dict)
+    """By device, and by task."""
+
+    def begins(self, device: str, work: AtWork) -> None:
+        """Something was told to begin there."""
+        self.at_work.setdefault(device, []).append(work)
+
+    def takes(self, offer: Offer, task: str, rank: Rank, still: StillAtWork) -> bool:
+        """Whether it is the task's turn at the device. If not, it is `called` once it may be."""
+        waiting = self.waiting.get(offer.provider, {})
+        if self._has_room(offer, still) and all(rank <= turn.rank for other, turn in waiting.items() if other != task):
+            return True
+        before = waiting.get(task)
+        if before is None or rank < before.rank:
+            self.waiting.setdefault(offer.provider, {})[task] = _Turn(offer, rank)
+        return False
+
+    def called(self, still: StillAtWork) -> Iterator[str]:
+        """The tasks whose turn it is. Between two of them, anything may change."""
+        for device in [*self.waiting]:
+            waiting = self.waiting[device]
+            while waiting:
+                task = min(waiting, key=lambda one: waiting[one].rank)
+                if not self._has_room(waiting[task].offer, still):
+                    break
+                del waiting[task]
+                yield task
+            if not waiting:
+                del self.waiting[device]
+
+    def _has_room(self, offer: Offer, still: StillAtWork) -> bool:
+        at_work = [work for work in self.at_work.get(offer.provider, ()) if still(work)]
+        if at_work:
+            self.at_work[offer.provider] = at_work
+        else:
+            self.at_work.pop(offer.provider, None)
+        many = offer.attributes.get(AT_ONCE, 1)
+        return len(at_work) < (many if isinstance(many, int | float) and not isinstance(many, bool) else 1)

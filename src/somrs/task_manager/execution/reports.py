@@ -1,0 +1,88 @@
+"""What the participants of one transaction report, on its way to the map."""
+
+from __future__ import annotations
+
+from msgspec import Struct, field
+
+from somrs.kernel.component import Effects
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
+from somrs.task_manager.context import Context
+from somrs.task_manager.requests import ForReport, said
+
+
+class OfProgress(Struct, frozen=True, tag=True):
+    """The participant goes on with its work, or was given up long ago."""
+
+    participant: str
+
+
+class OfWork(Struct, frozen=True, tag=True):
+    """The participant's work, or its undoing, is over. `trouble`: what went wrong."""
+
+    participant: str
+    situation: str
+    trouble: str | None = None
+
+
+class OfNobody(Struct, frozen=True, tag=True):
+    """Nobody could look at the object, of which nothing is known since that work."""
+
+    object: str
+    work: int
+
+
+About = OfProgress | OfWork | OfNobody
+
+
+class Report(Struct, frozen=True, kw_only=True):
+    update: UpdateMap
+    about: About
+
+
+class Settled(Struct, frozen=True, kw_only=True):
+    """A report is on the Task Manager's own copy of the map, or there is something wrong with it."""
+
+    about: About
+    problems: tuple[str, ...] = ()
+
+
+class Reports(Struct, kw_only=True):
+    """One report after the other, so that none overtakes a later one. Until all are settled, nothing is planned or arranged (FRP, property
+    5)."""
+
+    waiting: list[Report] = field(default_factory=list)
+
+    @property
+    def pending(self) -> bool:
+        return bool(self.waiting)
+
+    def put(self, owner: str, report: Report, context: Context, now: float) -> Effects:
+        """Put it on the map, when those before it are there. The owner hears of it by `answered`."""
+        self.waiting.append(report)
+        if len(self.waiting) == 1:
+            yield from self.next(owner, context, now)
+
+    def next(self, owner: str, context: Context, now: float) -> Effects:
+        """Tell the Repository the first that waits."""
+        yield from context.requests.update(self.waiting[0].update, ForReport(owner), now)
+
+    def settle(self, problems: tuple[str, ...]) -> Settled:
+        """The first that waits is settled; it is over with `over`."""
+        return Settled(about=self.waiting[0].about, problems=problems)
+
+    def over(self) -> bool:
+        """Whether that was the last."""
+        del self.waiting[0]
+        return not self.waiting
+
+
+def settled_at(answer: Message) -> tuple[int | None, tuple[str, ...]]:
+    """The version of the map that shows what the Repository answered to a report, if any does, and what is wrong with the report."""
+    match answer.body:
+        case Updated(version=version):
+            return version, ()
+        case Rejected(version=int(version)):  # what it contradicts may not be known here yet
+            return version, said(answer)
+        case _:
+            return None, said(answer)

@@ -1,0 +1,1 @@
+"""What is done about failures: replace, plan anew, look, undo (paper, "Protocol for failure handling and recovery")."""

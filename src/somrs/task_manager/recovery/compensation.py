@@ -1,0 +1,146 @@
+"""Undoing what was done, last things first (FRP, "Recovery": give up, and compensate and retry).
+
+Each piece of work goes through the same attempts, the cheapest first: it may be as it was already; a procedure may have been laid down
+for it; the service that did it may undo it; others may restore what was before. What none of them achieves is stranded: it is reported
+to the client with its situation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from enum import StrEnum
+
+from msgspec import Struct
+
+from somrs.kernel.component import Doing
+from somrs.ontology.services import Occasion
+from somrs.protocol.messages import events
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.events import Event
+from somrs.protocol.messages.frp import State
+from somrs.task_manager.context import Context, known_to_hold
+from somrs.task_manager.execution.execution_log import ExecutionLog, Work
+from somrs.task_manager.execution.participants import Members, Participants
+from somrs.task_manager.recovery.handlers import fitting
+from somrs.task_manager.reservations import Reservation
+
+
+class Attempt(StrEnum):
+    """In this order."""
+
+    HANDLER = "a procedure that was laid down"
+    PARTICIPANT = "the service that did it"
+    OTHERS = "other services"
+    NONE = "nobody"
+
+
+class Undoing(Struct, kw_only=True):
+    """What is to be undone: `left` are the numbers of the work that is yet to come, `work` the one that is being undone, with the attempts
+    that are left for it. `by_others`: other services may restore what was. `pursued`: a goal is pursued for it."""
+
+    left: list[int]
+    by_others: bool
+    restored: int = 0
+    work: int | None = None
+    attempts: list[Attempt] = []
+    pursued: bool = False
+
+    @classmethod
+    def of(cls, works: Iterable[Work], *, by_others: bool) -> Undoing:
+        return cls(left=[work.number for work in works], by_others=by_others)
+
+
+class ToRestore(Struct, frozen=True):
+    """A formula has to be made true, so that the work is undone."""
+
+    goal: str
+    work: Work
+
+
+class Compensation:
+    """Goes on with the undoing of a task's work whenever something may have moved. `tell` notes what happened to a piece of work."""
+
+    def __init__(
+        self,
+        state: Undoing,
+        *,
+        owner: str,
+        task: Submit,
+        log: ExecutionLog,
+        members: Members,
+        participants: Participants,
+        context: Context,
+        tell: Callable[[Event, Work, float], None],
+    ) -> None:
+        self._state, self._owner, self._task, self._log = state, owner, task, log
+        self._members, self._participants, self._context, self._tell = members, participants, context, tell
+
+    def proceed(self, now: float) -> Doing[bool | ToRestore]:
+        """Go on. Whether everything was gone through; or a formula that is to be pursued: `achieved` or `tried` is called then."""
+        state = self._state
+        while not state.pursued:
+            if state.work is None:
+                if not state.left:
+                    return True
+                state.work, state.attempts = state.left.pop(0), [*Attempt]
+                continue
+            work = self._log.numbered(state.work)
+            member = self._members.get(work.participant)
+            if member is not None and (member.state is State.COMPENSATING or member.halting):
+                return False
+            if work.state is State.COMPENSATED or self._is_as_it_was(work):
+                self._restored(work, now)
+            elif self._taken_over(work):
+                self._strand(work, events.WorkStranded(taken=True), now)
+            elif (goal := (yield from self._attempt(state.attempts.pop(0), work, now))) is not None:
+                state.pursued = True
+                return ToRestore(goal, work)
+        return False
+
+    def achieved(self, now: float) -> None:
+        """What was pursued is so."""
+        self._state.pursued = False
+        if self._state.work is not None:
+            self._restored(self._log.numbered(self._state.work), now)
+
+    def tried(self) -> None:
+        """What was pursued could not be had."""
+        self._state.pursued = False
+
+    def _attempt(self, attempt: Attempt, work: Work, now: float) -> Doing[str | None]:
+        """Undo it so. The formula that is to be pursued for that, if any."""
+        match attempt:
+            case Attempt.HANDLER:
+                for handler in fitting(self._task.handlers, work, Occasion.COMPENSATION, self._context.replica):
+                    self._tell(events.UndoneByHandler(effect=handler.effect), work, now)
+                    return handler.effect
+            case Attempt.PARTICIPANT:
+                member = self._members.get(work.participant)
+                if member is not None and (yield from self._participants.compensate(member, str(work.before), now)):
+                    self._tell(events.UndoneByService(service=work.service, situation=str(work.before)), work, now)
+            case Attempt.OTHERS if self._state.by_others:
+                self._tell(events.UndoneByOthers(situation=str(work.before)), work, now)
+                return str(work.before)
+            case Attempt.NONE if self._state.by_others:
+                self._strand(work, events.WorkStranded(reason=work.note), now)
+            case Attempt.NONE:
+                self._state.work = None
+        return None
+
+    def _taken_over(self, work: Work) -> bool:
+        """Whether another task has the objects of the work by now: this one had to wait since."""
+        return bool(self._context.reservations.holders(self._owner, Reservation(changes=frozenset(work.concerned))))
+
+    def _is_as_it_was(self, work: Work) -> bool:
+        return work.before is not None and known_to_hold(work.before, self._context.replica)
+
+    def _restored(self, work: Work, now: float) -> None:
+        work.state = State.COMPENSATED
+        self._state.restored += 1
+        self._tell(events.WorkUndone(), work, now)
+        self._state.work = None
+
+    def _strand(self, work: Work, event: events.WorkStranded, now: float) -> None:
+        work.state = State.STRANDED
+        self._tell(event, work, now)
+        self._state.work = None

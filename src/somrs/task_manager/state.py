@@ -1,0 +1,47 @@
+"""All that a Task Manager knows, as one tree of data."""
+
+from __future__ import annotations
+
+from msgspec import Struct, field
+
+from somrs.kernel.replica import Replica
+from somrs.protocol.messages.envelope import Message
+from somrs.task_manager.context import Quotes
+from somrs.task_manager.device_queue import DeviceQueues
+from somrs.task_manager.preview import PreviewState
+from somrs.task_manager.requests import Requests
+from somrs.task_manager.reservations import Reservations
+from somrs.task_manager.subscriptions import Subscriptions
+from somrs.task_manager.transaction.state import TaskState
+
+
+class UnsettledReport(Struct, frozen=True, kw_only=True):
+    """A report of a task that is settled once the map is known in that version; `problems`: what is wrong with it."""
+
+    version: int
+    task: str
+    problems: tuple[str, ...] = ()
+
+
+class TaskManagerState(Struct, kw_only=True):
+    """`tasks` are those that are known, `running` those of them that are not over. Of clients' requests, those wait that need the map
+    (`until_ready`) or the archive (`readers`), by message id."""
+
+    replica: Replica
+    requests: Requests
+    tasks: dict[str, TaskState] = field(default_factory=dict)
+    running: list[str] = []
+    previews: dict[str, PreviewState] = field(default_factory=dict)
+    reservations: Reservations = field(default_factory=Reservations)
+    queues: DeviceQueues = field(default_factory=DeviceQueues)
+    quotes: Quotes = field(default_factory=Quotes)
+    subscriptions: Subscriptions = field(default_factory=Subscriptions)
+    touched: dict[str, None] = {}
+    map_version: int = -1
+    unsettled: list[UnsettledReport] = []
+    until_ready: dict[str, Message] = {}
+    readers: dict[str, Message] = {}
+
+    @classmethod
+    def new(cls, address: str, repository: str, registry: str) -> TaskManagerState:
+        return cls(replica=Replica(address, repository), requests=Requests(address=address, repository=repository, registry=registry))

@@ -1,0 +1,1 @@
+"""One task from what its client states to its end: a transaction."""

@@ -1,0 +1,35 @@
+"""What is kept of a task that is over: who wanted it, what came of it, with which terms and messages."""
+
+from __future__ import annotations
+
+from somrs.protocol.messages.clients import TaskRecord
+from somrs.task_manager.transaction.state import TaskState
+from somrs.task_manager.transaction.views import contract_view, event_view, message_view, view
+
+
+def record(state: TaskState) -> TaskRecord:
+    """All that is kept of a task; it has just ended."""
+    assert state.outcome is not None, "only what is over is kept"
+    assert state.ended_at is not None, "only what is over is kept"
+    seen, task = view(state), state.task
+    return TaskRecord(
+        task=state.id,
+        client=state.client,
+        effect=task.effect,
+        precondition=task.precondition,
+        policy=task.policy,
+        deadline=task.deadline,
+        submitted_at=state.submitted_at,
+        ended_at=state.ended_at,
+        outcome=state.outcome,
+        explanation=seen.explanation,
+        reasons=seen.reasons,
+        steps=seen.steps,
+        work=seen.work,
+        contracts=tuple(contract_view(member) for member in state.members),
+        events=tuple(event_view(number, noted) for number, noted in enumerate(state.events, 1)),
+        messages=tuple(message_view(one.at, one.message) for one in state.messages),
+        priority=task.priority,
+        time_value=task.time_value,
+        handlers=task.handlers,
+    )

@@ -1,0 +1,39 @@
+"""What all that works on one task has in common: the task's state, its participants, and the way to note what happens."""
+
+from __future__ import annotations
+
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.events import Event, EventKind, kind_of
+from somrs.task_manager.arrangement.available_services import AvailableServices
+from somrs.task_manager.context import Context
+from somrs.task_manager.execution.execution_log import Work
+from somrs.task_manager.execution.participants import Participants
+from somrs.task_manager.execution.workflow import StepRun
+from somrs.task_manager.transaction.state import Noted, Passed, TaskState
+
+
+class TaskScope:
+    """Made anew whenever it is needed: it has no state of its own."""
+
+    def __init__(self, state: TaskState, context: Context) -> None:
+        self.state, self.context = state, context
+        self.participants = Participants(state.id, state.members, context, self.tell, self._note)
+        self.services = AvailableServices(state.services, context.replica)
+
+    def tell(self, event: Event, now: float, of: StepRun | Work | None = None) -> None:
+        """Something happened that the client wants to know."""
+        state = self.state
+        self.context.touched[state.id] = None
+        state.setbacks += kind_of(event) is EventKind.SETBACK
+        state.events.append(Noted(now, event, of.label if of is not None else None))
+
+    def tell_of(self, event: Event, work: Work, now: float) -> None:
+        """Something happened to a piece of work."""
+        self.tell(event, now, work)
+
+    def _note(self, now: float, message: Message) -> None:
+        state = self.state
+        if state.outcome is None:
+            state.messages.append(Passed(now, message))
+            state.passed += 1
+            self.context.touched[state.id] = None

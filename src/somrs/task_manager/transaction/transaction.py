@@ -1,0 +1,386 @@
+"""One task from what its client states to its end (paper, "Protocol for failure handling and recovery": the realization of a task is a
+transaction).
+
+It pursues the task's goal, and whatever has to be so on the way, one thing at a time (`goal_pursuit.py`); hears the participants, and has
+what they report put on the map (`participant_events.py`); has somebody look where nobody reports (`recovery/observation.py`); and undoes
+what was done when it ends otherwise than wanted (`recovery/compensation.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from somrs.entish.parse import parse
+from somrs.kernel.component import Doing, Effects, Record, Wake
+from somrs.ontology.services import Occasion
+from somrs.planner.model.plan import Plan
+from somrs.protocol.messages import events
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.event_text import waiting
+from somrs.protocol.messages.events import GoalKind
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.task_manager.context import Context
+from somrs.task_manager.execution.execution_log import INTERRUPTED, Work
+from somrs.task_manager.execution.reports import OfNobody, settled_at
+from somrs.task_manager.recovery.compensation import Compensation, ToRestore, Undoing
+from somrs.task_manager.recovery.handlers import fitting
+from somrs.task_manager.recovery.observation import Look, LookBy, Observation
+from somrs.task_manager.requests import ForLook, ForPlan
+from somrs.task_manager.reservations import Reservation
+from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, SilenceDue, StopDue
+from somrs.task_manager.transaction.goal_pursuit import CannotBeHad, GoalPursuit, GoOn, Next, NoPlanFound, Reached, StepLost
+from somrs.task_manager.transaction.participant_events import GoesOn, ParticipantEvents
+from somrs.task_manager.transaction.record import record
+from somrs.task_manager.transaction.scope import TaskScope
+from somrs.task_manager.transaction.state import GoalExecution, TaskState
+
+STOP_TIME = 60.0
+"""Seconds that everybody has to stop safely; who has not by then is given up."""
+
+
+def new_task(id: str, task: Submit, now: float, client: str = "") -> TaskState:
+    """A task that was just stated. `start` its transaction next."""
+    goal = GoalExecution.of(id, 1, task.effect, GoalKind.TASK)
+    return TaskState(id=id, task=task, submitted_at=now, client=client, goal=goal)
+
+
+class Transaction:
+    """Goes on with one task. It has no state of its own."""
+
+    def __init__(self, state: TaskState, context: Context) -> None:
+        self.state, self._context = state, context
+        self._scope = TaskScope(state, context)
+        self._participants = ParticipantEvents(self._scope)
+
+    # What comes
+
+    def start(self, now: float) -> Effects:
+        state = self.state
+        self._scope.tell(events.TaskStated(effect=state.task.effect), now)
+        self._context.reservations.enter(state.id, state.task.effect, state.task.priority)
+        if state.latest is not None:
+            yield Wake(DeadlineDue(state.id), state.latest)
+        yield from self._next(state.goal, (yield from self._pursuit(state.goal).begin(now)), now)
+
+    def discovered(self, purpose: ForPlan | ForLook, offers: tuple[Offer, ...] | str, now: float) -> Effects:
+        """The services on offer are known, or why they cannot be."""
+        if isinstance(purpose, ForLook):
+            yield from self._look((yield from self._observation.discovered(purpose, offers, now)), now)
+            return
+        execution = self._execution(purpose.goal)
+        if execution is not None:
+            yield from self._next(execution, (yield from self._pursuit(execution).discovered(purpose.serial, offers, now)), now)
+
+    def planned(self, question: PlanWanted, answer: Answer, now: float) -> Effects:
+        """The planner's answer."""
+        execution = self._execution(question.goal)
+        if execution is not None:
+            yield from self._next(execution, (yield from self._pursuit(execution).planned(question, answer, now)), now)
+
+    def receive(self, message: Message, now: float) -> Effects:
+        """A message of the protocol from a participant."""
+        yield from self._go_on((yield from self._participants.receive(message, now)), now)
+
+    def undelivered(self, message: Message, reason: str, now: float) -> Effects:
+        """A message never arrived."""
+        yield from self._go_on((yield from self._participants.undelivered(message, reason, now)), now)
+
+    def report_answered(self, answer: Message, now: float) -> Doing[tuple[int, tuple[str, ...]] | None]:
+        """The Repository answered a report. The version of the map that is to be known before it is `settled`, with what is wrong with it;
+        None: it is settled."""
+        version, problems = settled_at(answer)
+        if version is not None and version > self._context.replica.version:
+            return version, problems
+        yield from self.settled(problems, now)
+        return None
+
+    def settled(self, problems: tuple[str, ...], now: float) -> Effects:
+        """A report is on the map that is known here, or there is something wrong with it."""
+        reports = self.state.reports
+        match reports.settle(problems).about:
+            case OfNobody() as about:
+                self._observation.assumed(about, problems, now)
+            case about:
+                self._participants.settled(about, problems, now)
+        if reports.over():
+            yield from self.proceed(now)
+        else:
+            yield from reports.next(self.state.id, self._context, now)
+
+    def ring(self, timer: BidsDue | SilenceDue | OverdueDue | DeadlineDue | StopDue, now: float) -> Effects:
+        """A timer of the task rang."""
+        match timer:
+            case BidsDue(goal=goal):
+                execution = self._execution(goal)
+                if execution is not None:
+                    yield from self._next(execution, (yield from self._pursuit(execution).bids_due(now)), now)
+            case SilenceDue(participant=participant):
+                yield from self._go_on((yield from self._participants.silent(participant, now)), now)
+            case OverdueDue(participant=participant):
+                yield from self._go_on((yield from self._participants.overdue(participant, now)), now)
+            case DeadlineDue():
+                yield from self._stop(now, Outcome.FAILED, (f"the deadline of {self.state.task.deadline:g} s is over",))
+            case StopDue():
+                yield from self._stop_overdue(now)
+
+    def freed(self, now: float) -> Effects:
+        """What the task waits for is free."""
+        self._pursuit(self.state.goal).freed(now)
+        yield from self.proceed(now)
+
+    def cancel(self, now: float, reason: str) -> Effects:
+        """The client does not want it any more."""
+        yield from self._stop(now, Outcome.CANCELLED, (reason or "cancelled by the client",))
+
+    # Going on
+
+    def proceed(self, now: float) -> Effects:
+        """Do whatever comes next. Nothing does while a report is on its way to the map (FRP, property 5)."""
+        state = self.state
+        self._context.touched[state.id] = None
+        if state.outcome is not None or state.reports.pending or state.looks.asking is not None:
+            return
+        if state.ending is not None and state.undoing is None and state.members.working:
+            return
+        if state.looks.wanted:
+            yield from self._observation.begin(now)
+        elif state.aside:
+            execution = state.aside[-1]
+            yield from self._next(execution, (yield from self._pursuit(execution).proceed(now)), now)
+        elif state.undoing is not None:
+            yield from self._undo(state.undoing, now)
+        elif state.ending is not None:
+            yield Wake(StopDue(state.id), None)
+            works = state.log.to_undo()
+            self._keep_to_itself(works)
+            state.undoing = Undoing.of(works, by_others=True)
+            yield from self._undo(state.undoing, now)
+        else:
+            yield from self._next(state.goal, (yield from self._pursuit(state.goal).proceed(now)), now)
+
+    def _go_on(self, goes_on: GoesOn, now: float) -> Effects:
+        if goes_on is not None:
+            execution, next = goes_on
+            yield from self._next(execution if execution is not None else self.state.goal, next, now)
+
+    def _next(self, execution: GoalExecution, next: Next | None, now: float) -> Effects:
+        """What the pursuit of a goal could not settle by itself."""
+        match next:
+            case GoOn():
+                yield from self.proceed(now)
+            case Reached():
+                yield from self._reached(execution, now)
+            case CannotBeHad(reasons):
+                yield from self._cannot_be_had(execution, reasons, now)
+            case StepLost(step, reasons):
+                if not (yield from self._handled(execution, step, now)):
+                    yield from self._next(execution, (yield from self._pursuit(execution).recover(step, reasons, now)), now)
+            case NoPlanFound(reasons):
+                if not (yield from self._unblocked(execution, reasons, now)):
+                    yield from self._next(execution, (yield from self._pursuit(execution).without_plan(reasons, now)), now)
+
+    def _reached(self, execution: GoalExecution, now: float) -> Effects:
+        """What was pursued is so."""
+        state = self.state
+        if execution is state.goal:
+            yield from self._end(now, Outcome.ACCOMPLISHED)
+            return
+        state.aside.remove(execution)
+        if execution.kind is GoalKind.LOOK:
+            self._looked(execution, now)
+        elif execution.kind is GoalKind.UNDO and state.undoing is not None:
+            self._compensation(state.undoing).achieved(now)
+        yield from self.proceed(now)
+
+    def _cannot_be_had(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> Effects:
+        """What was pursued cannot be had."""
+        state = self.state
+        if execution is state.goal:
+            yield from self._stop(now, Outcome.FAILED, reasons)
+            return
+        state.aside.remove(execution)
+        work = state.log.numbered(execution.work) if execution.work is not None else None
+        self._scope.tell(events.GoalFailed(goal=execution.kind, step=work.label if work else "the task", reasons=reasons), now)
+        if execution.kind is GoalKind.LOOK and execution.look is not None:
+            yield from self._look((yield from self._observation.next_way(execution.look, now)), now)
+            return
+        if execution.kind is GoalKind.UNDO and state.undoing is not None:
+            if work is not None:
+                work.note = work.note or reasons[0]
+            self._compensation(state.undoing).tried()
+        yield from self.proceed(now)
+
+    def _handled(self, execution: GoalExecution, step: str, now: float) -> Doing[bool]:
+        """Whether a procedure that was laid down for the failure of the step is begun. The step is recovered after it."""
+        assert execution.workflow is not None, "a step of it was lost"
+        state, run = self.state, execution.workflow.runs[step]
+        work = next((work for work in reversed(state.log.works) if work.key == run.key), None)
+        if work is None or state.ending is not None:
+            return False
+        for handler in fitting(state.task.handlers, work, Occasion.FAILURE, self._context.replica):
+            if handler.effect not in run.handled:
+                run.handled.add(handler.effect)
+                self._scope.tell(events.HandlerBegun(effect=handler.effect), now, run)
+                yield from self._pursue(handler.effect, GoalKind.HANDLER, work, now)
+                return True
+        return False
+
+    def _unblocked(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> Doing[bool]:
+        """Whether what failures left is being undone by those that failed, so that there may be a plan again (FRP, third rung)."""
+        state = self.state
+        works = [work for work in state.log.interrupted() if self._can_undo(work)]
+        if execution is not state.goal or state.ending is not None or state.undoing is not None or not works:
+            return False
+        if state.goal.workflow is not None and state.goal.workflow.busy:
+            return False
+        self._scope.tell(events.FailuresUndone(reasons=reasons), now)
+        state.blocked = reasons
+        state.undoing = Undoing.of(works, by_others=False)
+        yield from self.proceed(now)
+        return True
+
+    def _can_undo(self, work: Work) -> bool:
+        member = self.state.members.get(work.participant)
+        return member is not None and member.state in INTERRUPTED and member.lost_at is None
+
+    def _pursue(self, goal: str, kind: GoalKind, work: Work, now: float, plan: Plan | None = None, look: Look | None = None) -> Effects:
+        state = self.state
+        state.goals += 1
+        execution = GoalExecution.of(state.id, state.goals, goal, kind, work.number, look)
+        state.aside.append(execution)
+        yield from self._next(execution, (yield from self._pursuit(execution).begin(now, plan)), now)
+
+    # Undoing
+
+    def _keep_to_itself(self, works: Iterable[Work]) -> None:
+        """Nobody else has to do with what is going to be undone, but for those who have it already."""
+        reservations = self._context.reservations
+        for work in works:
+            wanted = Reservation(changes=frozenset(work.concerned))
+            if not reservations.holders(self.state.id, wanted):
+                reservations.hold(self.state.id, wanted)
+
+    def _undo(self, undoing: Undoing, now: float) -> Effects:
+        state = self.state
+        match (yield from self._compensation(undoing).proceed(now)):
+            case ToRestore(goal, work):
+                yield from self._pursue(goal, GoalKind.UNDO, work, now)
+            case True if state.ending is not None:
+                yield from self._end(now, state.ending)
+            case True:
+                state.undoing = None
+                if undoing.restored or self._scope.services.once_more():
+                    yield from self._pursuit(state.goal).again(now)
+                else:
+                    yield from self._stop(now, Outcome.FAILED, state.blocked)
+
+    # Looking
+
+    def _look(self, by: LookBy | None, now: float) -> Effects:
+        """Have it looked at so; otherwise go on."""
+        if by is None:
+            yield from self.proceed(now)
+            return
+        work = self.state.log.numbered(by.look.work)
+        yield from self._pursue(str(by.plan.steps[0].effect), GoalKind.LOOK, work, now, by.plan, by.look)
+
+    def _looked(self, execution: GoalExecution, now: float) -> None:
+        """The finding is on the map, as every report is; the step that was lost begins where it says."""
+        assert execution.look is not None, "whoever looks knows for what"
+        state = self.state
+        labels = {run.label for run in execution}
+        finding = next((work.situation for work in reversed(state.log.works) if work.label in labels), None)
+        lost = state.log.numbered(execution.look.work)
+        lost.situation = finding or lost.situation
+        self._scope.tell_of(events.LookFound(situation=finding), lost, now)
+        for other in state.executions:
+            for run in other:
+                if run.key == lost.key and run.failure is not None and finding is not None:
+                    run.reported = parse(finding)
+
+    # Ending
+
+    def _stop(self, now: float, outcome: Outcome, reasons: tuple[str, ...]) -> Effects:
+        state = self.state
+        if state.outcome is not None or state.ending is not None:
+            return
+        state.ending = outcome
+        state.reasons = (*reasons, f"it was {waiting(state.goal.waits)}") if state.goal.waits is not None else reasons
+        if outcome is Outcome.CANCELLED:
+            self._scope.tell(events.Stopping(reason=reasons[0]), now)
+        for execution in state.executions:
+            yield from self._pursuit(execution).abandon()
+            if execution.look is not None:
+                state.looks.again(execution.look)
+        state.aside.clear()
+        state.undoing = None
+        state.looks.drop()
+        yield Wake(DeadlineDue(state.id), None)
+        yield from self._scope.participants.stop(reasons[0], now)
+        yield Wake(StopDue(state.id), now + STOP_TIME)
+        yield from self.proceed(now)
+
+    def _stop_overdue(self, now: float) -> Effects:
+        """Not everybody has stopped in time."""
+        state = self.state
+        if state.outcome is not None or state.ending is None:
+            return
+        for member in state.members.working:
+            if member.state is State.COMPENSATING:
+                yield from self._scope.participants.send_home(member, now)
+            elif not member.halting:
+                yield from self._scope.participants.give_up(member)
+                event = events.ServiceLost(service=member.offer.service, stopping=True)
+                yield from self._go_on(self._participants.lost(member, event, now), now)
+        yield from self.proceed(now)
+
+    def _end(self, now: float, outcome: Outcome) -> Effects:
+        state = self.state
+        yield from self._scope.participants.end(outcome, now)
+        state.outcome, state.ended_at = outcome, now
+        self._context.reservations.leave(state.id)
+        if outcome is not Outcome.ACCOMPLISHED:
+            state.reasons += tuple(work.in_words() for work in state.log if work.matters)
+        for timer in (DeadlineDue(state.id), StopDue(state.id)):
+            yield Wake(timer, None)
+        self._scope.tell(events.TaskEnded(outcome=outcome, reasons=state.reasons), now)
+        yield Record(record(state))
+        state.messages.clear()
+        self._scope.participants.forget()
+
+    # What it works with
+
+    def _execution(self, number: int) -> GoalExecution | None:
+        return next((execution for execution in self.state.executions if execution.number == number), None)
+
+    def _pursuit(self, execution: GoalExecution) -> GoalPursuit:
+        return GoalPursuit(execution, self._scope)
+
+    def _compensation(self, undoing: Undoing) -> Compensation:
+        state = self.state
+        return Compensation(
+            undoing,
+            owner=state.id,
+            task=state.task,
+            log=state.log,
+            members=state.members,
+            participants=self._scope.participants,
+            context=self._context,
+            tell=self._scope.tell_of,
+        )
+
+    @property
+    def _observation(self) -> Observation:
+        state = self.state
+        return Observation(
+            state.looks,
+            owner=state.id,
+            log=state.log,
+            members=state.members,
+            services=self._scope.services,
+            reports=state.reports,
+            context=self._context,
+            tell=self._scope.tell_of,
+        )
