@@ -14,11 +14,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
 
 from beside import shown
 from contestants import unified
+from msgspec.structs import replace
 
 from somrs.deployment.programs import YOUNG_OBJECTS
 from somrs.entish.parse import parse

@@ -19,7 +19,7 @@ from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
 from somrs.service_manager.sdk.work import carry_out
 from somrs.storage.journal import Journal
 from somrs.storage.repository_store import RepositoryStore
-from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.manager import SCHEMA, TaskManager
 
 
 class Here:
@@ -43,7 +43,7 @@ class Here:
             device = Carrier(name)
             manager = ServiceManager(device.profile(), repository=repository, registry=registry)
             host.add(f"/devices/{name}", _given(manager), carry_out=_work(device), keep=journal.keep, disk=journal.disk)
-        self._journal = Journal(data / "task-manager.sqlite")
+        self._journal = Journal(data / "task-manager.sqlite", SCHEMA)
         task_manager = host.add_journaled(
             "/task-manager",
             lambda address: TaskManager(address, repository=repository, registry=registry),

@@ -21,7 +21,7 @@ from somrs.runtime.host import Host
 from somrs.runtime.node import Report
 from somrs.runtime.wire import Wire
 from somrs.storage.journal import Journal
-from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.manager import SCHEMA, TaskManager
 
 HOST = "127.0.0.1"
 GROUP = BIDDERS // 2
@@ -64,7 +64,7 @@ class OverHttp:
 async def _task_manager(data: Path, port: int) -> None:
     """As `somrs.deployment.programs` has it, but for the plans."""
     addresses = Addresses.read(data)
-    journal = Journal(data / "task-manager.sqlite")
+    journal = Journal(data / "task-manager.sqlite", SCHEMA)
     host = Host(HOST, port)
     await host.start()
 

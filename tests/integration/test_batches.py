@@ -56,7 +56,7 @@ class Mouth:
     def handle(self, event: Input, now: float) -> list[Effect]:
         match event:
             case Rang(timer):
-                return [Send(message, until=now + self.patience) for message in self.letters[timer]]
+                return [Send(message, until=now + self.patience) for message in self.letters[str(timer)]]
             case Undelivered(message, _) if isinstance(message.body, CancelTask):
                 self.lost.append(message.body.task)
         return []

@@ -61,7 +61,7 @@ def test_a_task_is_accomplished_whatever_is_called_otherwise_meanwhile(edit: Alt
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
     assert system.map.holds("isOn", ("Jar002", "Platform001"))
-    assert system.manager.replica.version == system.repository.contents.version
+    assert system.manager.state.replica.version == system.repository.contents.version
     assert set(system.registry.ontology.types) == set(system.repository.contents.ontology.types)
     system.restart_manager()
     system.world.run(10)

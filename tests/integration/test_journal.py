@@ -10,27 +10,33 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from msgspec import structs
-from somrs.storage.journal_entries import batch, decoded, encoded
+from msgspec import Struct, structs
 
 from somrs.client.client import Addresses
 from somrs.deployment.programs import run_task_manager
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.errors import UsageError
-from somrs.kernel.component import Answered, Component, Input, Rang, Received, Record, Started, Trouble, Undelivered
-from somrs.kernel.pending import Entry, Journaled, Pending
+from somrs.kernel.codec import Migration, Schema
+from somrs.kernel.component import Answered, Input, Rang, Received, Record, Started, Trouble, Undelivered
+from somrs.kernel.pending import Entry, Journaled, Pending, Written
+from somrs.kernel.replica import ReplicaDue
 from somrs.planner.model.plan import Link, NoPlan, Plan, Step
 from somrs.protocol.messages.clients import ReadRecords, Records
-from somrs.storage.journal import KIND, Journal, program
+from somrs.storage.journal import KIND, Journal
+from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
+from somrs.task_manager.timers import AnswerDue, BidsDue, PlanWanted, SilenceDue
 from tests.support.bodies import KINDS, messages
 from tests.support.examples import examples
-from tests.support.ledger import Ledger, doubled, told
+from tests.support.ledger import SCHEMA, Ledger, LedgerState, doubled, told
 from tests.support.paths import ROOT
+
+WRITTEN = Written(TASK_MANAGER)
 
 ADDRESS = "http://127.0.0.1:7001/ledger"
 
@@ -40,15 +46,15 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "ledger.sqlite"
 
 
-def made(address: str) -> Component:
+def made(address: str) -> Ledger:
     return Ledger(address=address)
 
 
 class Shelf:
     """A ledger and its journal, without a node: what is said is thrown away, and questions are answered on the spot."""
 
-    def __init__(self, path: Path, setting: str = "", address: str = ADDRESS) -> None:
-        self.journal = Journal(path, setting)
+    def __init__(self, path: Path, setting: str = "", address: str = ADDRESS, schema: Schema = SCHEMA) -> None:
+        self.journal = Journal(path, schema, setting)
         try:
             self.journaled, self.again = self.journal.begin(address, made)
         except UsageError:
@@ -100,22 +106,27 @@ def shelf(path: Path) -> Iterator[Shelf]:
 def test_every_message_is_read_as_it_was_written(kind: type, data: st.DataObject) -> None:
     message = data.draw(messages(kind))
     entries = [Entry(1, 1.5, Received(message)), Entry(2, 2.5, Undelivered(message, "nobody is there"), (4, 9))]
-    assert decoded(batch(map(encoded, entries))) == entries
+    assert WRITTEN.entries(WRITTEN.batch(map(WRITTEN.entry, entries))) == entries
 
 
 def test_every_other_input_is_read_as_it_was_written() -> None:
     step = Step("s1", "TransferObject", {"Object": Name("Jar1")}, parse("Jar1 isOn Table2 AND NOT Jar1.Working = TRUE"), provider="R1")
     plan = Plan((step,), (Link("s1", "s2", "Jar1 isOn Table2"),))
-    values = (plan, NoPlan("no"), Trouble("broken"), "text", None, Records(records=(), more=True))
-    events: list[Input] = [Started(ADDRESS), Rang("timer"), *(Answered("question", value) for value in values)]
+    asked, values = (
+        PlanWanted("task", 1, 0, 2),
+        (plan, NoPlan("no", said=("no", "never")), Trouble("broken"), Records(records=(), more=True)),
+    )
+    timers = (BidsDue("task", 1), SilenceDue("task", "Robot1"), AnswerDue("request"), ReplicaDue())
+    events: list[Input] = [Started(ADDRESS), *map(Rang, timers), *(Answered(asked, value) for value in values)]
     entries = [Entry(number, 0.1 * number, event) for number, event in enumerate(events)]
-    assert decoded(batch(map(encoded, entries))) == entries
+    assert WRITTEN.entries(WRITTEN.batch(map(WRITTEN.entry, entries))) == entries
 
 
 def test_an_exception_is_kept_as_what_it_says() -> None:
     journaled = Journaled(Ledger())
     entry = journaled.entry(Answered("q", ZeroDivisionError("division by zero")), 1.0)
-    assert decoded(batch([encoded(entry)]))[0].event == Answered("q", Trouble("division by zero"))
+    ledgers = Written(SCHEMA)
+    assert ledgers.entries(ledgers.batch([ledgers.entry(entry)]))[0].event == Answered("q", Trouble("division by zero"))
 
 
 # What is there again
@@ -139,10 +150,10 @@ def test_all_is_as_it_was(shelf: Shelf, snapshot: int | None) -> None:
         shelf.journal.snapshot(shelf.journaled)
     again = shelf.restarted()
     assert again.again
-    assert vars(again.ledger) == vars(shelf.ledger)
+    assert again.ledger.state == shelf.ledger.state
     assert again.pending == shelf.pending
     assert (again.journaled.number, again.journaled.at) == (shelf.journaled.number, shelf.journaled.at)
-    assert again.journal.open == again.ledger.open == (told(2, 0).header.message_id,)
+    assert [*again.journal.open] == again.ledger.open == [told(2, 0).header.message_id]
     again.journal.close()
 
 
@@ -307,14 +318,14 @@ def test_an_entry_that_is_missing_is_noticed(shelf: Shelf) -> None:
         shelf.restarted()
 
 
-@pytest.mark.parametrize("change", ["program", "setting", "address"])
+@pytest.mark.parametrize("change", ["schema", "setting", "address"])
 def test_with_nothing_open_another_begins_anew(shelf: Shelf, change: str) -> None:
     shelf.tell(1)
     shelf.answer()
     shelf.journal.keep(next(effect.entry for effect in Ledger().handle(Received(told(0, 1)), 1.0) if isinstance(effect, Record)))
     assert not shelf.ledger.open
     shelf.journal.close()
-    other(shelf.journal.disk.path, f"UPDATE life SET {change} = 'something else'")
+    other(shelf.journal.disk.path, f"UPDATE life SET {change} = {9 if change == 'schema' else "'something else'"}")
     again = shelf.restarted()
     assert (again.again, again.ledger.total) == (False, 0)
     assert len(asyncio.run(again.journal.answer(ReadRecords())).records) == 1, "what is over stays known"
@@ -327,7 +338,6 @@ def test_with_nothing_open_another_begins_anew(shelf: Shelf, change: str) -> Non
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ("program", rf"was written by something else, and this is SO-MRS .* on Python {sys.version_info[0]}"),
         ("setting", "was written for something else, and this is for "),
         ("address", f"belongs to something else, where others expect its owner, and this is {ADDRESS}"),
     ],
@@ -342,37 +352,95 @@ def test_with_something_open_another_is_told_what_to_do(shelf: Shelf, change: st
         shelf.restarted()
 
 
-def test_a_state_of_classes_that_are_gone_is_said_to_be_unreadable(shelf: Shelf, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("version", [0, 2])
+def test_a_state_of_a_version_that_cannot_be_read_is_said_to_be_so(shelf: Shelf, version: int) -> None:
     shelf.tell(1)
     shelf.journal.close()
-    monkeypatch.delattr("ledger.Ledger")
-    with pytest.raises(UsageError, match=r"cannot be read any more \(AttributeError.*1 task is open"):
+    other(shelf.journal.disk.path, f"UPDATE life SET program = 'SO-MRS 0.1', schema = {version}")
+    with pytest.raises(UsageError, match=r"was written by SO-MRS 0\.1, whose state SO-MRS .* cannot read; 1 task is open"):
         shelf.restarted()
 
 
-def test_the_program_is_known_by_its_code() -> None:
-    assert program() == program()
-    assert program().startswith("SO-MRS ")
+def test_a_state_of_another_shape_is_said_to_be_unreadable(shelf: Shelf) -> None:
+    shelf.tell(1)
+    shelf.journal.close()
+    shape = structs.replace(SCHEMA, state=dict[str, int])
+    with pytest.raises(UsageError, match=r"cannot be read \(ValidationError.*1 task is open"):
+        Shelf(shelf.journal.disk.path, schema=shape)
+
+
+class Migrated(Struct, kw_only=True):
+    """The state of a later version."""
+
+    sink: str
+    address: str
+    patience: float
+    totals: dict[str, float]
+    doubled: dict[str, str] = {}
+    reminded: set[str] = set()
+    starts: int = 0
+
+
+class LaterLedger(Ledger):
+    @classmethod
+    def restored(cls, state: object) -> LaterLedger:
+        assert isinstance(state, Migrated)
+        known = {name: getattr(state, name) for name in ("sink", "address", "patience", "doubled", "reminded", "starts")}
+        ledger = cls()
+        ledger.state = LedgerState(amounts={id: int(total) for id, total in state.totals.items()}, **known)
+        return ledger
+
+
+def totals(snapshot: Any) -> Any:
+    snapshot["state"]["totals"] = {id: float(amount) for id, amount in snapshot["state"].pop("amounts").items()}
+    return snapshot
+
+
+def later(entry: Any) -> Any:
+    """Amounts that came as messages were counted twice as much in the earlier version, say."""
+    number, at, event, *delivered = entry
+    if event["type"] == "Received":
+        event["message"]["body"]["task"] = str(2 * int(event["message"]["body"]["task"]))
+    return [number, at, event, *delivered]
+
+
+LATER = structs.replace(
+    SCHEMA, version=2, state=Migrated, restore=LaterLedger.restored, migrations={1: Migration(snapshot=totals, entry=later)}
+)
+
+
+def test_a_journal_of_an_earlier_version_is_gone_on_with(shelf: Shelf) -> None:
+    shelf.tell(1)
+    shelf.journal.snapshot(shelf.journaled)
+    shelf.tell(20)
+    shelf.journal.close()
+    again = Shelf(shelf.journal.disk.path, schema=LATER)
+    assert again.again
+    assert [*again.ledger.amounts.values()] == [1, 40]
+    assert len(again.pending.questions) == 2
+    again.journal.close()
+    (version,) = sqlite3.connect(shelf.journal.disk.path).execute("SELECT schema FROM life").fetchone()
+    assert version == 2, "it is written anew at once"
 
 
 def test_one_process_at_a_time_has_the_file(shelf: Shelf) -> None:
     with pytest.raises(UsageError, match="in use by another process"):
-        Journal(shelf.journal.disk.path)
+        Journal(shelf.journal.disk.path, SCHEMA)
 
 
 def test_a_database_of_somebody_else_is_refused_and_left_alone(path: Path) -> None:
     other(path, "CREATE TABLE entries (name TEXT)")
     before = path.read_bytes()
     with pytest.raises(UsageError, match="not a journal's"):
-        Journal(path)
+        Journal(path, SCHEMA)
     assert path.read_bytes() == before
 
 
 def test_a_file_of_another_format_is_refused(path: Path) -> None:
-    Journal(path).close()
+    Journal(path, SCHEMA).close()
     other(path, f"PRAGMA user_version = {KIND.version + 1}")
     with pytest.raises(UsageError, match=f"has format {KIND.version + 1}"):
-        Journal(path)
+        Journal(path, SCHEMA)
 
 
 def test_a_disk_that_is_full_is_noticed_and_what_was_there_stays(shelf: Shelf) -> None:
@@ -447,6 +515,6 @@ def test_restarts_change_nothing(script: list[int | str]) -> None:
                 case _:
                     both(Rang("tick"))  # so that what arrived is in the journal
                     shelf = shelf.restarted()
-        assert vars(shelf.ledger) == vars(plain.component)
+        assert shelf.ledger.state == plain.component.state
         assert shelf.pending == plain.pending
         shelf.journal.close()

@@ -76,8 +76,8 @@ def test_one_that_was_told_too_late_and_says_so_is_replaced_without_looking() ->
     assert view.outcome is Outcome.ACCOMPLISHED
     assert first.orders == []
     assert [work.service for work in view.work] == ["Robot2.TransferObject"]
-    texts = texts(system.manager.state.tasks[task])
-    assert any("Robot1.TransferObject did not begin: Execute came 5.0 s too late" in text for text in texts), texts
+    said = texts(system.manager.state.tasks[task])
+    assert any("Robot1.TransferObject did not begin: Execute came 5.0 s too late" in text for text in said), said
 
 
 def test_what_was_told_too_late_to_be_undone_is_undone_by_another() -> None:

@@ -23,7 +23,7 @@ from somrs.runtime.wire import Wire
 from somrs.storage.disk import Disk, Kind
 from somrs.storage.journal import Journal
 from tests.support.lab import CLIENT
-from tests.support.ledger import Ledger, Sink, Teller, doubled, expected, told
+from tests.support.ledger import SCHEMA, Ledger, Sink, Teller, doubled, expected, told
 from tests.support.paths import ROOT
 
 NOTES = Kind(
@@ -73,7 +73,7 @@ def test_nothing_leaves_before_it_is_on_disk(journaled: bool, tmp_path: Path) ->
         rim, wire, sink = Host(), Wire(), Sink()
         await rim.start()
         sink_at = rim.add("/sink", lambda address: sink).address
-        journal = Journal(tmp_path / "ledger.sqlite")
+        journal = Journal(tmp_path / "ledger.sqlite", SCHEMA)
 
         def made(address: str) -> Ledger:
             return Ledger(sink_at, address, patience=0.05)
@@ -213,7 +213,7 @@ def test_a_full_disk_stops_its_component_and_senders_go_on_repeating(tmp_path: P
         rim, wire, sink = Host(), Wire(), Sink()
         await rim.start()
         sink_at = rim.add("/sink", lambda address: sink).address
-        journal = Journal(tmp_path / "ledger.sqlite")
+        journal = Journal(tmp_path / "ledger.sqlite", SCHEMA)
         node = rim.add_journaled("/ledger", lambda address: Ledger(sink_at, address), journal, carry_out=double)
         journal.disk.do(lambda db: db.execute("PRAGMA max_page_count = 1").fetchone())
         journal.disk.write(lambda db: db.execute("INSERT INTO entries VALUES (-1, zeroblob(100000))"))
@@ -285,7 +285,7 @@ def test_a_stop_and_a_start_lose_nothing(tmp_path: Path) -> None:
             rim = Host(port=port)
             await rim.start()
             port = int(rim.url.rpartition(":")[2])
-            journal = Journal(tmp_path / "ledger.sqlite")
+            journal = Journal(tmp_path / "ledger.sqlite", SCHEMA)
             node = rim.add_journaled("/ledger", lambda address: Ledger(sink_at, address, patience=1.0), journal, carry_out=wait)
             ledger = node.component
             assert isinstance(ledger, Ledger)
@@ -316,13 +316,13 @@ HOSTED = """
 import asyncio, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[3])
-from tests.support.ledger import Ledger, doubled
+from tests.support.ledger import SCHEMA, Ledger, doubled
 from somrs.runtime.host import Host
 from somrs.storage.journal import Journal
 from somrs.deployment.programs import say_ready
 
 async def main():
-    journal = Journal(Path(sys.argv[1]))
+    journal = Journal(Path(sys.argv[1]), SCHEMA)
     port = int(journal.address.rpartition(":")[2].partition("/")[0]) if journal.address else 0
     rim = Host(port=port)
     await rim.start()
@@ -382,7 +382,7 @@ def test_what_was_acknowledged_survives_a_kill(tmp_path: Path) -> None:
         assert len(acknowledged) >= 165
         await wire.close()
         await rim.stop()
-        journal = Journal(file)
+        journal = Journal(file, SCHEMA)
         journaled, _ = journal.begin(address, lambda address: Ledger())
         assert isinstance(journaled.component, Ledger)
         kept = set(journaled.component.amounts.values())

@@ -63,9 +63,9 @@ def test_nobody_is_committed_and_nothing_is_left_of_it() -> None:
     assert at_home(system)
     assert system.devices["Robot1"].calendar(system.world.now) == []
     assert system.manager.state.tasks == {}
-    assert system.manager._previews == {}
+    assert system.manager.state.previews == {}
     assert not [one for one in system.world.records["tm"] if isinstance(one, TaskRecord)]
-    assert not [timer for timer in system.world.timers("tm") if timer.startswith("urn:uuid:")], "nothing is going to ring for it"
+    assert not [timer for timer in system.world.timers("tm") if getattr(timer, "owner", "")], "nothing is going to ring for it"
     (view,) = system.finish(system.submit(WISH))
     assert view.outcome is Outcome.ACCOMPLISHED
 
@@ -215,7 +215,7 @@ def test_a_task_manager_that_is_killed_while_it_asks_sends_everybody_home(snapsh
     answers = [message.body for message in system.client.heard if isinstance(message.body, Previewed)]
     assert [answer.price for answer in answers] == [10]
     assert at_home(system)
-    assert system.manager._previews == {}
+    assert system.manager.state.previews == {}
 
 
 @examples(25)

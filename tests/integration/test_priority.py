@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import pickle
-from dataclasses import dataclass
-
 from hypothesis import given
 from hypothesis import strategies as st
 
+from somrs.kernel.codec import Codec, encoded
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
 from somrs.protocol.messages.clients import CancelTask, Phase, Policy, ReadTasks, TaskRecord, Tasks
@@ -15,8 +13,11 @@ from somrs.protocol.messages.directory import AT_ONCE, Offer
 from somrs.protocol.messages.frp import Execute, Outcome, State
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Profile
+from somrs.task_manager.device_queue import AtWork, DeviceQueues
+from somrs.task_manager.reservations import Reservation, Reservations
 from tests.integration.test_rival_task_managers import Hands, until_executing
 from tests.support.examples import examples
+from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem
 
 JARS = ("Jar001", "Jar002", "Tin001")
@@ -74,7 +75,7 @@ def test_of_tasks_that_wait_for_one_device_the_higher_priority_comes_first() -> 
     for task in (low, high):
         (step,) = system.view(task).steps
         assert step.state is State.COMMITTED, "whoever waits was promised the device, and is not told to begin"
-        assert system.manager.sentence(state.tasks[task].events[-1].event) == "waiting for its turn at Robot1"
+        assert texts(system.manager.state.tasks[task])[-1] == "waiting for its turn at Robot1"
     system.finish(first, low, high)
     assert began(robot) == ["Jar001", "Tin001", "Jar002"]
 
@@ -202,19 +203,19 @@ names = st.sampled_from("abcdef")
 
 
 @given(entered=st.lists(st.tuples(names, st.integers(-2, 2)), unique_by=lambda one: one[0]), gone=st.sets(names))
-def test_claims_keep_those_who_wait_by_priority_and_then_as_they_came(entered: list[tuple[str, int]], gone: set[str]) -> None:
-    claims, called = Claims(), list[str]()
+def test_reservations_keep_those_who_wait_by_priority_and_then_as_they_came(entered: list[tuple[str, int]], gone: set[str]) -> None:
+    reservations, called = Reservations(), list[str]()
     for task, priority in entered:
-        claims.enter(task, "", priority)
-    claims.hold("holder", Claim(changes=frozenset("x")))
+        reservations.enter(task, "", priority)
+    reservations.hold("holder", Reservation(changes=frozenset("x")))
     for task, _ in reversed(entered):
-        claims.wait(task, Claim(changes=frozenset("x")), lambda now, task=task: called.append(task))  # type: ignore[misc]
+        reservations.wait(task, Reservation(changes=frozenset("x")))
     for task in gone:
-        claims.leave(task)
+        reservations.leave(task)
     left = [task for task, _ in sorted(entered, key=lambda one: -one[1]) if task not in gone]
     for expected in left:
-        claims.leave(called[-1] if called else "holder")
-        claims.wake(0.0)
+        reservations.leave(called[-1] if called else "holder")
+        called += reservations.called()
         assert called[-1] == expected
     assert called == left
 
@@ -223,7 +224,7 @@ class Bench:
     """Tasks that want turns at one device, as pursuits do; some steps vanish while they wait."""
 
     def __init__(self, at_once: int) -> None:
-        self.turns = Turns()
+        self.queues = DeviceQueues()
         self.offer = OFFER if at_once == 1 else _offer(at_once)
         self.at_once = at_once
         self.ready: dict[str, int] = {}
@@ -231,29 +232,18 @@ class Bench:
         self.log: list[str] = []
 
     def proceed(self, task: str) -> None:
-        if task in self.ready and self.turns.takes(self.offer, task, (-self.ready[task], 0, 0, task), _Call(self, task)):
+        if task in self.ready and self.queues.takes(self.offer, task, (-self.ready[task], 0, 0, task), self.still):
             del self.ready[task]
             self.working.add(task)
             self.log.append(task)
-            self.turns.begins("Robot1", _Still(self, task))
+            self.queues.begins("Robot1", AtWork(task, "participant"))
 
+    def still(self, work: AtWork) -> bool:
+        return work.transaction in self.working
 
-@dataclass(frozen=True)
-class _Call:
-    bench: Bench
-    task: str
-
-    def __call__(self, now: float) -> None:
-        self.bench.proceed(self.task)
-
-
-@dataclass(frozen=True)
-class _Still:
-    bench: Bench
-    task: str
-
-    def __call__(self) -> bool:
-        return self.task in self.bench.working
+    def wake(self) -> None:
+        for task in self.queues.called(self.still):
+            self.proceed(task)
 
 
 def _offer(at_once: int = 1) -> Offer:
@@ -265,7 +255,7 @@ def _offer(at_once: int = 1) -> Offer:
 
 
 OFFER = _offer()
-deeds = st.lists(st.tuples(st.sampled_from(("want", "end", "vanish", "pickle")), names, st.integers(-1, 1)), max_size=40)
+deeds = st.lists(st.tuples(st.sampled_from(("want", "end", "vanish", "restart")), names, st.integers(-1, 1)), max_size=40)
 
 
 @examples(75)
@@ -286,9 +276,9 @@ def test_a_device_is_never_idle_while_somebody_waits_nor_overrun_and_the_highest
             case "vanish":
                 bench.ready.pop(task, None)
                 before.pop(task, None)
-            case "pickle":
-                bench = pickle.loads(pickle.dumps(bench))
-        bench.turns.wake(0.0)
+            case "restart":
+                bench.queues = Codec[DeviceQueues](DeviceQueues).decoded(encoded(bench.queues))
+        bench.wake()
         assert len(bench.working) <= at_once
         assert not bench.ready or len(bench.working) == at_once
         for began_now in bench.log[took:]:

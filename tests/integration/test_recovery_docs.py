@@ -13,7 +13,10 @@ from somrs.protocol.messages.clients import ContractView, MessageView, StepView,
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import State
 from somrs.service_manager.participant import participant
-from somrs.task_manager import participants, recovery, tender, transaction
+from somrs.task_manager.arrangement import call_for_proposals
+from somrs.task_manager.execution import participants
+from somrs.task_manager.recovery import ladder
+from somrs.task_manager.transaction import transaction
 from tests.support.paths import ROOT
 from tests.support.virtual_system import Robot, VirtualSystem
 
@@ -46,13 +49,13 @@ def test_the_words_and_the_limits_are_those_of_the_program() -> None:
     for state in (State.COMPLETED, State.COMPENSATED, State.STRANDED, State.UNREACHABLE):
         assert f"`{state.value}`" in TEXT, state
     for name, value in {
-        "REPLY_TIME": tender.REPLY_TIME,
+        "REPLY_TIME": call_for_proposals.REPLY_TIME,
         "SILENCE": participants.SILENCE,
         "CUT_OFF": participant.CUT_OFF,
         "LATENESS": participants.LATENESS,
         "LEAST_TIME": participants.LEAST_TIME,
         "STOP_TIME": transaction.STOP_TIME,
-        "MOST_REPLANS": recovery.MOST_REPLANS,
+        "MOST_REPLANS": ladder.MOST_REPLANS,
     }.items():
         (row,) = [line for line in TEXT.splitlines() if f"`{name}`" in line and line.startswith("|")]
         assert re.search(rf"\b{value:g}\b", row), row

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import pickle
-
 from hypothesis import given
 from hypothesis import strategies as st
 
+from somrs.kernel.codec import Codec, encoded
 from somrs.kernel.component import Answered, Ask, Received, Send, Started
 from somrs.protocol.messages.clients import (
     ContractView,
@@ -29,10 +28,13 @@ from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Advance, Done, Order
-from somrs.task_manager.manager import REMEMBERED, SCHEMA
+from somrs.task_manager.manager import REMEMBERED, SCHEMA, TaskManager
+from somrs.task_manager.state import TaskManagerState
+from somrs.task_manager.transaction.transaction import Transaction
 from tests.integration.test_task_manager import WISH, breaks
 from tests.support.examples import examples
 from tests.support.relay import Relay
+from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem, done
 
 
@@ -85,7 +87,7 @@ def test_only_contracts_that_changed_come_again() -> None:
     same = news(system, task, contracts=before.contracts_at, after=len(before.events), messages=before.messages, wait=0)
     assert same.contracts == ()
     assert same.contracts_at == before.contracts_at
-    assert system.world.run(60, lambda: any("failed" in event.text for event in system.manager.state.tasks[task].events))
+    assert system.world.run(60, lambda: any("failed" in text for text in texts(system.manager.state.tasks[task])))
     later = news(system, task, contracts=before.contracts_at, after=len(before.events))
     assert (later.contracts[0].service, later.contracts[0].state) == ("Robot1.TransferObject", State.FAILED)
 
@@ -269,20 +271,24 @@ def test_news_put_together_are_the_whole(pauses: list[float], restart: bool) -> 
         assert [*messages(system, task).messages][: len(passed)] == passed
 
 
-def test_a_manager_that_is_watched_is_a_pickle() -> None:
+def copied(manager: TaskManager) -> TaskManager:
+    """What is read of what was written of it."""
+    return TaskManager.restored(Codec[TaskManagerState](TaskManagerState).decoded(encoded(manager.state)))
+
+
+def test_a_manager_that_is_watched_is_data() -> None:
     system = two()
     task = system.submit(WISH)
     until(system, task, State.EXECUTING)
     count = len(system.manager.state.tasks[task].events)
-    manager: object = pickle.loads(pickle.dumps(system.manager))
-    assert isinstance(manager, type(system.manager))
+    manager = copied(system.manager)
     header = Header(sender="client", recipient="tm", message_id="urn:uuid:q1", reply_to="client")
     manager.handle(Received(Message(header=header, body=WatchTask(task=task, after=count))), system.world.now)
-    again = pickle.loads(pickle.dumps(manager))
+    again = copied(manager)
     effects = again.handle(Started("tm"), system.world.now)
     assert not [effect for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, TaskNews)]
-    again.state.tasks[task].cancel(system.world.now, "enough")
-    assert again.sentence(state.tasks[task].events[-1].event) == "stopping: enough"
+    [*Transaction(again.state.tasks[task], again._context).cancel(system.world.now, "enough")]
+    assert texts(again.state.tasks[task])[-1] == "stopping: enough"
     told = again.handle(Started("tm"), system.world.now)
     assert [effect for effect in told if isinstance(effect, Send) and isinstance(effect.message.body, TaskNews)]
 

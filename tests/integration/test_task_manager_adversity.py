@@ -44,7 +44,7 @@ def test_a_task_cancelled_while_services_are_asked_stays_cancelled() -> None:
     system.world.run(300)
     assert (system.view(task).phase, system.view(task).outcome) == (Phase.ENDED, Outcome.CANCELLED)
     assert len(system.manager.state.tasks[task].events) == events
-    assert system.world.timers("tm") == {"replica"}
+    assert system.world.timers("tm") == {ReplicaDue()}
 
 
 def test_an_execute_that_was_lost_on_the_way_is_said_again() -> None:

@@ -12,7 +12,7 @@ from somrs.cli.task_report import messages, tell
 from somrs.client import terminal
 from somrs.client.task_report import Story, builtins
 from somrs.client.trace import lines_of, without_heartbeats
-from somrs.protocol.messages.clients import ReadTasks, TaskNews, TaskRecord, Tasks, TaskView, WatchTask
+from somrs.protocol.messages.clients import CancelTask, ReadTasks, TaskNews, TaskRecord, Tasks, TaskView, WatchTask
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import State
 from somrs.runtime.virtual import Work
@@ -130,9 +130,10 @@ def test_undoing_is_shown_while_it_is_done() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, undoes=puts_back))
     task = system.submit(BOTH)
     until_one_is_done(system, task)
-    cancel(system.manager.state.tasks[task], system.world.now, "enough")
+    system.ask(CancelTask(task=task, reason="enough"))
     system.finish(task)
-    events = system.manager.state.tasks[task].events
+    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
+    events = record.events
     assert [event.kind for event in events if event.kind is EventKind.UNDO]
     assert "undo" in shown(terminal.events(events))
 
@@ -164,7 +165,7 @@ def test_news_of_a_task_come_by_pages_that_fit_a_message() -> None:
         if not news.more:
             break
         assert len(news.events) < len(all)
-    assert found == [event.number for event in all]
+    assert found == [*range(1, len(all) + 1)]
 
 
 def test_tasks_are_listed_by_pages_the_newest_first() -> None:

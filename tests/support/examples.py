@@ -13,7 +13,7 @@ PROFILE = settings(
     deadline=None,  # a busy machine is no defect
     suppress_health_check=[HealthCheck.too_slow],
     derandomize=FACTOR == 1,
-    database=None if FACTOR == 1 else settings.default.database,
+    database=None,
     max_examples=50 * FACTOR,
 )
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Wake
+from msgspec import Struct
+
+from somrs.kernel.codec import Schema
+from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Trouble, Wake
 from somrs.protocol.messages.clients import CancelTask, TaskRecord
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
 from somrs.protocol.messages.frp import Outcome
@@ -21,6 +24,16 @@ def doubled(task: object) -> object:
     return str(2 * int(str(task)))
 
 
+class LedgerState(Struct, kw_only=True):
+    sink: str
+    address: str
+    patience: float
+    amounts: dict[str, int] = {}
+    doubled: dict[str, str] = {}
+    reminded: set[str] = set()
+    starts: int = 0
+
+
 class Ledger:
     """Each amount is receipted to the sink, doubled by an Ask and told to the sink, and told once more by a timer.
 
@@ -28,34 +41,59 @@ class Ledger:
     """
 
     def __init__(self, sink: str = "sink", address: str = "ledger", booked: list[object] | None = None, patience: float = 5.0) -> None:
-        self.sink, self.address = sink, address
-        self.amounts: dict[str, int] = {}
-        self.doubled: dict[str, str] = {}
-        self.reminded: set[str] = set()
-        self.starts = 0
-        self.patience = patience
+        self.state = LedgerState(sink=sink, address=address, patience=patience)
         self._booked = [entry for entry in booked or () if isinstance(entry, TaskRecord)]
+
+    @classmethod
+    def restored(cls, state: LedgerState) -> Ledger:
+        ledger = cls()
+        ledger.state = state
+        return ledger
+
+    @property
+    def sink(self) -> str:
+        return self.state.sink
+
+    @property
+    def address(self) -> str:
+        return self.state.address
+
+    @property
+    def amounts(self) -> dict[str, int]:
+        return self.state.amounts
+
+    @property
+    def doubled(self) -> dict[str, str]:
+        return self.state.doubled
+
+    @property
+    def reminded(self) -> set[str]:
+        return self.state.reminded
+
+    @property
+    def starts(self) -> int:
+        return self.state.starts
 
     @property
     def total(self) -> int:
         return sum(self.amounts.values())
 
     @property
-    def open(self) -> tuple[str, ...]:
+    def open(self) -> list[str]:
         """What is not doubled yet."""
-        return tuple(id for id in self.amounts if id not in self.doubled)
+        return [id for id in self.amounts if id not in self.doubled]
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         match event:
             case Started():
-                self.starts += 1
+                self.state.starts += 1
                 return [effect for entry in self._booked for effect in self._book(entry, now)]
             case Received(message):
                 return [*self._received(message, now), Send(reply(message, CancelTask(task=str(self.total)), self.address))]
-            case Rang(timer):
+            case Rang(str(timer)):
                 self.reminded.add(timer)
                 return [self._say("reminder", timer, "", now)]
-            case Answered(question, value):
+            case Answered(str(question), value):
                 self.doubled[question] = str(value)
                 return [self._say("doubled", question, str(value), now)]
         return []
@@ -71,11 +109,23 @@ class Ledger:
     def _book(self, entry: TaskRecord, now: float) -> list[Effect]:
         self.amounts[entry.task] = int(entry.effect)
         said = self._say("receipt", entry.task, entry.effect, now)
-        return [Wake(entry.task, now + self.patience), Record(entry), said, Ask(entry.task, entry.effect)]
+        return [Wake(entry.task, now + self.state.patience), Record(entry), said, Ask(entry.task, entry.effect)]
 
     def _say(self, kind: str, id: str, text: str, now: float) -> Send:
         header = Header(sender=self.address, recipient=self.sink, message_id=message_id(kind, id), reply_to=self.address)
         return Send(Message(header=header, body=CancelTask(task=kind, reason=text)), until=now + LONG)
+
+
+SCHEMA = Schema(
+    component="ledger",
+    version=1,
+    state=LedgerState,
+    timers=str,
+    questions=str,
+    tasks=str,
+    answers=Trouble | str | None,
+    restore=Ledger.restored,
+)
 
 
 def expected(amounts: list[int], first: int = 0) -> set[tuple[str, str, str]]:
@@ -111,5 +161,5 @@ class Teller:
     def handle(self, event: Input, now: float) -> list[Effect]:
         if not isinstance(event, Rang):
             return []
-        self.told.append(int(event.timer))
+        self.told.append(int(str(event.timer)))
         return [Send(told(len(self.told) - 1, self.told[-1], self.ledger), until=now + LONG)]

@@ -28,7 +28,7 @@ from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.storage.archive import FILE
 from somrs.storage.journal import Journal
 from somrs.storage.repository_store import RepositoryStore
-from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.manager import SCHEMA, TaskManager
 from tests.support.virtual_system import SITE
 
 HERE = "127.0.0.1"
@@ -116,7 +116,7 @@ class SmallSystem:
             self._devices.append(runner)
 
     async def start_manager(self) -> None:
-        journal, host = Journal(self.data / FILE, "here"), Host(HERE, self._port)
+        journal, host = Journal(self.data / FILE, SCHEMA, "here"), Host(HERE, self._port)
         await host.start()
 
         async def carry_out(task: object, report: Report) -> object:

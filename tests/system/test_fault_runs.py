@@ -13,12 +13,13 @@ import pytest
 from somrs.kernel.component import Component, Effect, Input, Rang, Received
 from somrs.protocol.messages.clients import CancelTask, Policy
 from somrs.protocol.messages.frp import Accept, Outcome
-from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.runtime.virtual import Moment, World
 from somrs.service_manager.sdk.orders import Kept, Profile
+from somrs.task_manager.execution.execution_log import ExecutionLog
 from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.execution.reports import Reports
 from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.reservations import Reservations
 from tests.support.paths import ROOT
 from verification.fault_runs.draw import draw
 from verification.fault_runs.hands import DeviceManager, Hands
@@ -161,7 +162,7 @@ def test_who_was_not_heard_to_begin_may_have_begun_late() -> None:
 def test_a_device_that_works_on_terms_that_ran_out_is_noticed() -> None:
     class Generous(DeviceManager):
         def handle(self, event: Input, now: float) -> list[Effect]:
-            if isinstance(event, Rang) and event.timer.startswith("expire"):
+            if isinstance(event, Rang) and str(event.timer).startswith("expire"):
                 return []
             accepted = isinstance(event, Received) and isinstance(event.message.body, Accept)
             return super().handle(event, now - 60.0 if accepted else now)
@@ -174,8 +175,8 @@ def test_a_device_that_works_on_terms_that_ran_out_is_noticed() -> None:
 def test_a_task_manager_that_waits_for_ever_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     dies = story(Misdeed(nth=0, act=Act.DIE))
     assert noticed(dies) is None
-    monkeypatch.setattr(Participants, "silent", lambda *_: None)
-    monkeypatch.setattr(Participants, "overdue", lambda *_: None)
+    monkeypatch.setattr(Participants, "silent", lambda *_: iter(()))
+    monkeypatch.setattr(Participants, "overdue", lambda *_: iter(()))
     assert noticed(dies) is Property.HOME
 
 
@@ -187,14 +188,14 @@ def test_tasks_that_do_not_leave_each_other_what_they_were_promised_are_noticed(
     wishes = [Wish(at=2.0 * number, to="tm1", effect=f"Jar1 isOn Table{number}", policy=Policy.TIME) for number in (2, 3)]
     quarrel = replace(story(), wishes=tuple(wishes))
     assert noticed(quarrel) is None
-    monkeypatch.setattr(Claims, "conflicts", lambda *_: {})
-    monkeypatch.setattr(Claims, "taken", lambda *_: frozenset())
+    monkeypatch.setattr(Reservations, "conflicts", lambda *_: {})
+    monkeypatch.setattr(Reservations, "taken", lambda *_: frozenset())
     assert noticed(quarrel) is Property.HANDS
 
 
 def test_a_task_manager_that_leaves_what_it_did_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert noticed(HALF_DONE) is None
-    monkeypatch.setattr(Ledger, "to_undo", lambda *_: [])
+    monkeypatch.setattr(ExecutionLog, "to_undo", lambda *_: [])
     assert noticed(HALF_DONE) is Property.SILENCE
 
 
@@ -202,17 +203,16 @@ def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: p
     slips = story(Misdeed(nth=0, act=Act.DROP), Cut(at=5.0, target="repository", seconds=20.0))
     assert noticed(slips) is None
 
-    def put(self: Reports, update: UpdateMap, then: Then, now: float) -> None:
-        then(None, now)
-        self._settled(now)
+    def pending(self: Reports) -> bool:
+        return False
 
-    monkeypatch.setattr(Reports, "put", put)
+    monkeypatch.setattr(Reports, "pending", property(pending))
     assert noticed(slips) is Property.MAP
 
 
 def test_a_task_manager_that_does_not_say_that_it_is_over_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert noticed(story()) is None
-    monkeypatch.setattr(Participants, "end", lambda *_: None)
+    monkeypatch.setattr(Participants, "end", lambda *_: iter(()))
     assert noticed(story()) is Property.HOME
     gone = story(Kill(at=15.0, target="devices/Robot1", seconds=None), devices=(carrier(1), LOOKER))
     assert noticed(gone) is Property.ORPHAN
@@ -256,7 +256,7 @@ def test_a_task_manager_that_cannot_handle_an_input_is_noticed() -> None:
 
 
 def test_a_failing_story_is_made_as_short_as_it_can_be(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Ledger, "to_undo", lambda *_: [])
+    monkeypatch.setattr(ExecutionLog, "to_undo", lambda *_: [])
     seed = next(seed for seed in range(300) if len(draw(seed).faults) >= 4 and noticed(draw(seed)) is Property.SILENCE)
     short = shrunk(draw(seed), lambda candidate: noticed(candidate) is Property.SILENCE)
     assert noticed(short) is Property.SILENCE

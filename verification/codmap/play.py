@@ -19,6 +19,7 @@ from somrs.planner.model.problem import Available, Problem
 from somrs.planner_service.engines import plan_in_process
 from somrs.protocol.messages.clients import Policy, Submit, Submitted
 from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.event_text import joined, sentence
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
@@ -28,6 +29,7 @@ from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Profile
 from somrs.sites.pddl import Imported, classical, read
 from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.transaction.state import TaskState
 from verification.codmap.faults import Faults
 from verification.codmap.hands import STEP_TIME, Hands, Observer
 from verification.codmap.referee import objections
@@ -90,18 +92,18 @@ class Play:
             self.world.kill(address)
 
     @property
-    def transaction(self) -> Transaction | None:
+    def transaction(self) -> TaskState | None:
         manager = self.world.components["tm"]
         assert isinstance(manager, TaskManager)
         return manager.state.tasks.get(self.client.task)
 
-    def run(self) -> Transaction | None:
+    def run(self) -> TaskState | None:
         """The task, over or given up; None when it never came to an end. What is undone then, fault runs see to."""
         header = Header(sender="client", recipient="tm", message_id="client/task", reply_to="client")
         self.world.send(Message(header=header, body=Submit(effect=str(self.imported.goal), policy=Policy.TIME)))
 
         def over() -> bool:
-            return (transaction := self.transaction) is not None and (transaction.outcome is not None or transaction.ending)
+            return (transaction := self.transaction) is not None and (transaction.outcome is not None or transaction.ending is not None)
 
         return self.transaction if self.world.run(LONGEST, over) else None
 
@@ -142,7 +144,7 @@ def play(place: Path, limit: float, share: float = 0.0, seed: int = 0) -> Result
     return result
 
 
-def _note(result: Result, stage: Play, transaction: Transaction | None, whole: float) -> None:
+def _note(result: Result, stage: Play, transaction: TaskState | None, whole: float) -> None:
     first = stage.plans[0] if stage.plans else None
     result.planning = result.importing + stage.planning
     result.coordinating = whole - stage.planning
@@ -153,20 +155,22 @@ def _note(result: Result, stage: Play, transaction: Transaction | None, whole: f
         result.cost = sum(_cost(stage, step) for step in first.steps)
     if transaction is None:
         return
-    result.notes = [f"{event.at - transaction.submitted_at:9.1f} {event.step or '':14} {event.text}" for event in transaction.events]
+    result.notes = [
+        f"{event.at - transaction.submitted_at:9.1f} {event.step or '':14} {sentence(event.event)}" for event in transaction.events
+    ]
     result.accomplished = transaction.outcome is Outcome.ACCOMPLISHED
     times = [time for hands in stage.hands.values() for time in hands.times]
     if result.accomplished and times:
         result.makespan = round((max(times) - min(times)) / STEP_TIME, 1)
 
 
-def _trouble(result: Result, stage: Play, transaction: Transaction | None, place: Path) -> str:
+def _trouble(result: Result, stage: Play, transaction: TaskState | None, place: Path) -> str:
     """Why it did not pass."""
     first = stage.plans[0] if stage.plans else None
     if transaction is None:
         return "the task did not come to an end"
     if not isinstance(first, Plan):
-        return first.explanation if first is not None else f"nothing was planned: {transaction.explanation}"
+        return first.explanation if first is not None else f"nothing was planned: {joined(transaction.reasons)}"
     wrong = objections(*classical(place / "domain.pddl", place / "problem.pddl"), stage.imported.pddl_plan(first.topological()))
     if wrong:
         return "; ".join(wrong)
@@ -178,24 +182,24 @@ def _trouble(result: Result, stage: Play, transaction: Transaction | None, place
     if result.accomplished:
         return "" if reached else "it is called accomplished, and the goal does not hold in the world"
     if not stage.faults.share:
-        return transaction.explanation
+        return joined(transaction.reasons)
     rest = stage.still_possible()
     if isinstance(rest, Plan):
-        return f"given up ({transaction.explanation[:200]}), and {len(rest.steps)} more steps would reach the goal"
+        return f"given up ({joined(transaction.reasons)[:200]}), and {len(rest.steps)} more steps would reach the goal"
     if rest.undecided:
         return f"given up, and it is not known whether the goal could be reached: {rest.explanation}"
     result.out_of_reach = True
     return ""
 
 
-def _twice(transaction: Transaction) -> str | None:
+def _twice(transaction: TaskState) -> str | None:
     """A step that was completed twice."""
-    completed: set[int] = set()
-    for work in transaction.ledger:
+    completed: set[str] = set()
+    for work in transaction.log:
         if work.state is State.COMPLETED:
-            if id(work.step) in completed:
+            if work.key in completed:
                 return f"{work.label} ({work.step})"
-            completed.add(id(work.step))
+            completed.add(work.key)
     return None
 
 

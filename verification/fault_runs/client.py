@@ -53,7 +53,7 @@ class Client:
     def handle(self, event: Input, now: float) -> list[Effect]:
         match event:
             case Rang(timer):
-                kind, _, number = timer.partition(" ")
+                kind, _, number = str(timer).partition(" ")
                 match kind:
                     case "submit":
                         return [*self._preview(int(number), now), *self._submit(int(number), now)]

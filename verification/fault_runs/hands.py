@@ -257,7 +257,7 @@ class DeviceManager(ServiceManager):
         for effect in effects:
             match effect:
                 case Ask(question, task):
-                    self._hands.asked(question, task)
+                    self._hands.asked(str(question), task)
                 case Withdraw(question):
-                    self._hands.interrupted(question)
+                    self._hands.interrupted(str(question))
         return effects

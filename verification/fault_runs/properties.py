@@ -12,17 +12,21 @@ from typing import TYPE_CHECKING
 
 from somrs.entish.parse import parse
 from somrs.kernel.component import Input, Received
+from somrs.kernel.replica import ReplicaDue
 from somrs.ontology.truth import holds
 from somrs.planner.model.problem import Problem
 from somrs.protocol.frp.session import service_of
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import TaskRecord, TaskView, WorkView
 from somrs.protocol.messages.envelope import Message, message_id, normalised_id
+from somrs.protocol.messages.event_text import sentence
+from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.entries import Handled
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import view
 from verification.fault_runs.client import asked_id
 from verification.fault_runs.site import LOOKING
@@ -189,7 +193,7 @@ class Witness:
         if transaction is None or transaction.outcome is not None or header.message_id in self._known:
             return
         self._known.add(header.message_id)
-        member = next((member for member in transaction.participants if member.id == header.participant), None)
+        member = next((member for member in transaction.members if member.id == header.participant), None)
         if member is not None and kind in member.session.heard and member.session.heard[kind].id == header.message_id:
             reports = self._unsaid.setdefault(transaction.id, {})
             report = member.offer.service, situation
@@ -202,7 +206,7 @@ class Witness:
         manager = self._stage.task_manager(address)
         if manager is None or any(str(parse(effect)) == str(problem.goal) for effect in self._previews.values()):
             return
-        wanting = [t for t in manager.state.tasks.values() if t.outcome is None and any(p.goal == str(problem.goal) for p in t.pursuits)]
+        wanting = [t for t in manager.state.tasks.values() if t.outcome is None and any(p.goal == str(problem.goal) for p in t.executions)]
         if wanting and all(self._unsaid.get(task.id) for task in wanting):
             self._nothing_unsaid(wanting[0].id, "it was planned")
 
@@ -216,16 +220,16 @@ class Witness:
                     raise Violation(Property.HOME, f"{task.id} ended {known.outcome}, and then {task.outcome}")
             elif task.outcome is not None:
                 self.outcomes[task.id] = view(task)
-                self._ended(task, self.outcomes[task.id])
-            elif task._ending is not None:
-                self._endings.setdefault(task.id, task._ending)
+                self._ended(task, self.outcomes[task.id], manager)
+            elif task.ending is not None:
+                self._endings.setdefault(task.id, task.ending)
 
-    def _ended(self, task: Transaction, seen: TaskView) -> None:
+    def _ended(self, task: TaskState, seen: TaskView, manager: TaskManager) -> None:
         decided = self._endings.get(task.id)
         if decided is not None and decided is not seen.outcome:
             raise Violation(Property.RESTART, f"{task.id} was to end {decided}, and ended {seen.outcome}")
         if seen.outcome is Outcome.ACCOMPLISHED:
-            if not holds(parse(seen.effect), task.setting.replica.map, task.setting.replica.ontology):
+            if not holds(parse(seen.effect), manager.state.replica.map, manager.state.replica.ontology):
                 raise Violation(Property.MAP, f"{task.id} ended accomplished, and {seen.effect} is not so on the map")
             return
         if not seen.explanation:
@@ -242,7 +246,7 @@ class Witness:
         if work.state is State.STRANDED and not (work.service in seen.explanation and left in seen.explanation):
             raise Violation(Property.SILENCE, f"{work.service} left {work.situation}, and is not in the explanation: {seen.explanation}")
 
-    def _nothing_left(self, task: Transaction, seen: TaskView) -> None:
+    def _nothing_left(self, task: TaskState, seen: TaskView) -> None:
         """By the truth: each object that the task's devices moved is as it was before them, or is told of as stranded. What others have
         moved since is theirs to tell of, and of what somebody lied about nothing better can be known."""
         reality = self._stage.reality
@@ -262,7 +266,7 @@ class Witness:
                     f"is left of it: {seen.explanation}",
                 )
 
-    def _meanwhile(self, deed: Deed, task: Transaction) -> bool:
+    def _meanwhile(self, deed: Deed, task: TaskState) -> bool:
         """Whether somebody else did it while the task was under way, or for a task that was under way then, too: for another Task
         Manager's, or for nobody's. What one of its own has, its Task Manager gives to nobody."""
         if self._together(deed.task, task.id):
@@ -277,7 +281,7 @@ class Witness:
         if object not in work.inputs.values():
             return False
         left_so = work.situation is not None and self._stage.reality.said(object) in work.situation
-        return work.state is State.STRANDED or (work.step.startswith(Purpose.UNDO) and left_so)
+        return work.state is State.STRANDED or (work.step.startswith(GoalKind.UNDO) and left_so)
 
     # The end
 
@@ -299,9 +303,11 @@ class Witness:
             if manager is None:
                 yield f"{address} is down"
                 continue
-            yield from (f"{task.id} is {task.phase}: {task.events[-1].text}" for task in manager.state.tasks.values() if not task.outcome)
-            if (left := stage.world.timers(address) - {"replica"}) and all(t.outcome for t in manager.state.tasks.values()):
-                yield f"{address} still waits for {sorted(left)[0]}"
+            yield from (
+                f"{task.id} is {task.phase}: {sentence(task.events[-1].event)}" for task in manager.state.tasks.values() if not task.outcome
+            )
+            if (left := stage.world.timers(address) - {ReplicaDue()}) and all(t.outcome for t in manager.state.tasks.values()):
+                yield f"{address} still waits for {sorted(map(str, left))[0]}"
         for transaction, participant in self._terms:
             device = stage.world.components.get(f"devices/{service_of(participant).partition('.')[0]}")
             if isinstance(device, ServiceManager) and (state := device.state(transaction, participant)) not in (State.ENDED, State.NEW):

@@ -6,29 +6,30 @@ import gc
 from collections import Counter
 from dataclasses import dataclass, field
 
+from somrs.protocol.messages import events
 from somrs.protocol.messages.clients import TaskRecord
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
 from verification.fault_runs.draw import draw
 from verification.fault_runs.properties import Violation
 from verification.fault_runs.stage import Parts, Stage
 from verification.fault_runs.story import Story
 
-RUNGS: dict[str, tuple[EventKind, str]] = {
-    "handlers": (EventKind.HANDLER, ""),
-    "replaced": (EventKind.REPLACE, ""),
-    "planned anew": (EventKind.REPLAN, ""),
-    "waited for another task": (EventKind.WAIT, "waiting for task"),
-    "waited for its turn at a device": (EventKind.WAIT, "waiting for its turn"),
-    "looks": (EventKind.LOOK, "somebody is to look"),
-    "nothing assumed": (EventKind.LOOK, "nothing is assumed"),
-    "undone by others": (EventKind.UNDO, "others are to restore"),
-    "undone by the participant": (EventKind.UNDO, " is to restore"),
-    "undone by what was laid down": (EventKind.UNDO, "by what was laid down"),
-    "failures undone, to plan again": (EventKind.UNDO, "undoing what failed"),
-    "stranded": (EventKind.SETBACK, "could not be undone:"),
+RUNGS: dict[type[Event], str] = {
+    events.HandlerBegun: "handlers",
+    events.ServiceReplaced: "replaced",
+    events.Replanned: "planned anew",
+    events.TriedOnceMore: "planned anew",
+    events.WaitsForTasks: "waited for another task",
+    events.WaitsForDevice: "waited for its turn at a device",
+    events.LookBegun: "looks",
+    events.NobodyLooks: "nothing assumed",
+    events.UndoneByOthers: "undone by others",
+    events.UndoneByService: "undone by the participant",
+    events.UndoneByHandler: "undone by what was laid down",
+    events.FailuresUndone: "failures undone, to plan again",
 }
-"""What a Task Manager tells of the rungs of the ladder of recovery, and of what comes with them; the first that fits counts."""
+"""The rungs of the ladder of recovery, and what comes with them."""
 
 BROKEN = (State.FAILED, State.STOPPED, State.UNREACHABLE, State.COMPENSATED, State.STRANDED)
 
@@ -90,9 +91,10 @@ def _run(seed: int) -> Result:
             if any(work.state in BROKEN for work in record.work) or any(record.submitted_at <= at <= record.ended_at for at in blows):
                 result.troubled[record.outcome] += 1
             for event in record.events:
-                rung = next((rung for rung, (kind, words) in RUNGS.items() if kind is event.kind and words in event.text), None)
-                if rung is not None:
+                if (rung := RUNGS.get(type(event.event))) is not None:  # type: ignore[arg-type]  # records of today have an event
                     result.rungs[rung] += 1
+                elif isinstance(event.event, events.WorkStranded) and not event.event.taken:
+                    result.rungs["stranded"] += 1
             result.rungs["given up"] += record.outcome is Outcome.FAILED
     result.rungs["rejected"] += len(stage.client.rejected)
     return result

@@ -10,7 +10,7 @@ from functools import partial
 
 from somrs.kernel.component import Component, Input
 from somrs.kernel.replica import Replica
-from somrs.ontology.objects import objects_of
+from somrs.ontology.objects import Map, objects_of
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -270,8 +270,8 @@ class Stage:
         different: str | None = None
         match before, after:
             case TaskManager(), TaskManager():
-                different = difference(before.state.tasks, after.state.tasks, leave_out=(Setting, Replica))
-                if different is None and (before.replica.version, before.replica.map) != (after.replica.version, after.replica.map):
+                different = difference(before.state, after.state, leave_out=(Replica,))
+                if different is None and _copy(before) != _copy(after):
                     different = "the copies of the map"
             case Repository(), Repository():
                 different = difference(before.contents, after.contents)
@@ -355,3 +355,8 @@ def profile(character: Character) -> Profile:
     undoable = character.undo is not Undo.NO
     capabilities = tuple(Capability(type=service_type(name), method=name, stoppable=True, undoable=undoable) for name in character.services)
     return Profile(name=character.name, type="PioneerP3DX", capabilities=capabilities, valid_for=character.valid_for, lease=character.lease)
+
+
+def _copy(manager: TaskManager) -> tuple[int, Map]:
+    """What a Task Manager knows of the map."""
+    return manager.state.replica.version, manager.state.replica.map

@@ -10,6 +10,7 @@ from somrs.kernel.component import Input, Received
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Cancelling, CancelTask, Submit, Submitted, TaskRejected
 from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.event_text import sentence
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import Rejected, UpdateMap
 from verification.fault_runs.result import RUNGS, Result
@@ -42,7 +43,7 @@ def log(stage: Stage, heard: Ear) -> Iterator[str]:
     for address in stage.managers:
         manager = stage.task_manager(address)
         for task in manager.state.tasks.values() if manager is not None else ():
-            lines += [(event.at, 3, f"  {address} {task.id[-6:]} {event.step or ''}: {event.text}") for event in task.events]
+            lines += [(event.at, 3, f"  {address} {task.id[-6:]} {event.step or ''}: {sentence(event.event)}") for event in task.events]
     for at, _, text in sorted(lines, key=lambda line: line[:2]):
         yield f"{at - stage.start:10.3f} {text}"
 
@@ -73,7 +74,7 @@ def figures(result: Result, seconds: float) -> Table:
     everything = sum(result.troubled.values())
     table.add_row("accomplished all the same", "", f"{result.troubled[Outcome.ACCOMPLISHED] / everything:.1%}" if everything else "-")
     table.add_section()
-    for rung in (*RUNGS, "given up", "rejected"):
+    for rung in (*dict.fromkeys(RUNGS.values()), "stranded", "given up", "rejected"):
         table.add_row(rung, str(result.rungs[rung]), "")
     table.add_section()
     table.add_row("messages per run", f"{result.messages / result.runs:.0f}" if result.runs else "-", "")

@@ -66,7 +66,7 @@ class _Reading(Struct, kw_only=True):
     first: int | None = None
     last: int = 0
     changed_at: int | None = None
-    definitions: list[Definition] = field(default_factory=list)
+    ontology: Ontology = field(default_factory=Ontology)
     objects: list[Object] = field(default_factory=list)
     facts: list[Fact] = field(default_factory=list)
     complete: bool = False
@@ -222,7 +222,7 @@ class Replica(Struct):
                 return self._give_up_reading(now)  # the pages are counted, and what is counted is another list now
             case OntologyPage():
                 reading.changed_at = page.changed_at
-                reading.definitions += page.definitions.each()
+                reading.ontology = reading.ontology.extended(page.definitions.each())
                 return [self._read(ReadOntology(after=page.next) if page.more else ReadMap(), now)]
             case MapPage():
                 reading.objects += page.objects
@@ -273,7 +273,7 @@ class Replica(Struct):
             return False
         if any(version not in self.events for version in range(reading.first + 1, reading.last + 1)):
             return False
-        self.ontology, self.map = Ontology(reading.definitions), Map(reading.objects, reading.facts)
+        self.ontology, self.map = reading.ontology, Map(reading.objects, reading.facts)
         self.version = reading.first
         self.reading = None
         return True

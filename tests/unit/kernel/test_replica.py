@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 
 import pytest
@@ -216,7 +217,7 @@ class Medium:
     owner: Owner = field(default_factory=Owner)
     now: float = 0.0
     bag: list[Message] = field(default_factory=list)
-    timers: dict[tuple[str, str], float] = field(default_factory=dict)
+    timers: dict[tuple[str, Hashable], float] = field(default_factory=dict)
 
     def feed(self, who: str, event: Input) -> None:
         component = self.owner if who == OWNER else self.repository

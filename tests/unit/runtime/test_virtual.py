@@ -15,7 +15,7 @@ from somrs.kernel.component import Effect, Input, Undelivered
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.virtual import CarryOut, Moment, Work, World
 from tests.support.examples import examples
-from tests.support.ledger import Ledger, Sink, Teller, doubled, expected, told
+from tests.support.ledger import SCHEMA, Ledger, Sink, Teller, doubled, expected, told
 
 
 def slowly(task: object) -> Work:
@@ -31,7 +31,7 @@ class Books:
         self.teller, self.sink = Teller(), Sink()
         self.world.add("sink", self.sink)
         self.world.add("teller", self.teller)
-        self.world.add("ledger", Ledger(), carry_out, journaled=journaled)
+        self.world.add("ledger", Ledger(), carry_out, journaled=SCHEMA if journaled else None)
 
     @property
     def ledger(self) -> Ledger:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from msgspec import Struct, field, structs
 
@@ -40,6 +40,8 @@ class Members(Struct, kw_only=True):
     """Who takes part in a transaction, by id. `asked`: how many were; `changes`: how often a contract changed."""
 
     by_id: dict[str, Member] = field(default_factory=dict)
+    former: dict[str, Member] = field(default_factory=dict)
+    """Of a task that is over: those that had the steps of its last plan."""
     asked: int = 0
     changes: int = 0
 
@@ -48,6 +50,10 @@ class Members(Struct, kw_only=True):
 
     def get(self, id: str | None) -> Member | None:
         return self.by_id.get(id or "")
+
+    def known(self, id: str | None) -> Member | None:
+        """Whether it takes part, or took part until the task was over."""
+        return self.get(id) or self.former.get(id or "")
 
     @property
     def working(self) -> list[Member]:
@@ -149,8 +155,10 @@ class Participants:
             else:
                 yield from self.dismiss(member, "the task is over", now)
 
-    def forget(self) -> None:
-        """Once the transaction is over: all but those that were given up, whose report may still come."""
+    def forget(self, had_steps: Iterable[str | None]) -> None:
+        """Once the transaction is over: all but those that were given up, whose report may still come. Of those that had steps is told
+        who they were."""
+        self._members.former = {id: self._members.by_id[id] for id in had_steps if id is not None and id in self._members.by_id}
         self._members.by_id = {member.id: member for member in self._members if member.lost_at is not None and not member.reported}
 
     def _send(self, member: Member, body: CoordinatorBody, now: float, seconds: float) -> Effects:

@@ -348,7 +348,7 @@ class Transaction:
         self._scope.tell(events.TaskEnded(outcome=outcome, reasons=state.reasons), now)
         yield Record(record(state))
         state.messages.clear()
-        self._scope.participants.forget()
+        self._scope.participants.forget(run.participant for run in state.goal)
 
     # What it works with
 

@@ -92,7 +92,7 @@ def row(task: TaskState) -> TaskRow:
 
 
 def _run_view(task: TaskState, plan: Plan, run: StepRun) -> StepView:
-    member = task.members.get(run.participant)
+    member = task.members.known(run.participant)
     return step_view(
         run.step,
         plan,
