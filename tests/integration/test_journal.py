@@ -293,10 +293,10 @@ def test_an_interrupted_snapshot_leaves_the_one_before(shelf: Shelf) -> None:
     again.journal.close()
 
 
-def other(path: Path, statement: str) -> None:
+def other(path: Path, statement: str, *values: object) -> None:
     """Change the file by other means."""
     with sqlite3.connect(path) as db:
-        db.execute(statement)
+        db.execute(statement, values)
     db.close()
 
 
@@ -325,7 +325,7 @@ def test_with_nothing_open_another_begins_anew(shelf: Shelf, change: str) -> Non
     shelf.journal.keep(next(effect.entry for effect in Ledger().handle(Received(told(0, 1)), 1.0) if isinstance(effect, Record)))
     assert not shelf.ledger.open
     shelf.journal.close()
-    other(shelf.journal.disk.path, f"UPDATE life SET {change} = {9 if change == 'schema' else "'something else'"}")
+    other(shelf.journal.disk.path, f"UPDATE life SET {change} = ?", 9 if change == "schema" else "something else")
     again = shelf.restarted()
     assert (again.again, again.ledger.total) == (False, 0)
     assert len(asyncio.run(again.journal.answer(ReadRecords())).records) == 1, "what is over stays known"

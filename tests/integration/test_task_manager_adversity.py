@@ -7,6 +7,7 @@ import math
 import pytest
 
 from somrs.kernel.component import Effect, Input
+from somrs.kernel.replica import ReplicaDue
 from somrs.ontology.objects import ObjectRemoved
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import CancelTask, Phase, Policy, Preview, Previewed, Submit, TaskRejected
