@@ -4,7 +4,7 @@ SCENARIO ?= 1b
 RUNS ?= 20
 BIN := .venv/bin
 
-.PHONY: setup demo test lint browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs
+.PHONY: setup demo test lint javascript browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs
 
 setup: .venv/.ready
 
@@ -15,6 +15,7 @@ demo: setup
 	@$(BIN)/somrs demo $(SCENARIO) --out out/scenario-$(SCENARIO)
 
 test: setup lint
+	@scripts/javascript test
 	@$(BIN)/pytest --ignore tests/browser
 	@$(MAKE) --no-print-directory browser
 
@@ -23,6 +24,11 @@ lint: setup
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
+	@scripts/javascript lint
+
+# The JavaScript modules of the windows: ESLint, and their unit tests in node.
+javascript: setup
+	@scripts/javascript lint test
 
 # The windows in a real browser; pictures of the pages come to out/screenshots.
 browser: setup
@@ -60,4 +66,4 @@ docs: setup
 	@$(BIN)/somrs schema --out src/somrs/ontology/data/somrs.schema.json
 
 clean:
-	@rm -rf .venv out .somrs build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	@rm -rf .venv node_modules out .somrs build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -26,8 +26,8 @@ export default {
       if (!draft) return;
       const steps = path.split(".");
       const last = steps.pop();
-      const holder = steps.reduce((inner, step) => inner?.[step], draft.form);
-      if (holder === undefined || holder[last] === value) return;
+      const holder = steps.reduce((inner, step) => inner?.[step], draft.form) ?? null;
+      if (holder === null || holder[last] === value) return;
       holder[last] = value;
       sessionStorage.setItem(name, JSON.stringify(draft));
     },

@@ -37,7 +37,12 @@ export default {
   created() {
     // What has more below it than fits is shown two levels deep at first.
     const depth = this.nodes.length > 150 ? 1 : 2;
-    const walk = (id, level) => (this.below.get(id) ?? []).forEach((node) => (this.opened.add(node.id), level < depth && walk(node.id, level + 1)));
+    const walk = (id, level) => {
+      for (const node of this.below.get(id) ?? []) {
+        this.opened.add(node.id);
+        if (level < depth) walk(node.id, level + 1);
+      }
+    };
     walk(null, 0);
     this.reveal(this.selected);
   },

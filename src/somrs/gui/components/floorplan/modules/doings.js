@@ -126,6 +126,7 @@ export const doings = {
   tellMoved(name, to, target, version) {
     const turned = Math.atan2(Math.sin(to.turned), Math.cos(to.turned));
     this.$emit("moved", { name, x: +to.x.toFixed(4), y: +to.y.toFixed(4), turned: +turned.toFixed(6), target, version });
+    this.plan.wait(name);
     this.plan.draw();
   },
   cancel() {

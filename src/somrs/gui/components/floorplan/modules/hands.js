@@ -6,6 +6,18 @@ const BIG = 0.1; // metres that an arrow key moves an object
 const SMALL = 0.01; // with Shift
 const TURN = Math.PI / 12;
 const PANNED = 80; // pixels that an arrow key moves the plan, when nothing is chosen
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const KEYS = new Map([
+  [["r", "R"], (does, shift) => does.nudge(0, 0, shift ? -TURN : TURN)],
+  [["+", "="], (does) => does.zoom(1.25)],
+  [["-", "_"], (does) => does.zoom(0.8)],
+  [["0"], (does) => does.fit()],
+  [["Delete", "Backspace"], (does) => does.remove()],
+  [["Enter", " "], (does) => does.enter()],
+  [["Escape"], (does) => does.escape()],
+  [["PageDown", "]"], (does) => does.next(1)],
+  [["PageUp", "["], (does) => does.next(-1)],
+].flatMap(([keys, act]) => keys.map((key) => [key, act])));
 
 export class Hands {
   // `does`: what to do, see the calls below.
@@ -128,44 +140,19 @@ export class Hands {
     const { key, shiftKey: shift, ctrlKey, metaKey, altKey } = event;
     const does = this._does;
     if (ctrlKey || metaKey) {
-      if (key.toLowerCase() === "z" && !shift) return does.undo(), true;
-      return false;
+      if (key.toLowerCase() !== "z" || shift) return false;
+      does.undo();
+      return true;
     }
     if (altKey) return false;
-    const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[key];
+    const arrow = ARROWS[key];
     if (arrow) {
       const step = shift ? SMALL : BIG;
       if (!does.nudge(arrow[0] * step, arrow[1] * step, 0)) does.pan(-arrow[0] * PANNED, arrow[1] * PANNED);
       return true;
     }
-    switch (key) {
-      case "r":
-      case "R":
-        return does.nudge(0, 0, shift ? -TURN : TURN), true;
-      case "+":
-      case "=":
-        return does.zoom(1.25), true;
-      case "-":
-      case "_":
-        return does.zoom(0.8), true;
-      case "0":
-        return does.fit(), true;
-      case "Delete":
-      case "Backspace":
-        return does.remove(), true;
-      case "Enter":
-      case " ":
-        return does.enter(), true;
-      case "Escape":
-        return does.escape(), true;
-      case "PageDown":
-      case "]":
-        return does.next(1), true;
-      case "PageUp":
-      case "[":
-        return does.next(-1), true;
-    }
-    return false;
+    KEYS.get(key)?.(does, shift);
+    return KEYS.has(key);
   }
 }
 

@@ -29,6 +29,7 @@ export class Plan {
     this.turnable = () => false;
     this._asked = asked; // called when something is held in vain
     this._held = new Map(); // what was moved here, and not yet on the map: { version, since }
+    this._later = null; // when it is looked whether something was held too long
     this._moving = new Map(); // what is seen elsewhere than the map has it, and where the map had it then
     this._sheets = new Sheets(element);
     this._layers = new Layers(this._sheets.groups);
@@ -41,7 +42,6 @@ export class Plan {
     );
     this._due = null;
     this._labelsAt = 0;
-    
   }
 
   end() {
@@ -174,7 +174,13 @@ export class Plan {
   _put(name, at) {
     this._motion.stop(name);
     this._layers.move(name, at);
-    this._held.set(name, { version: Infinity, since: performance.now() });
+    this._held.set(name, { version: Infinity, since: Infinity });
+  }
+
+  // What was moved was told: it waits for the answer, but not for ever.
+  wait(name) {
+    for (const one of this._group(name)) if (this._held.has(one)) this._held.get(one).since = performance.now();
+    this._later ??= setTimeout(() => this._waitedLong(), PATIENCE);
   }
 
   // What was moved is on the map since the version: from then on it is where the map says.
@@ -200,13 +206,14 @@ export class Plan {
         this._held.delete(name);
         this._motion.go(this._layers.refresh(this.model, this.storey, new Set([name])));
       }
-    clearTimeout(this._later);
-    if (this._held.size) this._later = setTimeout(() => this._waitedLong(), PATIENCE);
   }
 
   _waitedLong() {
-    const late = [...this._held].filter(([, held]) => performance.now() - held.since >= PATIENCE - 100).map(([name]) => name);
+    const now = performance.now();
+    const late = [...this._held].filter(([, held]) => now - held.since >= PATIENCE - 100).map(([name]) => name);
     for (const name of late) this._held.delete(name);
+    const next = Math.min(...[...this._held.values()].map((held) => held.since));
+    this._later = Number.isFinite(next) ? setTimeout(() => this._waitedLong(), next + PATIENCE - now) : null;
     if (late.length) {
       this.refresh(new Set(late));
       this._asked(late);

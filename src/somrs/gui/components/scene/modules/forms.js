@@ -65,8 +65,10 @@ function chair(pieces, { width: w, depth: d, height: h, color }) {
   }
 }
 
-function plant(pieces, { form, width, depth, radius, height: h, color }) {
-  const r = form === "Box" ? 0.4 * Math.min(width, depth) : radius;
+function plant(pieces, body) {
+  if (body.form === "Polygon") return plain(pieces, body);
+  const { width, depth, radius, height: h, color } = body;
+  const r = body.form === "Box" ? 0.4 * Math.min(width, depth) : radius;
   const pot = Math.min(0.35 * h, 0.4);
   pieces.cylinder(0.6 * r, pot, 0, 0, pot / 2, POT, { top: 1.25 });
   for (let i = 0; i < 7; i++) {
@@ -78,6 +80,7 @@ function plant(pieces, { form, width, depth, radius, height: h, color }) {
 }
 
 function bin(pieces, body) {
+  if (body.form === "Polygon") return plain(pieces, body);
   const r = body.form === "Box" ? Math.min(body.width, body.depth) / 2 : body.radius;
   pieces.cylinder(0.85 * r, body.height, 0, 0, body.height / 2, body.color, { top: 1.17 });
   pieces.cylinder(0.9 * r, 0.01, 0, 0, body.height + 0.001, shade(body.color, 0.3));

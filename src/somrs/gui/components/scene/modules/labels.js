@@ -99,18 +99,18 @@ export class Labels {
     for (const { name, body, left, top, weight } of found.slice(0, 3 * MOST)) {
       if (shown.size >= MOST) break;
       const label = this.label(name, body);
-      const free = ({ left, right, top, bottom }) =>
-        !taken.some((one) => left < one.right && right > one.left && top < one.bottom && bottom > one.top);
+      const free = (area) =>
+        !taken.some((one) => area.left < one.right && area.right > one.left && area.top < one.bottom && area.bottom > one.top);
       const places = (PLACES[body.kind] ?? PLACES.other).map(([across, down]) => {
         const x = Math.round(Math.min(Math.max(left + across * label.width, 2), width - label.width - 2));
         const y = Math.round(Math.min(Math.max(top + down * label.height, 2), height - label.height - 2));
         return { x, y, left: x - GAP, top: y - GAP, right: x + label.width + GAP, bottom: y + label.height + GAP };
       });
-      const area = places.find(free) ?? (weight < 800 ? null : places[0]);
-      if (!area) continue;
-      taken.push(area);
+      const spot = places.find(free) ?? (weight < 800 ? null : places[0]);
+      if (!spot) continue;
+      taken.push(spot);
       shown.add(name);
-      label.element.style.transform = `translate(${area.x}px, ${area.y}px)`;
+      label.element.style.transform = `translate(${spot.x}px, ${spot.y}px)`;
       if (!label.shown) label.element.style.visibility = "visible";
       label.shown = true;
     }

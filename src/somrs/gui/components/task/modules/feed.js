@@ -18,6 +18,7 @@ class Feed {
     this.seen = null;
     this.listeners = new Set();
     this.reading = false;
+    this.ended = false; // nobody listens any more
     this.life = 0;
   }
 
@@ -29,6 +30,7 @@ class Feed {
     return () => {
       this.listeners.delete(listener);
       if (this.listeners.size) return;
+      this.ended = true;
       this.stop();
       clearTimeout(this.timer);
       feeds.delete(this.task);
@@ -53,7 +55,7 @@ class Feed {
         await this.more();
       }
     } catch (error) {
-      if (error.status !== 404) this.timer = setTimeout(() => this.read(), AGAIN);
+      if (error.status !== 404) this.later();
     } finally {
       this.reading = false;
     }
@@ -93,11 +95,15 @@ class Feed {
     try {
       await this.more();
     } catch {
-      this.timer = setTimeout(() => this.read(), AGAIN);
+      this.later();
     } finally {
       this.reading = false;
       if (this.wanted) this.read();
     }
+  }
+
+  later() {
+    if (!this.ended) this.timer = setTimeout(() => this.read(), AGAIN);
   }
 
   tell() {

@@ -1,0 +1,62 @@
+// How the JavaScript modules are checked: for mistakes, not for how code is laid out. The tests are checked as the modules are.
+
+import js from "@eslint/js";
+import globals from "globals";
+
+const strict = {
+  "array-callback-return": "error",
+  "default-case-last": "error",
+  "default-param-last": "error",
+  "dot-notation": "error",
+  eqeqeq: "error",
+  "guard-for-in": "error",
+  "no-alert": "error",
+  "no-console": "error",
+  "no-constructor-return": "error",
+  "no-duplicate-imports": "error",
+  "no-eval": "error",
+  "no-extend-native": "error",
+  "no-implicit-coercion": ["error", { allow: ["+"] }],
+  "no-implicit-globals": "error",
+  "no-implied-eval": "error",
+  "no-invalid-this": "error",
+  "no-labels": "error",
+  "no-lone-blocks": "error",
+  "no-new-func": "error",
+  "no-new-wrappers": "error",
+  "no-promise-executor-return": "error",
+  "no-return-assign": ["error", "except-parens"],
+  "no-self-compare": "error",
+  "no-sequences": "error",
+  "no-shadow": "error",
+  "no-template-curly-in-string": "error",
+  "no-throw-literal": "error",
+  "no-unmodified-loop-condition": "error",
+  "no-unneeded-ternary": "error",
+  "no-unreachable-loop": "error",
+  "no-unused-expressions": ["error", { allowShortCircuit: true, allowTernary: true }],
+  "no-unused-vars": ["error", { caughtErrors: "all" }],
+  "no-use-before-define": ["error", { functions: false, classes: false, variables: false }],
+  "no-useless-concat": "error",
+  "no-useless-constructor": "error",
+  "no-useless-rename": "error",
+  "no-useless-return": "error",
+  "no-var": "error",
+  "object-shorthand": ["error", "always", { avoidQuotes: true }],
+  "prefer-const": ["error", { destructuring: "all" }],
+  "prefer-object-has-own": "error",
+  "prefer-promise-reject-errors": "error",
+  "prefer-rest-params": "error",
+  "prefer-spread": "error",
+  radix: "error",
+  "require-atomic-updates": "error",
+};
+
+export default [
+  { ignores: [".venv/", "out/", "build/", "dist/"] },
+  js.configs.recommended,
+  { rules: strict, linterOptions: { reportUnusedDisableDirectives: "error" } },
+  { files: ["src/**/*.js"], languageOptions: { globals: globals.browser } },
+  // A test has the page and the server to itself: nobody else changes them while it waits.
+  { files: ["tests/**/*.js"], languageOptions: { globals: { ...globals.browser, ...globals.node } }, rules: { "require-atomic-updates": "off" } },
+];

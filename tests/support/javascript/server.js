@@ -1,0 +1,57 @@
+// A server that says what the test wants.
+
+globalThis.location = new URL("http://somrs.test/");
+
+export const server = {
+  answers: {}, // by address without what is asked for: what is answered, or a function of { query, body } that gives it
+  asked: [], // addresses, in order
+  sockets: [],
+  away: false,
+
+  reset() {
+    Object.assign(this, { answers: {}, asked: [], sockets: [], away: false });
+  },
+
+  // The last connection to the address.
+  socket(path) {
+    return this.sockets.findLast((one) => new URL(one.url).pathname === path);
+  },
+};
+
+globalThis.fetch = async (address, options) => {
+  server.asked.push(address);
+  if (server.away) throw new TypeError("nobody answers");
+  const url = new URL(address, location.href);
+  const found = server.answers[url.pathname];
+  const body = typeof found === "function" ? found({ query: url.searchParams, body: options?.body && JSON.parse(options.body) }) : found;
+  const status = body === undefined ? 404 : (body.status ?? 200);
+  const text = JSON.stringify(body ?? { problem: "There is no such thing." });
+  return { ok: status === 200, status, json: async () => JSON.parse(text) };
+};
+
+globalThis.WebSocket = class {
+  constructor(url) {
+    this.url = String(url);
+    this.sent = [];
+    this.closed = false;
+    server.sockets.push(this);
+  }
+
+  send(text) {
+    this.sent.push(JSON.parse(text));
+  }
+
+  close() {
+    this.closed = true;
+    this.onclose?.();
+  }
+
+  // What the server does.
+  open() {
+    this.onopen?.();
+  }
+
+  say(news) {
+    this.onmessage({ data: news instanceof ArrayBuffer ? news : JSON.stringify(news) });
+  }
+};

@@ -1,0 +1,249 @@
+// The floor plan as it is on the page.
+
+import { clock, mounted, page, press, server, settled, text } from "../../../../support/javascript/page.js";
+import assert from "node:assert/strict";
+import test, { afterEach, beforeEach } from "node:test";
+import floorplan from "../../../../../src/somrs/gui/components/floorplan/floorplan.js";
+import { building, DEFINITIONS, object } from "./building.js";
+
+let one, pad, drawing;
+
+beforeEach(async () => {
+  server.reset();
+  sessionStorage.clear();
+  page.calm = true;
+  server.answers = { "/api/ontology": { definitions: DEFINITIONS }, "/api/map": () => building() };
+  one = await mounted(floorplan, { mode: "edit", snap: 0.5 });
+  pad = one.element.querySelector(".fp-pad");
+  drawing = pad.shadowRoot;
+  page.sized.get(pad)(800, 600);
+  server.socket("/api/live").open();
+  await clock.pass(200);
+});
+
+afterEach(() => one.leave());
+
+const view = () => one.shown.plan.view;
+const drawn = (name) => drawing.querySelector(`[data-name="${name}"]`);
+const spot = (name) => view().toScreen(one.shown.plan.at(name).x, one.shown.plan.at(name).y);
+const told = (event) => one.told.filter(([name]) => name === event).map(([, value]) => value);
+const changed = (changes, version) => server.socket("/api/live").say({ topic: "map", value: { changes, version } });
+
+async function pointer(type, { x, y }, on = pad, more = {}) {
+  const event = Object.assign(new MouseEvent(type, { bubbles: true, cancelable: true, composed: true, clientX: x, clientY: y, ...more }), { pointerId: 1 });
+  on.dispatchEvent(event);
+  await settled();
+}
+
+async function drag(name, to, more) {
+  const from = spot(name);
+  await pointer("pointerdown", from, drawn(name));
+  await pointer("pointermove", { x: from.x + 6, y: from.y }, pad, more);
+  await pointer("pointermove", to, pad, more);
+  await pointer("pointerup", to, pad, more);
+}
+
+async function clicked(name) {
+  await pointer("pointerdown", spot(name), drawn(name));
+  await pointer("pointerup", spot(name));
+}
+
+test("one storey is seen, with all that is on it, and what is nowhere is named", () => {
+  assert.deepEqual(["Table001", "Jar001", "Robot1", "Wall001"].map((name) => drawn(name) !== null), [true, true, true, true]);
+  assert.deepEqual([drawn("Jar002"), drawn("Nowhere")], [null, null]);
+  assert.match(text(one.element.querySelector(".fp-unplaced")), /Without a place: ?Nowhere$/);
+  assert.deepEqual(told("loaded"), [{ version: 7, objects: 13 }]);
+  assert.deepEqual([...one.element.querySelectorAll("option")].map(text), ["Ground", "Upper · First floor"]);
+  assert.equal(one.element.querySelector(".fp-loading"), null);
+});
+
+test("another storey is chosen", async () => {
+  const select = one.element.querySelector("select");
+  select.value = "Upper";
+  select.dispatchEvent(new Event("change"));
+  await clock.pass(50);
+  assert.ok(drawn("Jar002") && !drawn("Jar001"));
+  assert.deepEqual(told("storey").at(-1), { name: "Upper", alone: false });
+});
+
+test("a click chooses, and says what it is", async () => {
+  await clicked("Jar001");
+  assert.deepEqual(told("select"), [{ name: "Jar001" }]);
+  assert.match(text(one.element.querySelector('[aria-live="polite"]')), /^Jar001, Jar, on Table001, x 2.00 m, y 3.50 m$/);
+  await clock.pass(50);
+  assert.equal(drawing.querySelectorAll(".fp-chosen, .fp-chosen-ring").length, 1);
+});
+
+test("what is dragged goes to the grid, with what stands on it", async () => {
+  await drag("Table001", view().toScreen(4.1, 3.1));
+  const [moved] = told("moved");
+  assert.deepEqual({ name: moved.name, x: moved.x, y: moved.y, version: moved.version }, { name: "Table001", x: 4, y: 3, version: 7 });
+  assert.deepEqual({ ...one.shown.plan.at("Jar001") }, { x: 4, y: 3.5, turned: 0 });
+  one.shown.settled("Table001", 8);
+  changed([{ type: "ValueSet", object: "Table001", path: "PositionX", value: 4 }, { type: "ValueSet", object: "Jar001", path: "PositionX", value: 4 }], 8);
+  await clock.pass(50);
+  assert.equal(one.shown.plan.at("Jar001").x, 4);
+});
+
+test("what may not stand there goes back", async () => {
+  await drag("Robot1", view().toScreen(0.1, 0.1), { altKey: true });
+  assert.equal(told("moved").length, 1);
+  one.shown.back("Robot1");
+  assert.equal(one.shown.plan.at("Robot1").x, 6);
+});
+
+test("where nobody answers, it goes back after a while, whatever else happens, and the page hears so", async () => {
+  await drag("Robot1", view().toScreen(3, 3));
+  await clock.pass(10000);
+  changed([{ type: "ValueSet", object: "Jar001", path: "PositionX", value: 2.1 }], 8);
+  await clock.pass(4000);
+  assert.deepEqual({ ...one.shown.plan.at("Robot1") }, { x: 3, y: 3, turned: 0 });
+  await clock.pass(2000);
+  assert.deepEqual(told("unanswered"), [{ names: ["Robot1"] }]);
+  assert.equal(one.shown.plan.at("Robot1").x, 6);
+});
+
+test("what is in the hand waits for nobody", async () => {
+  const from = spot("Robot1");
+  await pointer("pointerdown", from, drawn("Robot1"));
+  await pointer("pointermove", { x: from.x - 60, y: from.y });
+  await clock.pass(60000);
+  assert.deepEqual(told("unanswered"), []);
+  assert.notEqual(one.shown.plan.at("Robot1").x, 6);
+});
+
+test("a wall is only moved when it was chosen before; else the plan is", async () => {
+  const { x } = view();
+  await drag("Wall001", { x: 500, y: 300 });
+  assert.deepEqual(told("moved"), []);
+  assert.notEqual(view().x, x);
+});
+
+test("arrow keys nudge what is chosen, and tell it once", async () => {
+  await clicked("Robot1");
+  for (let time = 0; time < 3; time++) await press(pad, "ArrowRight");
+  await press(pad, "ArrowUp", { shiftKey: true });
+  assert.deepEqual(told("moved"), []);
+  await clock.pass(500);
+  assert.deepEqual(told("moved").map(({ x, y, target }) => [x, y, target]), [[6.3, 6.01, null]]);
+});
+
+test("keys for the rest", async () => {
+  await clicked("Jar001");
+  await press(pad, "r");
+  await clock.pass(500);
+  assert.ok(Math.abs(told("moved")[0].turned - Math.PI / 12) < 1e-6);
+  await press(pad, "Enter");
+  await press(pad, "Delete");
+  await press(pad, "z", { ctrlKey: true });
+  assert.deepEqual([told("open"), told("remove"), told("undo")], [[{ name: "Jar001" }], [{ name: "Jar001" }], [{}]]);
+  const { scale } = view();
+  await press(pad, "+");
+  assert.equal(view().scale, scale * 1.25);
+  await press(pad, "0");
+  assert.equal(view().fitted, true);
+  await press(pad, "Escape");
+  assert.equal(one.shown.plan.selected, null);
+  const event = await press(pad, "q");
+  assert.equal(event.defaultPrevented, false, "other keys are the page's");
+});
+
+test("page down goes from one object to the next, from the top left", async () => {
+  const names = [];
+  for (let time = 0; time < 3; time++) {
+    await press(pad, "PageDown");
+    names.push(one.shown.plan.selected);
+  }
+  assert.deepEqual(names, ["Robot1", "Wall001", "Door001"]);
+});
+
+test("something new is placed by a click", async () => {
+  one.shown.place("Jar", {});
+  await pointer("pointermove", view().toScreen(2.1, 2.4));
+  await clock.pass(50);
+  assert.ok(drawing.querySelector(".fp-ghost"));
+  assert.equal(one.shown.plan.target, "Table001");
+  await pointer("pointerdown", view().toScreen(2.1, 2.4));
+  await pointer("pointerup", view().toScreen(2.1, 2.4));
+  assert.deepEqual(told("placed"), [{ type: "Jar", x: 2, y: 2.5, turned: 0, target: "Table001", storey: "Ground" }]);
+  await clock.pass(50);
+  assert.equal(drawing.querySelector(".fp-ghost"), null);
+});
+
+test("on a plan to choose from, a thing is dropped on its target, and stays", async () => {
+  one.given.mode = "pick";
+  await settled();
+  await drag("Jar001", view().toScreen(8, 2));
+  assert.deepEqual(told("dropped"), [{ thing: "Jar001", target: "Floor0", x: 8, y: 2 }]);
+  assert.equal(one.shown.plan.at("Jar001").x, 2);
+});
+
+test("changes of the map are seen at once", async () => {
+  changed([{ type: "ObjectAdded", object: object("Jar009", "Jar", 7, 7) }, { type: "ValueSet", object: "Robot1", path: "PositionX", value: 9 }, { type: "ObjectRemoved", name: "Door001" }], 8);
+  await clock.pass(50);
+  assert.ok(drawn("Jar009") && !drawn("Door001"));
+  assert.match(drawn("Robot1").getAttribute("transform"), /^translate\(9 6\)/);
+});
+
+test("what moves is seen where it is, until the map has it elsewhere", async () => {
+  const poses = server.socket("/api/poses");
+  poses.say({ table: 3, movers: [{ name: "Robot1", numbers: 4 }] });
+  const frame = (time, x) => {
+    const buffer = new ArrayBuffer(24 + 4 + 16);
+    const head = new DataView(buffer);
+    head.setFloat64(0, time, true);
+    head.setUint32(16, 3, true);
+    head.setUint32(20, 1, true);
+    new Float32Array(buffer, 28).set([x, 6, 0, 0]);
+    return buffer;
+  };
+  for (let tick = 0; tick <= 10; tick++) {
+    poses.say(frame(tick / 20, 6 + tick / 10));
+    await clock.pass(50);
+  }
+  await clock.pass(500);
+  assert.match(drawn("Robot1").getAttribute("transform"), /^translate\(7 6\)/);
+  assert.ok(drawing.querySelector(".fp-known"), "its outline is where the map has it");
+  changed([{ type: "ValueSet", object: "Robot1", path: "PositionX", value: 2 }], 8);
+  await clock.pass(50);
+  assert.match(drawn("Robot1").getAttribute("transform"), /^translate\(2 6\)/);
+});
+
+test("a map of the past is shown as it was, and cannot be changed", async () => {
+  server.answers["/api/map"] = ({ query }) => (query.get("version") === "3" ? { version: 3, objects: [object("Old", "Jar", 1, 1)], facts: [] } : building());
+  one.given.version = 3;
+  await clock.pass(50);
+  assert.ok(drawn("Old") && !drawn("Robot1"));
+  assert.match(text(one.element.querySelector(".fp-hint")), /The map as it was/);
+  await drag("Old", { x: 100, y: 100 });
+  assert.deepEqual(told("moved"), []);
+  one.given.version = undefined;
+  await clock.pass(50);
+  assert.ok(drawn("Robot1"));
+});
+
+test("a lost connection is said", async () => {
+  server.socket("/api/live").close();
+  await settled();
+  assert.match(text(one.element.querySelector('[role="alert"]')), /The connection is lost/);
+});
+
+test("the legend explains what there is, and no more", async () => {
+  one.shown.legend = true;
+  await settled();
+  const titles = [...one.element.querySelectorAll(".fp-legend-row")].map(text);
+  assert.deepEqual(titles, ["Wall", "Door, open", "Door, closed", "Furniture to put things on", "Thing to carry", "Robot, and where it looks", "Nobody knows how it is"]);
+});
+
+test("what is in view is kept for when the page is loaded again", async () => {
+  view().zoom(2);
+  one.shown.plan.draw();
+  await clock.pass(500);
+  const { scale } = view();
+  const again = await mounted(floorplan, { mode: "edit" });
+  page.sized.get(again.element.querySelector(".fp-pad"))(800, 600);
+  server.socket("/api/live").open();
+  await clock.pass(50);
+  assert.equal(again.shown.plan.view.scale, scale);
+  again.leave();
+});

@@ -1,0 +1,47 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import { kindById, kindOf, LAYERS, LEGEND } from "somrs-floorplan/kinds.js";
+import { look, outline, pose, sample } from "somrs-floorplan/shapes.js";
+
+const BOX = { form: "Box", width: 1, depth: 2 };
+
+test("outlines are in metres", () => {
+  assert.equal(outline(BOX), "M-0.5 -1H0.5V1H-0.5Z");
+  assert.equal(outline({ form: "Polygon", outline: [[0, 0], [1, 0], [0, 1]] }), "M0 0L1 0L0 1Z");
+  assert.match(outline({ form: "Cylinder", radius: 0 }), /^M-0\.01 0A/, "what is tiny is there all the same");
+});
+
+test("an open door looks otherwise than a closed one", () => {
+  const door = kindById("door");
+  const solid = { form: "Box", width: 0.1, depth: 0.9 };
+  assert.match(look(door, solid, { open: true }).content, /fp-gap/);
+  assert.doesNotMatch(look(door, solid, { open: false }).content, /fp-gap/);
+});
+
+test("what nobody knows, and what is broken, are marked", () => {
+  const { classes } = look(kindById("thing"), BOX, { color: "Red", unknown: true, broken: true });
+  assert.equal(classes, "fp-object fp-thing fp-c-red fp-unknown fp-broken");
+});
+
+test("every kind can be drawn, over every form", () => {
+  for (const solid of [BOX, { form: "Cylinder", radius: 0.4 }, { form: "Polygon", outline: [[1, 0], [0, 1], [-1, 0]] }, { form: null, radius: 0.1 }])
+    for (const id of [...LEGEND, "floor", "opening", "pillar"]) {
+      const kind = kindById(id);
+      assert.ok(LAYERS.includes(kind.layer), id);
+      assert.doesNotMatch(look(kind, solid, { open: true, range: 2, view: 1 }).content, /NaN|undefined/, `${id} over ${solid.form}`);
+    }
+});
+
+test("the legend has a picture of each kind", () => {
+  for (const id of LEGEND) assert.doesNotMatch(sample(kindById(id)), /NaN|undefined/, id);
+  assert.notEqual(sample(kindById("door")), sample(kindById("door"), { open: false }));
+});
+
+test("special kinds come before general ones", () => {
+  const known = (...types) => kindOf((type) => types.includes(type)).id;
+  assert.deepEqual([known("Charger", "Place"), known("Wall", "BuildingElement", "PhysicalObject"), known("AbstractObject"), known()], ["charger", "wall", "none", "obstacle"]);
+});
+
+test("a pose is where a thing stands and where it looks", () => {
+  assert.equal(pose({ x: 1.23456, y: 2, turned: Math.PI / 2 }), "translate(1.2346 2) rotate(90)");
+});

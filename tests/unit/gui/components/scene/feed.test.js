@@ -1,0 +1,115 @@
+import { clock } from "../../../../support/javascript/clock.js";
+import { server } from "../../../../support/javascript/server.js";
+import assert from "node:assert/strict";
+import test, { afterEach, beforeEach } from "node:test";
+import { Feed } from "somrs-scene/feed.js";
+
+let told, feed;
+
+const CALLS = ["scene", "changed", "placed", "movers", "robots", "frame", "alive", "trouble"];
+const hears = Object.fromEntries(CALLS.map((call) => [call, (...values) => told.push([call, ...values])]));
+const calls = (name) => told.filter(([call]) => call === name).map(([, ...values]) => values);
+const news = (changes, more = {}) => server.socket("/api/live").say({ topic: "map", value: { changes }, ...more });
+
+async function begun(version = null) {
+  feed = new Feed(hears, version);
+  server.socket("/api/live")?.open();
+  await clock.pass(50);
+}
+
+beforeEach(() => {
+  server.reset();
+  told = [];
+  server.answers["/api/scene"] = ({ query }) => ({ names: query.get("names"), version: query.get("version") });
+});
+
+afterEach(() => feed.stop());
+
+test("what there is is read once one is told what changes", async () => {
+  await begun();
+  assert.deepEqual(server.socket("/api/live").sent, [{ follow: ["map", "ontology"] }]);
+  assert.deepEqual(server.asked, ["/api/scene"]);
+  assert.equal(calls("scene").length, 1);
+});
+
+test("changes are gathered, and only what can be seen is asked for", async () => {
+  await begun();
+  feed.isMover = (name) => name === "Robot1";
+  news([{ type: "ObjectAdded", object: { name: "Jar 1" } }, { type: "ObjectRemoved", name: "Jar2" }, { type: "ValueSet", object: "Robot1", path: "PositionX" }]);
+  news([{ type: "ValueSet", object: "Robot2", path: "Charge" }, { type: "ValueSet", object: "Table1", path: "PositionX" }]);
+  await clock.pass(200);
+  assert.deepEqual(server.asked.slice(1), ["/api/scene?names=Jar%201%2CJar2%2CTable1"]);
+  assert.deepEqual(calls("changed")[0][1], ["Jar 1", "Jar2", "Table1"]);
+});
+
+test("so much at once that no address would hold it is read as a whole", async () => {
+  await begun();
+  news(Array.from({ length: 101 }, (_, index) => ({ type: "ObjectRemoved", name: `Jar${index}` })));
+  await clock.pass(200);
+  assert.deepEqual(server.asked.slice(1), ["/api/scene"]);
+});
+
+test("what stands on what is told at once", async () => {
+  await begun();
+  const fact = { relation: "isOn", arguments: ["Jar1", "Table1"] };
+  news([{ type: "FactAdded", fact }, { type: "FactRemoved", fact: { ...fact, relation: "isHeldBy" } }, { type: "FactAdded", fact: { ...fact, relation: "isNear" } }]);
+  assert.deepEqual(calls("placed"), [["Jar1", "isOn", "Table1", true], ["Jar1", "isHeldBy", "Table1", false]]);
+});
+
+test("a lost connection is said, made again, and all is read anew", async () => {
+  await begun();
+  server.socket("/api/live").close();
+  assert.match(calls("trouble").at(-1)[0], /connection to the server is lost/);
+  await clock.pass(400);
+  server.socket("/api/live").open();
+  await clock.pass(50);
+  assert.deepEqual(calls("trouble").at(-1), [null]);
+  assert.equal(calls("scene").length, 2);
+});
+
+test("a server that does not answer is asked again, one that refuses is not", async () => {
+  server.away = true;
+  await begun();
+  assert.match(calls("trouble").at(-1)[0], /does not answer/);
+  server.away = false;
+  server.answers["/api/scene"] = { status: 404, problem: "There is no such version." };
+  await clock.pass(2100);
+  assert.deepEqual(calls("trouble").at(-1), ["There is no such version."]);
+  const asked = server.asked.length;
+  await clock.pass(9000);
+  assert.equal(server.asked.length, asked);
+});
+
+test("a map of the past is read once", async () => {
+  await begun(12);
+  assert.deepEqual([server.asked, server.sockets], [["/api/scene?version=12"], []]);
+});
+
+test("poses are for the movers that were told, and no others", async () => {
+  await begun();
+  const poses = server.socket("/api/poses");
+  const frame = (table) => {
+    const buffer = new ArrayBuffer(24 + 4 + 16);
+    const head = new DataView(buffer);
+    head.setFloat64(0, 2.5, true);
+    head.setUint32(16, table, true);
+    head.setUint32(20, 1, true);
+    new Float32Array(buffer, 28).set([1, 2, 3, 4]);
+    return buffer;
+  };
+  poses.say({ table: 3, movers: [{ name: "Robot1", numbers: 4 }], robots: { Robot1: {} }, alive: false });
+  poses.say(frame(3));
+  poses.say(frame(4));
+  assert.deepEqual(calls("frame").map(([time, which, values]) => [time, [...which], [...values]]), [[2.5, [0], [1, 2, 3, 4]]]);
+  assert.deepEqual([calls("movers").length, calls("robots").length, calls("alive")], [1, 1, [[false]]]);
+});
+
+test("while nobody looks, nothing comes", async () => {
+  await begun();
+  feed.rest();
+  assert.equal(server.socket("/api/poses").closed, true);
+  await clock.pass(9000);
+  assert.equal(server.sockets.length, 2);
+  feed.follow();
+  assert.equal(server.sockets.length, 3);
+});
