@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -17,7 +18,7 @@ from somrs.app.client import Addresses
 from somrs.errors import UsageError
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright  # noqa: E402  # behind the skip
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Locator, Page, expect, sync_playwright  # noqa: E402  # behind the skip
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = (
@@ -31,12 +32,24 @@ FLAGS = (
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-rasterization",
+    # Of features only the last list counts, so this is Playwright's, as far as it matters here, and the pages of its own that Chromium
+    # makes behind every window for what is typed into its address bar: nobody sees them here, and they take more time than ours.
+    "--disable-features=AvoidUnnecessaryBeforeUnloadCheckSync,DestroyProfileOnBrowserClose,HttpsUpgrades,LensOverlay,MediaRouter,"
+    "OptimizationHints,NetworkTimeServiceQuerying,PaintHolding,ThirdPartyStoragePartitioning,WebUIOmniboxPopup,WebUIOmniboxAimPopup",
 )
 REPOSITORY = Path(__file__).parents[2]
 SCENARIO = REPOSITORY / "src" / "somrs" / "app" / "data" / "scenario-1.yaml"
 SCREENSHOTS = REPOSITORY / "out" / "screenshots"
 WIDTHS = {"1280": (1280, 800), "1920": (1920, 1080), "820": (820, 1180)}
-UP_TIME = 90.0
+SIZES = {**WIDTHS, "640": (640, 480)}
+"""The smallest is for what takes long to draw, and not for how it looks."""
+UP_TIME = 300.0
+"""Seconds that a system has to start, on a machine that does much else, too."""
+PATIENCE = 120.0
+"""Seconds that anything else is waited for: as long as nobody would doubt that it does not come. What passes takes far less."""
+WORK_TIME = 300_000
+"""Milliseconds for robots to carry something, with a failure on the way."""
 
 
 class Running:
@@ -46,8 +59,12 @@ class Running:
         line = [sys.executable, "-m", "somrs.app.cli", "up", str(site), "--data", str(data), "--speed", speed]
         self.data = data
         self._said = (data.parent / f"{data.name}.log").open("wb")
-        self._process = subprocess.Popen(line, stdout=self._said, stderr=self._said, start_new_session=True)
-        self.addresses = self._addresses()
+        self._process = subprocess.Popen(line, stdout=self._said, stderr=self._said, start_new_session=True, preexec_fn=_end_with_parent)
+        try:
+            self.addresses = self._addresses()
+        except BaseException:  # interrupted, too: no process is to be left
+            self.stop()
+            raise
 
     @property
     def url(self) -> str:
@@ -64,8 +81,7 @@ class Running:
             else:
                 if found.gui is not None and b"In the browser" in Path(self._said.name).read_bytes():
                     return found
-            time.sleep(0.2)
-        self.stop()
+            time.sleep(0.1)
         raise AssertionError(f"the system did not start: {Path(self._said.name).read_text(errors='replace')}")
 
     def kill(self, program: str) -> None:
@@ -85,9 +101,19 @@ class Running:
             self._process.send_signal(signal.SIGCONT)
 
     def stop(self) -> None:
-        self._process.send_signal(signal.SIGINT)
-        self._process.wait(30)
+        """End it at once, and all its programs, which would only take their leave of each other."""
+        self._process.send_signal(signal.SIGSTOP)  # it is to start none of them again meanwhile
+        programs = subprocess.run(["pgrep", "-P", str(self._process.pid)], capture_output=True, text=True)
+        for id in programs.stdout.split():
+            os.kill(int(id), signal.SIGKILL)
+        self._process.kill()
+        self._process.wait()
         self._said.close()
+
+
+def _end_with_parent() -> None:
+    """Have this process told to end when the tests are gone, however they ended; it ends all others then."""
+    ctypes.CDLL(None).prctl(1, signal.SIGINT)
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +128,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 def browser() -> Iterator[Browser]:
     if not CHROMIUM.exists():
         pytest.skip("there is no Chromium; on Debian and Ubuntu: sudo apt-get install chromium")
-    expect.set_options(timeout=15_000)  # on a machine that does much else, too
+    expect.set_options(timeout=1000 * PATIENCE)
     with sync_playwright() as started:
         browser = started.chromium.launch(executable_path=str(CHROMIUM), args=[*FLAGS])
         yield browser
@@ -113,33 +139,71 @@ class Outside(AssertionError):
     """A page asked for something from another machine."""
 
 
+@pytest.fixture(scope="session")
+def profiles(browser: Browser) -> list[BrowserContext]:
+    """Profiles of the browser, as many as some test needed at the same time: whatever has been loaded once is known to them."""
+    return []
+
+
 @pytest.fixture
-def window(browser: Browser) -> Iterator[Callable[..., Page]]:
-    """Opens a page in a browser profile of its own: `window(url, size="1280", dark=False)`. Whatever a page writes to the console as an
-    error, and every request that would leave the machine, fails the test at its end."""
-    contexts: list[BrowserContext] = []
+def window(browser: Browser, profiles: list[BrowserContext]) -> Iterator[Callable[..., Page]]:
+    """Opens a page, each of a test in another browser profile, as of another person: `window(url, size="1280", dark=False)`. Whatever a
+    page writes to the console as an error, and every request that would leave the machine, fails the test at its end; and a page that
+    loads itself again, unless it `may_reload`."""
+    pages: list[Page] = []
     errors: list[str] = []
 
-    def opened(url: str, size: str = "1280", *, dark: bool = False) -> Page:
-        width, height = WIDTHS[size]
-        context = browser.new_context(viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light")
-        context.set_default_timeout(15_000)
-        contexts.append(context)
-        page = context.new_page()
+    def opened(url: str, size: str = "1280", *, dark: bool = False, may_reload: bool = False) -> Page:
+        if len(pages) == len(profiles):
+            profiles.append(browser.new_context())
+        width, height = SIZES[size]
+        page = profiles[len(pages)].new_page()
+        pages.append(page)
+        page.set_default_timeout(1000 * PATIENCE)
+        page.set_viewport_size({"width": width, "height": height})
+        page.emulate_media(color_scheme="dark" if dark else "light")
+
+        def said(message: ConsoleMessage) -> None:
+            wrong = message.type == "error" and "ERR_CONNECTION" not in message.text
+            if wrong or (message.text.startswith("reloading because") and not may_reload):
+                errors.append(message.text)
+
         page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda said: errors.append(said.text) if said.type == "error" and "ERR_CONNECTION" not in said.text else None)
+        page.on("console", said)
         page.on("request", lambda asked: None if _local(asked.url) else errors.append(f"asked for {asked.url}"))
         page.goto(url)
         return page
 
     yield opened
-    for context in contexts:
-        context.close()
+    for page in pages:
+        page.close()
+    for profile in profiles[: len(pages)]:
+        profile.clear_cookies()
     assert not errors, "\n".join(errors)
 
 
 def _local(url: str) -> bool:
     return url.startswith(("http://127.0.0.1:", "ws://127.0.0.1:", "data:", "blob:", "about:"))
+
+
+def stands(drawn: Locator) -> None:
+    """Wait until the page is laid out, to the last sign, and what is drawn stays where it is for some pictures, however long each takes."""
+    still = """async (drawn) => {
+        await document.fonts.ready;
+        for (let [same, before] = [0, ""]; same < 5 && drawn.isConnected; ) {
+            await new Promise(requestAnimationFrame);
+            const now = JSON.stringify(drawn.getBoundingClientRect());
+            [same, before] = [now === before ? same + 1 : 0, now];
+        }
+        return drawn.isConnected;
+    }"""
+    while not drawn.evaluate(still):  # it was drawn anew
+        pass
+
+
+def fits(page: Page) -> bool:
+    """Whether nothing is wider than the window, once all signs are there, without which their names would be shown."""
+    return bool(page.evaluate("document.fonts.ready.then(() => document.documentElement.scrollWidth <= window.innerWidth)"))
 
 
 def shoot(page: Page, name: str) -> Path:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import Running, shoot
+from .conftest import Running, fits, shoot
 
 PLACES = ["Map", "Ontology", "New task", "Tasks", "Fleet", "History"]
 
@@ -25,7 +25,7 @@ def test_every_page_is_one_click_away(system: Running, window: Callable[..., Pag
         page.get_by_role("navigation").get_by_role("link", name=place).click()
         page.wait_for_url("**/" + {"New task": "define"}.get(place, place.lower()))
         assert page.get_by_role("navigation").locator("[aria-current=page]").get_attribute("aria-label") == place
-        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), f"{place} is wider than the window"
+        assert fits(page), f"{place} is wider than the window"
 
 
 def test_the_api_describes_itself(system: Running, window: Callable[..., Page]) -> None:
