@@ -11,8 +11,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
+from xdist.scheduler import LoadFileScheduling  # type: ignore[import-untyped]
 
 from somrs.app.client import Addresses
 from somrs.errors import UsageError
@@ -116,12 +118,46 @@ def _end_with_parent() -> None:
     ctypes.CDLL(None).prctl(1, signal.SIGINT)
 
 
+QUIET = ("test_api", "test_history", "test_owl", "test_start")
+"""Files whose tests move nothing and count nothing that others leave behind: they share a system, as each takes long to start."""
+
+
+class Files(LoadFileScheduling):  # type: ignore[misc]
+    """Has all tests of a file run by one worker, and those of the files that share a system, too."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = str(super()._split_scope(nodeid))
+        return "quiet" if Path(file).stem in QUIET else file
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Files | None:
+    return Files(config, log) if config.getvalue("dist") == "loadfile" else None
+
+
+@contextmanager
+def _running(folder: Path) -> Iterator[Running]:
+    running = Running(folder / "data")
+    try:
+        yield running
+    finally:
+        running.stop()
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    with _running(tmp_path_factory.mktemp("shared")) as running:
+        yield running
+
+
 @pytest.fixture(scope="module")
-def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """The paper's scenario, for all tests of one file."""
-    running = Running(tmp_path_factory.mktemp("browser") / "data")
-    yield running
-    running.stop()
+def system(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """The paper's scenario, for all tests of one file, or of those that share it."""
+    if request.path.stem in QUIET:
+        yield request.getfixturevalue("shared")
+    else:
+        with _running(tmp_path_factory.mktemp("browser")) as running:
+            yield running
 
 
 @pytest.fixture(scope="session")
