@@ -223,13 +223,15 @@ def _local(url: str) -> bool:
 
 
 def stands(drawn: Locator) -> None:
-    """Wait until the page is laid out, to the last sign, and what is drawn stays where it is for some pictures, however long each takes."""
+    """Wait until the page is laid out, to the last sign, and what is drawn stays where it is: for some pictures, however long each takes,
+    and longer than Quasar waits before it makes room for the header."""
     still = """async (drawn) => {
         await document.fonts.ready;
-        for (let [same, before] = [0, ""]; same < 5 && drawn.isConnected; ) {
+        for (let [same, since, before] = [0, 0, ""]; (same < 5 || performance.now() - since < 300) && drawn.isConnected; ) {
             await new Promise(requestAnimationFrame);
             const now = JSON.stringify(drawn.getBoundingClientRect());
-            [same, before] = [now === before ? same + 1 : 0, now];
+            if (now === before) same++;
+            else [same, since, before] = [0, performance.now(), now];
         }
         return drawn.isConnected;
     }"""

@@ -113,7 +113,8 @@ def until(page: Page, wanted: Callable[[], object], what: str) -> None:
         if wanted():
             return
         page.wait_for_timeout(50)
-    raise AssertionError(f"it did not come to this: {what}")
+    told = page.locator(".q-notification, [role=alert]").all_inner_texts()
+    raise AssertionError(f"it did not come to this: {what}; the page says {told}")
 
 
 def choose(page: Page, name: str) -> None:
@@ -418,8 +419,8 @@ def test_the_history_shows_the_map_as_it_was(kept: Running, window: Window) -> N
     page = opened(window, kept)
     start, platform = spot(page, "Jar003"), spot(page, "Platform001")
     drag(page, start, platform)
-    until(page, lambda: near(page, "Jar003", platform, 8), "the jar is on the platform")
-    until(page, lambda: ("isOn", "Jar003", "Platform001") in Seen(kept).facts, "and on the map")
+    until(page, lambda: ("isOn", "Jar003", "Platform001") in Seen(kept).facts, "the jar is on the platform")
+    until(page, lambda: near(page, "Jar003", platform, 8), "and is drawn there")
     page.get_by_role("button", name="One version back").click()
     until(page, lambda: near(page, "Jar003", start), "the jar is back where it was then")
     expect(page.get_by_role("button", name="Back to now")).to_be_visible()
