@@ -136,8 +136,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Files | None
 
 
 @contextmanager
-def _running(folder: Path) -> Iterator[Running]:
-    running = Running(folder / "data")
+def running_in(folder: Path, speed: str = "4") -> Iterator[Running]:
+    running = Running(folder / "data", speed=speed)
     try:
         yield running
     finally:
@@ -146,7 +146,7 @@ def _running(folder: Path) -> Iterator[Running]:
 
 @pytest.fixture(scope="session")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    with _running(tmp_path_factory.mktemp("shared")) as running:
+    with running_in(tmp_path_factory.mktemp("shared")) as running:
         yield running
 
 
@@ -156,7 +156,7 @@ def system(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     if request.path.stem in QUIET:
         yield request.getfixturevalue("shared")
     else:
-        with _running(tmp_path_factory.mktemp("browser")) as running:
+        with running_in(tmp_path_factory.mktemp("browser")) as running:
             yield running
 
 

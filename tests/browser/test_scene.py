@@ -7,17 +7,24 @@ import math
 import re
 import time
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import PATIENCE, WORK_TIME, Running, shoot
+from .conftest import PATIENCE, WORK_TIME, Running, running_in, shoot
 
 Window = Callable[..., Page]
 SMALL = "640"
 """Quickly drawn, even without a graphics card."""
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """Robots in real time, so that a busy machine draws them often enough on their way."""
+    with running_in(tmp_path_factory.mktemp("scene"), speed="1") as running:
+        yield running
 
 
 def opened(system: Running, window: Window, size: str = "1280", *, dark: bool = False) -> Page:
