@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -10,15 +11,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
+from xdist.scheduler import LoadFileScheduling  # type: ignore[import-untyped]
 
 from somrs.client.client import Addresses
 from somrs.errors import UsageError
 from tests.support.paths import ROOT, SCENARIO_1
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright  # noqa: E402  # behind the skip
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Locator, Page, expect, sync_playwright  # noqa: E402  # behind the skip
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = (
@@ -32,10 +35,22 @@ FLAGS = (
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-rasterization",
+    # Of features only the last list counts, so this is Playwright's, as far as it matters here, and the pages of its own that Chromium
+    # makes behind every window for what is typed into its address bar: nobody sees them here, and they take more time than ours.
+    "--disable-features=AvoidUnnecessaryBeforeUnloadCheckSync,DestroyProfileOnBrowserClose,HttpsUpgrades,LensOverlay,MediaRouter,"
+    "OptimizationHints,NetworkTimeServiceQuerying,PaintHolding,ThirdPartyStoragePartitioning,WebUIOmniboxPopup,WebUIOmniboxAimPopup",
 )
 SCREENSHOTS = ROOT / "out" / "screenshots"
 WIDTHS = {"1280": (1280, 800), "1920": (1920, 1080), "820": (820, 1180)}
-UP_TIME = 90.0
+SIZES = {**WIDTHS, "640": (640, 480)}
+"""The smallest is for what takes long to draw, and not for how it looks."""
+UP_TIME = 300.0
+"""Seconds that a system has to start, on a machine that does much else, too."""
+PATIENCE = 120.0
+"""Seconds that anything else is waited for: as long as nobody would doubt that it does not come. What passes takes far less."""
+WORK_TIME = 300_000
+"""Milliseconds for robots to carry something, with a failure on the way."""
 
 
 class Running:
@@ -45,8 +60,12 @@ class Running:
         line = [sys.executable, "-m", "somrs.cli.main", "up", str(site), "--data", str(data), "--speed", speed]
         self.data = data
         self._said = (data.parent / f"{data.name}.log").open("wb")
-        self._process = subprocess.Popen(line, stdout=self._said, stderr=self._said, start_new_session=True)
-        self.addresses = self._addresses()
+        self._process = subprocess.Popen(line, stdout=self._said, stderr=self._said, start_new_session=True, preexec_fn=_end_with_parent)
+        try:
+            self.addresses = self._addresses()
+        except BaseException:  # interrupted, too: no process is to be left
+            self.stop()
+            raise
 
     @property
     def url(self) -> str:
@@ -63,8 +82,7 @@ class Running:
             else:
                 if found.gui is not None and b"In the browser" in Path(self._said.name).read_bytes():
                     return found
-            time.sleep(0.2)
-        self.stop()
+            time.sleep(0.1)
         raise AssertionError(f"the system did not start: {Path(self._said.name).read_text(errors='replace')}")
 
     def kill(self, program: str) -> None:
@@ -84,24 +102,68 @@ class Running:
             self._process.send_signal(signal.SIGCONT)
 
     def stop(self) -> None:
-        self._process.send_signal(signal.SIGINT)
-        self._process.wait(30)
+        """End it at once, and all its programs, which would only take their leave of each other."""
+        self._process.send_signal(signal.SIGSTOP)  # it is to start none of them again meanwhile
+        programs = subprocess.run(["pgrep", "-P", str(self._process.pid)], capture_output=True, text=True)
+        for id in programs.stdout.split():
+            os.kill(int(id), signal.SIGKILL)
+        self._process.kill()
+        self._process.wait()
         self._said.close()
 
 
+def _end_with_parent() -> None:
+    """Have this process told to end when the tests are gone, however they ended; it ends all others then."""
+    ctypes.CDLL(None).prctl(1, signal.SIGINT)
+
+
+QUIET = ("test_api", "test_history", "test_owl", "test_start")
+"""Files whose tests move nothing and count nothing that others leave behind: they share a system, as each takes long to start."""
+
+
+class Files(LoadFileScheduling):  # type: ignore[misc]
+    """Has all tests of a file run by one worker, and those of the files that share a system, too."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = str(super()._split_scope(nodeid))
+        return "quiet" if Path(file).stem in QUIET else file
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Files | None:
+    return Files(config, log) if config.getvalue("dist") == "loadfile" else None
+
+
+@contextmanager
+def running_in(folder: Path, speed: str = "4") -> Iterator[Running]:
+    running = Running(folder / "data", speed=speed)
+    try:
+        yield running
+    finally:
+        running.stop()
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    with running_in(tmp_path_factory.mktemp("shared")) as running:
+        yield running
+
+
 @pytest.fixture(scope="module")
-def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """The paper's scenario, for all tests of one file."""
-    running = Running(tmp_path_factory.mktemp("browser") / "data")
-    yield running
-    running.stop()
+def system(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """The paper's scenario, for all tests of one file, or of those that share it."""
+    if request.path.stem in QUIET:
+        yield request.getfixturevalue("shared")
+    else:
+        with running_in(tmp_path_factory.mktemp("browser")) as running:
+            yield running
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     if not CHROMIUM.exists():
         pytest.skip("there is no Chromium; on Debian and Ubuntu: sudo apt-get install chromium")
-    expect.set_options(timeout=15_000)  # on a machine that does much else, too
+    expect.set_options(timeout=1000 * PATIENCE)
     with sync_playwright() as started:
         browser = started.chromium.launch(executable_path=str(CHROMIUM), args=[*FLAGS])
         yield browser
@@ -112,33 +174,73 @@ class Outside(AssertionError):
     """A page asked for something from another machine."""
 
 
+@pytest.fixture(scope="session")
+def profiles(browser: Browser) -> list[BrowserContext]:
+    """Profiles of the browser, as many as some test needed at the same time: whatever has been loaded once is known to them."""
+    return []
+
+
 @pytest.fixture
-def window(browser: Browser) -> Iterator[Callable[..., Page]]:
-    """Opens a page in a browser profile of its own: `window(url, size="1280", dark=False)`. Whatever a page writes to the console as an
-    error, and every request that would leave the machine, fails the test at its end."""
-    contexts: list[BrowserContext] = []
+def window(browser: Browser, profiles: list[BrowserContext]) -> Iterator[Callable[..., Page]]:
+    """Opens a page, each of a test in another browser profile, as of another person: `window(url, size="1280", dark=False)`. Whatever a
+    page writes to the console as an error, and every request that would leave the machine, fails the test at its end; and a page that
+    loads itself again, unless it `may_reload`."""
+    pages: list[Page] = []
     errors: list[str] = []
 
-    def opened(url: str, size: str = "1280", *, dark: bool = False) -> Page:
-        width, height = WIDTHS[size]
-        context = browser.new_context(viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light")
-        context.set_default_timeout(15_000)
-        contexts.append(context)
-        page = context.new_page()
+    def opened(url: str, size: str = "1280", *, dark: bool = False, may_reload: bool = False) -> Page:
+        if len(pages) == len(profiles):
+            profiles.append(browser.new_context())
+        width, height = SIZES[size]
+        page = profiles[len(pages)].new_page()
+        pages.append(page)
+        page.set_default_timeout(1000 * PATIENCE)
+        page.set_viewport_size({"width": width, "height": height})
+        page.emulate_media(color_scheme="dark" if dark else "light")
+
+        def said(message: ConsoleMessage) -> None:
+            wrong = message.type == "error" and "ERR_CONNECTION" not in message.text
+            if wrong or (message.text.startswith("reloading because") and not may_reload):
+                errors.append(message.text)
+
         page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda said: errors.append(said.text) if said.type == "error" and "ERR_CONNECTION" not in said.text else None)
+        page.on("console", said)
         page.on("request", lambda asked: None if _local(asked.url) else errors.append(f"asked for {asked.url}"))
         page.goto(url)
         return page
 
     yield opened
-    for context in contexts:
-        context.close()
+    for page in pages:
+        page.close()
+    for profile in profiles[: len(pages)]:
+        profile.clear_cookies()
     assert not errors, "\n".join(errors)
 
 
 def _local(url: str) -> bool:
     return url.startswith(("http://127.0.0.1:", "ws://127.0.0.1:", "data:", "blob:", "about:"))
+
+
+def stands(drawn: Locator) -> None:
+    """Wait until the page is laid out, to the last sign, and what is drawn stays where it is: for some pictures, however long each takes,
+    and longer than Quasar waits before it makes room for the header."""
+    still = """async (drawn) => {
+        await document.fonts.ready;
+        for (let [same, since, before] = [0, 0, ""]; (same < 5 || performance.now() - since < 300) && drawn.isConnected; ) {
+            await new Promise(requestAnimationFrame);
+            const now = JSON.stringify(drawn.getBoundingClientRect());
+            if (now === before) same++;
+            else [same, since, before] = [0, performance.now(), now];
+        }
+        return drawn.isConnected;
+    }"""
+    while not drawn.evaluate(still):  # it was drawn anew
+        pass
+
+
+def fits(page: Page) -> bool:
+    """Whether nothing is wider than the window, once all signs are there, without which their names would be shown."""
+    return bool(page.evaluate("document.fonts.ready.then(() => document.documentElement.scrollWidth <= window.innerWidth)"))
 
 
 def shoot(page: Page, name: str) -> Path:

@@ -12,7 +12,7 @@ import msgspec
 import pytest
 from websockets.sync.client import connect
 
-from .conftest import Running
+from .conftest import PATIENCE, Running
 
 
 def call(system: Running, method: str, path: str, body: object = None, **query: object) -> tuple[int, Any]:
@@ -21,7 +21,7 @@ def call(system: Running, method: str, path: str, body: object = None, **query: 
     content = body if isinstance(body, bytes) else json.dumps(body).encode() if body is not None else None
     request = urllib.request.Request(f"{system.url}/api{path}{f'?{asked}' if asked else ''}", method=method, data=content)
     try:
-        with urllib.request.urlopen(request, timeout=30) as answer:
+        with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
             return answer.status, json.loads(answer.read() or b"null")
     except urllib.error.HTTPError as error:
         return error.code, json.loads(error.read())
@@ -73,7 +73,7 @@ def test_a_change_of_the_map_is_news_to_whoever_follows_it(system: Running) -> N
         status, _ = call(system, "POST", "/map/changes", {"situation": 'Table002.Label = "By the window"', "author": "test"})
         assert status == 200
         while True:
-            news = msgspec.json.decode(socket.recv(timeout=10))
+            news = msgspec.json.decode(socket.recv(timeout=PATIENCE))
             if any(change.get("object") == "Table002" for change in news["value"]["changes"]):
                 break
     assert news["topic"] == "map"
@@ -84,4 +84,4 @@ def test_whoever_follows_nothing_is_told_how(system: Running, said: str) -> None
     with connect(system.url.replace("http", "ws") + "/api/live") as socket:
         socket.send(said)
         with pytest.raises(Exception, match="follow"):
-            socket.recv(timeout=10)
+            socket.recv(timeout=PATIENCE)

@@ -11,12 +11,7 @@ from urllib.parse import quote
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from .conftest import WIDTHS, Running, shoot
-
-TASK_TIME = 90_000
-"""Milliseconds that a robot may take to carry a jar through the room, at four times the speed of the clock, on a busy machine."""
-
-PREVIEW_TIME = 20_000
+from .conftest import WIDTHS, Running, fits, shoot, stands
 
 
 def asked(system: Running, method: str, path: str, body: object | None = None) -> Any:
@@ -31,8 +26,9 @@ def changed(system: Running, *changes: dict[str, Any]) -> None:
 
 @pytest.fixture
 def opened(system: Running, window: Callable[..., Page]) -> Callable[..., Page]:
-    def open_(size: str = "1280", *, effect: str = "", dark: bool = False) -> Page:
-        page = window(f"{system.url}/define" + (f"?effect={quote(effect)}" if effect else ""), size, dark=dark)
+    def open_(size: str = "1280", *, effect: str = "", dark: bool = False, may_reload: bool = False) -> Page:
+        asked = f"?effect={quote(effect)}" if effect else ""
+        page = window(f"{system.url}/define{asked}", size, dark=dark, may_reload=may_reload)
         page.locator("[data-name=Jar003]").first.wait_for(state="attached")
         return page
 
@@ -52,10 +48,9 @@ def write(page: Page, text: str) -> None:
 def middle(page: Page, name: str) -> tuple[float, float]:
     """Where a thing is on the plan, once it stays there: a page that is being made shifts."""
     drawn = page.locator(f".somrs-define-plan [data-name={name}]").first
-    before = None
-    while (box := drawn.bounding_box()) is None or box != before:
-        before = box
-        page.wait_for_timeout(250)
+    stands(drawn)
+    box = drawn.bounding_box()
+    assert box is not None
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
@@ -176,7 +171,7 @@ def test_a_thing_is_dragged_to_where_it_is_to_be_and_gets_there(system: Running,
     expect(field(page)).to_have_value("Jar003 isOn Platform001")
     page.get_by_role("button", name="Start").click()
     page.wait_for_url("**/tasks/*")
-    expect(page.get_by_text("Accomplished").first).to_be_visible(timeout=TASK_TIME)
+    expect(page.get_by_text("Accomplished").first).to_be_visible()
     rows = asked(system, "GET", f"/map/query?formula={quote('Jar003 isOn Platform001')}")["rows"]
     assert len(rows) == 1
 
@@ -197,7 +192,7 @@ def test_a_preview_says_what_would_be_done_and_what_it_costs(opened: Callable[..
     write(page, "Carton001 isOn Shelf001")
     page.get_by_role("textbox", name="As a formula").press("Control+Enter")
     plan = page.get_by_role("group", name="What would be done")
-    expect(plan).to_contain_text("TransferObject", timeout=PREVIEW_TIME)
+    expect(plan).to_contain_text("TransferObject")
     expect(plan.get_by_text("Carton001, Shelf001")).to_have_count(1)
     quotes = page.get_by_role("table")
     expect(quotes.get_by_role("row", name="Robot1.TransferObject")).to_contain_text("10 EUR")
@@ -209,7 +204,7 @@ def test_a_preview_says_what_would_be_done_and_what_it_costs(opened: Callable[..
     page.get_by_role("button", name="Soonest").click()
     expect(page.get_by_text("The task was changed since.")).to_be_visible()
     page.get_by_role("button", name="Preview again").click()
-    expect(page.locator(".somrs-define-totals")).to_contain_text("25 EUR", timeout=PREVIEW_TIME)
+    expect(page.locator(".somrs-define-totals")).to_contain_text("25 EUR")
     assert page.url.endswith("/define"), "nothing was started"
 
 
@@ -218,7 +213,7 @@ def test_an_impossible_wish_says_why(opened: Callable[..., Page]) -> None:
     write(page, "Door001.Open = FALSE")
     page.get_by_role("button", name="Preview").click()
     refused = page.get_by_role("alert")
-    expect(refused).to_contain_text("There is no way to do this now", timeout=PREVIEW_TIME)
+    expect(refused).to_contain_text("There is no way to do this now")
     expect(refused).to_contain_text("Door001.Open = FALSE does not hold on the map, and no service type brings it about")
     expect(refused).to_contain_text("?Object isOn ?Destination")
     shoot(page, "define-impossible-1280-light")
@@ -283,7 +278,7 @@ def test_a_link_opens_the_page_with_a_wish(opened: Callable[..., Page]) -> None:
 
 
 def test_what_was_typed_outlives_the_server(system: Running, opened: Callable[..., Page]) -> None:
-    page = opened()
+    page = opened(may_reload=True)
     write(page, "Carton001 isOn Shelf001")
     page.get_by_role("textbox", name="Deadline").fill("15")
     page.get_by_role("button", name="High").click()
@@ -292,7 +287,7 @@ def test_what_was_typed_outlives_the_server(system: Running, opened: Callable[..
     system.kill("gui")
     field(page).press("End")
     page.keyboard.type(" AND", delay=20)
-    page.wait_for_function("!window.thisPage", timeout=30_000)
+    page.wait_for_function("!window.thisPage")
     expect(field(page)).to_have_value("Carton001 isOn Shelf001 AND")
     expect(page.get_by_role("textbox", name="Deadline")).to_have_value("15")
     expect(page.get_by_text("cheapest, high priority, within 15 min")).to_be_visible()
@@ -302,11 +297,11 @@ def test_what_was_typed_outlives_the_server(system: Running, opened: Callable[..
 def test_it_looks_as_it_should(opened: Callable[..., Page], dark: bool) -> None:
     page = opened(effect="Carton001 isOn Shelf001", dark=dark)
     page.get_by_role("button", name="Preview").click()
-    expect(page.locator(".somrs-define-graph svg")).to_be_visible(timeout=PREVIEW_TIME)
+    expect(page.locator(".somrs-define-graph svg")).to_be_visible()
     for size, (width, height) in WIDTHS.items():
         page.set_viewport_size({"width": width, "height": height})
         page.get_by_role("button", name="Show all").click()
         page.evaluate("scrollTo(0, 0)")
         page.wait_for_timeout(400)
         shoot(page, f"define-{size}-{'dark' if dark else 'light'}")
-        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+        assert fits(page)

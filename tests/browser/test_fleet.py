@@ -23,11 +23,9 @@ from somrs.ontology.services import ServiceType
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Offer, Publish, Published, Retract, Retracted
 
-from .conftest import Running, shoot
+from .conftest import PATIENCE, WORK_TIME, Running, fits, shoot
 
 Open = Callable[..., Page]
-WORK_TIME = 60_000
-"""Milliseconds for a robot to carry something."""
 
 
 def device(page: Page, name: str) -> Locator:
@@ -66,7 +64,7 @@ def test_every_device_is_there_with_what_it_offers(system: Running, window: Open
         expect(card.get_by_role("listitem")).to_contain_text([price])
         expect(card.get_by_role("progressbar", name="Battery")).to_have_attribute("aria-valuenow", "100")
     expect(page.get_by_role("status").first).to_contain_text("2 on offer")
-    assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    assert fits(page)
     shoot(page, f"fleet-{size}-{'dark' if dark else 'light'}")
 
 
@@ -85,12 +83,11 @@ def test_a_robot_at_work_shows_its_step_and_then_what_it_has_done(system: Runnin
     page = window(f"{system.url}/fleet")
     expect(device(page, "Robot1")).to_be_visible()
     task = state_task(system, "Jar003 isOn Table001")
-    busy = page.get_by_role("article").filter(has_text="Jar003 isOn Table001")
-    expect(busy).to_contain_text("TransferObject: Jar003 and Table001", timeout=WORK_TIME)
-    expect(busy.get_by_text("Busy", exact=True)).to_be_visible(timeout=WORK_TIME)
-    name = busy.get_attribute("aria-label") or ""
-    link = busy.get_by_role("link", name=re.compile("TransferObject: Jar003"))
-    assert (link.get_attribute("href") or "").endswith(f"/tasks/{task}")
+    busy = page.get_by_role("article").filter(has_text="Jar003 isOn Table001").filter(has=page.get_by_text("Busy", exact=True))
+    link = busy.get_by_role("link", name=re.compile("TransferObject: Jar003 and Table001"))
+    # All at one moment, as it does not last.
+    name, where = link.evaluate("(link) => [link.closest('[aria-label]').ariaLabel, link.href]", timeout=WORK_TIME)
+    assert where.endswith(f"/tasks/{task}")
     shoot(page, "fleet-at-work")
     done = before[name] + 1
     expect(device(page, name).get_by_role("listitem")).to_contain_text(f"{done} of ", timeout=WORK_TIME)
@@ -165,7 +162,7 @@ def test_a_question_is_answered_where_it_is_shown(system: Running, window: Open)
 
 
 def _judge(page: Page, questions: Questions, number: int, expected: str, problem: str = "") -> None:
-    until = time.monotonic() + 10
+    until = time.monotonic() + PATIENCE
     while (question := questions.read(number)) is None or question.answer is None:
         assert time.monotonic() < until, "no answer came"
         page.wait_for_timeout(50)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import Running, shoot
+from .conftest import PATIENCE, Running, fits, shoot
 from .test_fleet import state_task
 
 Open = Callable[..., Page]
@@ -26,7 +26,7 @@ FAILS = "Carton001 isOn Jar002"
 def end_of(system: Running, effect: str) -> str:
     """Have a task end that needs no robot; its id."""
     task = state_task(system, effect)
-    until = time.monotonic() + 30
+    until = time.monotonic() + PATIENCE
     while time.monotonic() < until:
         with urllib.request.urlopen(f"{system.url}/api/records?limit=20") as answer:
             if any(record["task"] == task for record in json.load(answer)["records"]):
@@ -54,7 +54,7 @@ def test_tasks_that_are_over_are_listed_with_how_they_ended(system: Running, win
     expect(first).to_contain_text("Failed")
     expect(first).to_contain_text("no plan")
     expect(page.locator("tbody tr").nth(1)).to_contain_text("Accomplished")
-    assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    assert fits(page)
     shoot(page, f"history-{size}-{'dark' if dark else 'light'}")
 
 

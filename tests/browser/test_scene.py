@@ -7,17 +7,24 @@ import math
 import re
 import time
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import Running, shoot
+from .conftest import PATIENCE, WORK_TIME, Running, running_in, shoot
 
 Window = Callable[..., Page]
-PATIENCE = 60_000.0
-"""Milliseconds; a busy machine draws slowly."""
+SMALL = "640"
+"""Quickly drawn, even without a graphics card."""
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """Robots in real time, so that a busy machine draws them often enough on their way."""
+    with running_in(tmp_path_factory.mktemp("scene"), speed="1") as running:
+        yield running
 
 
 def opened(system: Running, window: Window, size: str = "1280", *, dark: bool = False) -> Page:
@@ -28,10 +35,9 @@ def opened(system: Running, window: Window, size: str = "1280", *, dark: bool = 
 
 
 def show(system: Running, page: Page) -> None:
-    page.set_default_timeout(PATIENCE)
     page.goto(f"{system.url}/map")
     page.get_by_role("button", name="3D", exact=True).click()
-    page.wait_for_function("window.somrsScene?.drawn() && somrsScene.names().length > 20 && somrsScene.frames() > 0", timeout=PATIENCE)
+    page.wait_for_function("window.somrsScene?.drawn() && somrsScene.names().length > 20 && somrsScene.frames() > 0")
 
 
 def at_rest(page: Page) -> None:
@@ -42,7 +48,6 @@ def at_rest(page: Page) -> None:
             if (frames !== window.before) [window.before, window.since] = [frames, performance.now()];
             return somrsScene.refined() && performance.now() - window.since > 700;
         }""",
-        timeout=PATIENCE,
     )
 
 
@@ -50,7 +55,7 @@ def asked(system: Running, method: str, path: str, body: object = None) -> Any:
     request = urllib.request.Request(f"{system.url}/api{path}", method=method)
     if body is not None:
         request.data = json.dumps(body).encode()
-    with urllib.request.urlopen(request, timeout=30) as answer:
+    with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
         return json.loads(answer.read() or b"null")
 
 
@@ -61,7 +66,7 @@ def done(system: Running, wish: str) -> str:
 
 def over(system: Running, task: str) -> None:
     """Wait for the task's good end."""
-    until = time.monotonic() + 120
+    until = time.monotonic() + WORK_TIME / 1000
     while time.monotonic() < until:
         outcome = asked(system, "GET", f"/tasks/{task}")["view"]["outcome"]
         if outcome is not None:
@@ -97,17 +102,15 @@ TRACE = """() => {
 def test_a_jar_is_seen_on_its_way_to_the_platform_by_all_who_look(system: Running, window: Window) -> None:
     if ["isOn", "Jar002", "Platform001"] in facts(system):
         over(system, done(system, "Jar002 isOn Cupboard001"))
-    pages = [opened(system, window), opened(system, window)]
-    for page in pages:
-        page.set_viewport_size({"width": 640, "height": 480})  # quickly drawn, even without a graphics card
+    pages = [opened(system, window, SMALL), opened(system, window, SMALL)]
     start = where(pages[0], "Jar002")
     assert where(pages[1], "Jar002") == pytest.approx(start, abs=0.005)
     for page in pages:
         page.evaluate(TRACE)
     over(system, done(system, "Jar002 isOn Platform001"))
     for page in pages:
-        page.wait_for_function("Math.hypot(somrsScene.where('Jar002').x - 8.2, somrsScene.where('Jar002').y - 2.5) < 0.5", timeout=PATIENCE)
-        expect(page.get_by_role("application")).to_have_attribute("aria-label", re.compile("2 robots"), timeout=PATIENCE)
+        page.wait_for_function("Math.hypot(somrsScene.where('Jar002').x - 8.2, somrsScene.where('Jar002').y - 2.5) < 0.5")
+        expect(page.get_by_role("application")).to_have_attribute("aria-label", re.compile("2 robots"))
         at_rest(page)
         jar = where(page, "Jar002")
         assert jar["z"] == pytest.approx(0.3, abs=0.02), "it stands on the platform, which is 0.3 m high"
@@ -152,7 +155,7 @@ EVEN = """async ([late]) => {
 
 
 def test_robots_are_drawn_in_even_motion_between_poses(system: Running, window: Window) -> None:
-    page = opened(system, window, "820")
+    page = opened(system, window, SMALL)
     for late in (0.0, 0.08):
         drawn = page.evaluate(EVEN, [late])
         assert drawn["last"][0] == pytest.approx(3)
@@ -164,7 +167,7 @@ def test_robots_are_drawn_in_even_motion_between_poses(system: Running, window: 
 
 
 def test_it_draws_only_when_something_changed(system: Running, window: Window) -> None:
-    page = opened(system, window)
+    page = opened(system, window, SMALL)
     at_rest(page)
     frames = page.evaluate("somrsScene.frames()")
     page.wait_for_timeout(2000)
@@ -207,7 +210,7 @@ def test_the_camera_is_moved_by_keys_and_buttons(system: Running, window: Window
     cupboard, shelf = at(page, "Cupboard001"), at(page, "Shelf001")
     assert cupboard[1] == pytest.approx(shelf[1], abs=12), "from above, what stands at the same y is at the same height"
     page.get_by_label("Follow").select_option("Robot1")
-    page.wait_for_function("middle => Math.abs(somrsScene.at('Robot1').x - middle) < 3", arg=middle, timeout=PATIENCE)
+    page.wait_for_function("middle => Math.abs(somrsScene.at('Robot1').x - middle) < 3", arg=middle)
 
 
 def test_things_are_chosen_by_clicking_and_found_by_their_names(system: Running, window: Window) -> None:
@@ -234,16 +237,16 @@ def test_things_are_chosen_by_clicking_and_found_by_their_names(system: Running,
 
 
 def test_a_broken_robot_is_labelled_as_such(system: Running, window: Window) -> None:
-    page = opened(system, window)
+    page = opened(system, window, SMALL)
     label = page.locator(".somrs-scene-label-robot", has_text="Robot2")
-    expect(label).to_be_visible(timeout=PATIENCE)
+    expect(label).to_be_visible()
     asked(system, "POST", "/fleet/Robot2/faults/gripper")
     try:
-        expect(label).to_contain_text("gripper stuck", timeout=PATIENCE)
-        expect(page.get_by_role("application")).to_have_attribute("aria-label", re.compile("Robot2: .*gripper stuck"), timeout=PATIENCE)
+        expect(label).to_contain_text("gripper stuck")
+        expect(page.get_by_role("application")).to_have_attribute("aria-label", re.compile("Robot2: .*gripper stuck"))
     finally:
         asked(system, "POST", "/fleet/Robot2/faults/gripper?repair=true")
-    expect(label).to_have_text("Robot2", timeout=PATIENCE)
+    expect(label).to_have_text("Robot2")
 
 
 SOCKETS = """const Real = WebSocket;
@@ -257,26 +260,26 @@ window.WebSocket = class extends Real {
 
 
 def test_what_is_added_and_removed_is_seen_also_when_connections_are_lost(system: Running, window: Window) -> None:
-    page = window("about:blank")
+    page = window("about:blank", SMALL)
     page.add_init_script(SOCKETS)
     show(system, page)
     values = {"PositionX": 9.0, "PositionY": 5.0, "PositionZ": 0.0, "Shape.Form": "Box", "Shape.Width": 0.6, "Shape.Depth": 0.6}
     table = {"name": "Table009", "type": "Table", "values": {**values, "Shape.Height": 0.7}}
     asked(system, "POST", "/map/changes", {"changes": [{"type": "ObjectAdded", "object": table}], "author": "Ada"})
-    page.wait_for_function("somrsScene.where('Table009')?.x === 9", timeout=PATIENCE)
+    page.wait_for_function("somrsScene.where('Table009')?.x === 9")
     move = {"type": "ValueSet", "object": "Table009", "path": "PositionX", "value": 9.5}
     asked(system, "POST", "/map/changes", {"changes": [move], "author": "Ada"})
-    page.wait_for_function("somrsScene.where('Table009').x === 9.5", timeout=PATIENCE)
+    page.wait_for_function("somrsScene.where('Table009').x === 9.5")
     page.evaluate("sockets.filter((one) => one.url.includes('/api/')).forEach((one) => one.close())")
     asked(system, "POST", "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Table009"}], "author": "Ada"})
-    page.wait_for_function("somrsScene.where('Table009') === null", timeout=PATIENCE)
+    page.wait_for_function("somrsScene.where('Table009') === null")
     asked(system, "POST", "/fleet/Robot1/faults/gripper")
     label = page.locator(".somrs-scene-label-robot", has_text="Robot1")
     try:
-        expect(label).to_contain_text("gripper stuck", timeout=PATIENCE)
+        expect(label).to_contain_text("gripper stuck")
     finally:
         asked(system, "POST", "/fleet/Robot1/faults/gripper?repair=true")
-    expect(label).to_have_text("Robot1", timeout=PATIENCE)
+    expect(label).to_have_text("Robot1")
     expect(page.get_by_text("is being made again")).to_have_count(0)
 
 
@@ -292,7 +295,7 @@ def test_without_webgl_it_is_told_in_words(system: Running, window: Window) -> N
     page.get_by_role("button", name="3D", exact=True).click()
     expect(page.get_by_role("alert")).to_contain_text("WebGL is missing")
     places = page.get_by_role("region", name="Where things are")
-    expect(places.get_by_role("button", name="Robot2")).to_contain_text("in Laboratory", timeout=PATIENCE)
+    expect(places.get_by_role("button", name="Robot2")).to_contain_text("in Laboratory")
 
 
 @pytest.mark.parametrize(("size", "dark"), [("1280", False), ("1920", True), ("820", False)])

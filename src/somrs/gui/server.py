@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 SECRET_FILE = "gui.secret"
 """In the data folder: what the cookies of browsers are signed with, so that a restart does not forget their settings."""
 
+RECONNECT_TIME = 60.0
+"""Seconds for which a page is kept whose browser is silent, as one that is busy with drawing may be: 0.4 of them until it counts as gone,
+and all of them until it is forgotten. A page that was forgotten is loaded anew, and what people were doing on it is lost."""
+
 
 async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> None:
     """Serve the windows until this process is to end."""
@@ -58,7 +62,13 @@ def _application(desk: Desk, data: Path) -> FastAPI:
     for one in (start, map, ontology, define, tasks, fleet, history):
         one.register(desk)
     ui.run_with(
-        pages, title="SO-MRS", dark=None, storage_secret=_secret(data), show_welcome_message=False, reconnect_timeout=10.0, language="en-US"
+        pages,
+        title="SO-MRS",
+        dark=None,
+        storage_secret=_secret(data),
+        show_welcome_message=False,
+        reconnect_timeout=RECONNECT_TIME,
+        language="en-US",
     )
     return pages
 

@@ -15,6 +15,7 @@ from somrs.api.questions import OpenQuestions
 from somrs.api.service import Desk
 from somrs.api.tasks import TasksChanged
 from somrs.errors import SomrsError
+from somrs.gui.components.task.list import TaskList
 from somrs.gui.icons import clock, lasted, listed
 from somrs.gui.news import follow
 from somrs.gui.pages import task
@@ -42,30 +43,6 @@ COLUMNS: list[dict[str, Any]] = [
     {"name": "priority", "label": "Priority", "field": "priority", "align": "left"},
 ]
 
-ROW = """
-<q-tr :props="props" :class="'somrs-task-row somrs-tone-' + props.row.tone">
-  <q-td class="somrs-task-far">
-    <span :class="'somrs-badge somrs-' + props.row.tone">
-      <i class="q-icon material-icons" aria-hidden="true">{{ props.row.icon }}</i>{{ props.row.far }}</span>
-    <div class="somrs-task-bar" role="progressbar" aria-label="Done" aria-valuemin="0" aria-valuemax="100"
-      :aria-valuenow="props.row.percent"><div :style="{width: props.row.percent + '%'}"></div></div>
-    <span class="somrs-soft">{{ props.row.steps }}</span>
-  </q-td>
-  <q-td class="somrs-task-wish">
-    <a class="somrs-formula" :href="props.row.href">{{ props.row.effect }}</a>
-    <div v-if="props.row.asks" class="somrs-badge somrs-busy">
-      <i class="q-icon material-icons" aria-hidden="true">help</i>{{ props.row.asks }} is asked</div>
-    <div v-if="props.row.setbacks" class="somrs-task-note somrs-bad-text">
-      <i class="q-icon material-icons" aria-hidden="true">error</i>{{ props.row.setbacks }}</div>
-    <div v-if="props.row.note" class="somrs-soft somrs-task-note">{{ props.row.note }}</div>
-  </q-td>
-  <q-td class="somrs-task-stated">{{ props.row.stated }}<div class="somrs-soft">{{ props.row.who }}</div></q-td>
-  <q-td class="somrs-task-took">{{ props.row.took }}</q-td>
-  <q-td class="somrs-task-due">{{ props.row.due }}</q-td>
-  <q-td class="somrs-task-priority">{{ props.row.priority }}</q-td>
-</q-tr>
-"""
-
 
 def register(desk: Desk) -> None:
     task.register(desk)
@@ -92,11 +69,7 @@ class _Tasks:
             new = ui.button("New task", icon="add_task", on_click=lambda: ui.navigate.to("/define"))
             new.props("unelevated no-caps color=primary").classes("somrs-tasks-new")
         Silence(desk, "Task Manager")
-        self._table = ui.table(columns=COLUMNS, rows=[], row_key="task", pagination=25).classes("somrs-tasks somrs-sheet")
-        self._table.props('flat hide-selected-banner :rows-per-page-options="[10, 25, 50, 0]" rows-per-page-label="Tasks per page"')
-        self._table.add_slot("body", ROW)
-        with self._table.add_slot("no-data"):
-            self._none = ui.label("Reading the tasks …").classes("somrs-soft")
+        self._table = TaskList(COLUMNS, "Reading the tasks …").classes("somrs-tasks somrs-sheet")
         with ui.element("p").classes("somrs-soft somrs-tasks-foot"):
             ui.label("Older tasks are in the")
             ui.link("History", "/history")
@@ -110,7 +83,7 @@ class _Tasks:
                 found = await self._desk.tasks.list(limit=MOST)
                 break
             except SomrsError as error:
-                self._none.set_text(f"{error}; asking again")
+                self._table.say(f"{error}; asking again")
                 await asyncio.sleep(AGAIN)
         self._rows = {row.task: row for row in found.rows}
         self._show()
@@ -148,8 +121,8 @@ class _Tasks:
             value=self._which.value,
         )
         now = time.time()
-        self._table.rows = [_told(row, self._asked, now) for row in rows if self._is_wanted(row)]
-        self._none.set_text("No task is like that." if rows else "There are no tasks yet. State one with “New task”.")
+        self._table.show([_told(row, self._asked, now) for row in rows if self._is_wanted(row)])
+        self._table.say("No task is like that." if rows else "There are no tasks yet. State one with “New task”.")
 
     def _is_wanted(self, row: TaskRow) -> bool:
         words = str(self._wanted.value or "").lower().split()
