@@ -4,7 +4,7 @@ SCENARIO ?= 1b
 RUNS ?= 20
 BIN := .venv/bin
 
-.PHONY: setup demo test lint javascript browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs
+.PHONY: setup demo test lint javascript browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs upgrade-runs
 
 setup: .venv/.ready
 
@@ -51,6 +51,10 @@ benchmarks: setup
 # Kills real processes at every type of message of the protocol; SEED=17 plays one run once more.
 kill-runs: setup
 	@$(BIN)/python -m verification.kill_runs $(if $(N),--runs $(N)) $(if $(SEED_BASE),--first $(SEED_BASE)) $(if $(SEED),--seed $(SEED))
+
+# A system of the last release is killed amid tasks and started again with today's code; SEED=17 plays one run once more.
+upgrade-runs: setup
+	@$(BIN)/python -m verification.upgrade_runs $(if $(N),--runs $(N)) $(if $(SEED),--seed $(SEED))
 
 # Published multi-agent planning problems, from their files to the goal; DIR has a folder for each domain, and in it one a problem.
 bench-codmap: setup

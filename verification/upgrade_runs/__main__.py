@@ -1,0 +1,89 @@
+"""Upgrades a system of the last release amid tasks, again and again, and counts what goes on.
+
+    python -m verification.upgrade_runs [--runs 50] [--first 0] [--seed 17] [--out out/upgrade-runs]
+
+Closes with `N passed, N failed`. A run that fails leaves its data and its log in out/upgrade-runs/.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import shutil
+import sys
+from collections import deque
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from somrs import __version__
+from somrs.cli.importing import problem_of
+from somrs.errors import SomrsError
+from somrs.ontology.files.site import dump_site
+from verification.upgrade_runs.release import ROOT, built, named
+from verification.upgrade_runs.run import Result, run
+
+AT_ONCE = 2
+"""Systems side by side."""
+
+
+async def play(seeds: list[int], out: Path, console: Console) -> list[Result]:
+    """The results of all seeds."""
+    release = built(ROOT / "out" / "releases")
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir(parents=True)
+    site = out / "parcels.yaml"
+    imported = problem_of([ROOT / "examples" / "parcels" / f"{name}.pddl" for name in ("domain", "problem")])
+    site.write_text(dump_site(imported.ontology, imported.map, imported.name), encoding="utf-8")
+    left, results = deque(seeds), list[Result]()
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console) as bar:
+        shown = bar.add_task(f"upgrades from {named()[0]} to {__version__}", total=len(seeds))
+
+        async def work() -> None:
+            while left:
+                result = await run(left.popleft(), release, site, out)
+                results.append(result)
+                if not result.problem:
+                    shutil.rmtree(out / f"{result.seed}", ignore_errors=True)
+                bar.advance(shown)
+
+        await asyncio.gather(*(work() for _ in range(min(AT_ONCE, len(seeds)))))
+    return sorted(results, key=lambda result: result.seed)
+
+
+def summary(results: list[Result]) -> Table:
+    table = Table(title="Upgrades amid tasks", title_justify="left")
+    for name in ("seed", "killed after", "tasks under way", "came to"):
+        table.add_column(name)
+    for result in results:
+        came_to = result.problem or ", ".join(sorted(set(result.ended.values())))
+        table.add_row(f"{result.seed}", f"{result.killed_at:.1f} s", f"{result.amid}", came_to)
+    return table
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--runs", type=int, default=50)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--seed", type=int)
+    parser.add_argument("--out", type=Path, default=Path("out/upgrade-runs"))
+    arguments = parser.parse_args()
+    seeds = [arguments.seed] if arguments.seed is not None else [*range(arguments.first, arguments.first + arguments.runs)]
+    console = Console()
+    try:
+        results = asyncio.run(play(seeds, arguments.out.resolve(), console))
+    except SomrsError as error:
+        print(error, file=sys.stderr)
+        return 2
+    console.print(summary(results))
+    failed = [result for result in results if result.problem]
+    print(f"{sum(result.amid for result in results)} tasks were under way")
+    print(f"{len(results) - len(failed)} passed, {len(failed)} failed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,39 @@
+"""The last release, as a folder that can be run."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import tarfile
+from pathlib import Path
+
+from somrs.errors import UsageError
+
+ROOT = Path(__file__).parents[2]
+NAMED = Path(__file__).with_name("release")
+"""Two words: the version of the last release, and its commit. Tags may not travel with a clone; commits do."""
+
+PARTS = ("src", "verification", "examples")
+
+
+def named() -> tuple[str, str]:
+    """The version and the commit of the last release."""
+    version, commit = NAMED.read_text(encoding="ascii").split()
+    return version, commit
+
+
+def built(folder: Path) -> Path:
+    """The release's tree below the folder; made when it is not there. Raises UsageError where the commit is not known."""
+    version, commit = named()
+    tree = folder / f"{version}-{commit[:10]}"
+    if (tree / ".complete").exists():
+        return tree
+    done = subprocess.run(["git", "-C", str(ROOT), "archive", commit, *PARTS], capture_output=True, check=False)
+    if done.returncode:
+        why = done.stderr.decode(errors="replace").strip()
+        raise UsageError(f"release {version} cannot be built from its commit {commit}: {why}; a clone with its history is needed")
+    tree.mkdir(parents=True, exist_ok=True)
+    with tarfile.open(fileobj=io.BytesIO(done.stdout)) as archive:
+        archive.extractall(tree, filter="data")
+    (tree / ".complete").touch()
+    return tree

@@ -1,0 +1,148 @@
+"""One upgrade: tasks are stated to the last release, it is killed, and today's code goes on."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import random
+import signal
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from somrs.client.client import Addresses, Client
+from somrs.errors import RemoteError, UsageError
+from somrs.protocol.messages.clients import Phase, Submit, TaskRow
+from somrs.protocol.messages.frp import Outcome
+from verification.upgrade_runs.release import ROOT
+
+UP_TIME = 300.0
+"""Seconds that a system has to be up, on a busy machine, too."""
+
+END_TIME = 600.0
+"""Seconds that tasks have to end after the upgrade. They take some ten: whatever takes longer waits for something that never comes."""
+
+LONGEST = 12.0
+"""Seconds after the first task at which the release is killed at the latest."""
+
+GOALS = ("letter lies harbour", "crate lies mill", "letter lies harbour AND crate lies mill", "letter lies market", "crate lies market")
+
+
+@dataclass(slots=True, kw_only=True)
+class Result:
+    """`problem` is empty for a run that passed. `amid`: so many tasks were under way when the release was killed."""
+
+    seed: int
+    killed_at: float
+    amid: int = 0
+    problem: str = ""
+    ended: dict[str, str] = field(default_factory=dict)
+
+
+class Tree:
+    """A system that is run from a folder with a version of the code."""
+
+    def __init__(self, tree: Path, site: Path, data: Path, log: Path) -> None:
+        self._tree, self._site, self._data, self._log = tree, site, data, log
+        self._process: asyncio.subprocess.Process | None = None
+
+    async def start(self) -> None:
+        """Start it, and return when it is up. Raises UsageError with what it said when it does not get so far."""
+        environment = {**os.environ, "PYTHONPATH": f"{self._tree / 'src'}{os.pathsep}{self._tree}"}
+        with self._log.open("ab") as log:
+            self._process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                "-m",
+                "verification.upgrade_runs.up",
+                str(self._site),
+                str(self._data),
+                cwd=self._tree,
+                env=environment,
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=log,
+                start_new_session=True,
+            )
+        assert self._process.stdout is not None
+        said = await asyncio.wait_for(self._process.stdout.readline(), UP_TIME)
+        if not said.startswith(b"up:"):
+            await self._process.wait()
+            raise UsageError(self._log.read_text(errors="replace").strip()[-2000:] or "it ended at once")
+
+    def kill(self) -> None:
+        """SIGKILL all its processes at the same time, as a power failure does."""
+        if self._process is None or self._process.returncode is not None:
+            return
+        self._process.send_signal(signal.SIGSTOP)  # so that nothing is started again meanwhile
+        for id in processes(self._data):
+            os.kill(id, signal.SIGKILL)
+        self._process.kill()
+
+    async def ended(self) -> None:
+        if self._process is not None:
+            await self._process.wait()
+        while processes(self._data):
+            await asyncio.sleep(0.05)
+
+
+def processes(data: Path) -> list[int]:
+    """The programs of the system of a data folder."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        try:
+            words = (entry / "cmdline").read_bytes().split(b"\0") if entry.name.isdigit() else []
+        except OSError:  # it has just ended
+            continue
+        if str(data).encode() in words and int(entry.name) != os.getpid():
+            found.append(int(entry.name))
+    return found
+
+
+async def run(seed: int, release: Path, site: Path, folder: Path) -> Result:
+    """Play the upgrade of a seed."""
+    chance = random.Random(seed)
+    result = Result(seed=seed, killed_at=chance.uniform(0.0, LONGEST))
+    data = folder / f"{seed}"
+    log = folder / f"{seed}.log"
+    old, new = Tree(release, site, data, log), Tree(ROOT, site, data, log)
+    try:
+        await old.start()
+        result.amid = len(await _stated(chance, data, result.killed_at))
+        old.kill()
+        await old.ended()
+        await new.start()
+        await _goes_on(data, result)
+    except (UsageError, RemoteError, TimeoutError) as error:
+        result.problem = str(error) or f"{type(error).__name__}: it did not come so far"
+    finally:
+        for tree in (old, new):
+            tree.kill()
+            await tree.ended()
+    return result
+
+
+async def _stated(chance: random.Random, data: Path, seconds: float) -> list[TaskRow]:
+    """State tasks, at random moments, for so long. Those that are not over then."""
+    count = chance.randint(1, 3)
+    moments = sorted([0.0, *(chance.uniform(0.0, seconds) for _ in range(count - 1))])
+    async with Client(Addresses.read(data)) as client:
+        passed = 0.0
+        for at in moments:
+            await asyncio.sleep(at - passed)
+            passed = at
+            await client.submit(Submit(effect=chance.choice(GOALS)))
+        await asyncio.sleep(seconds - passed)
+        return [row for row in await client.rows() if row.phase is not Phase.ENDED]
+
+
+async def _goes_on(data: Path, result: Result) -> None:
+    """Wait until every task is over, and look how it ended."""
+    async with Client(Addresses.read(data)) as client, asyncio.timeout(END_TIME):
+        rows = await client.rows()
+        while any(row.phase is not Phase.ENDED for row in rows):
+            await asyncio.sleep(0.2)
+            rows = await client.rows()
+    result.ended = {row.effect: str(row.outcome) for row in rows}
+    wrong = [row for row in rows if row.outcome is not Outcome.ACCOMPLISHED]
+    if wrong:
+        result.problem = "; ".join(f"{row.effect} ended {row.outcome}: {row.explanation}" for row in wrong)
