@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import time
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -17,11 +20,15 @@ from somrs.planner.encodings.sas import read, written
 from somrs.planner.grounding.merging import merged
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.quality import cost, span
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
 from somrs.planner.search.search import TooHard, search
 from somrs.planner_service.engines import driver, entrants, plan_in_process, raced, solved
+from somrs.sites.pddl import read as read_pddl
+from tests.support.courier import DOMAIN as COURIER
 from tests.support.examples import examples
+from tests.unit.planner.encodings.test_equation import lift
 from tests.unit.planner.grounding.test_merging import codmap, needs_codmap, task_of
 from tests.unit.planner.test_properties import problems
 
@@ -112,6 +119,37 @@ def test_a_task_of_scarce_things_is_solved_step_by_step() -> None:
         assert move.applicable(state)
         state = move.apply(state)
     assert any(move.action.operator.service is None and move.applicable(state) for move in task.moves)
+
+
+@pytest.mark.skipif(len(entrants()) < 4, reason="the engines are not installed: pip install -e '.[planner]'")
+def test_who_is_in_a_hurry_has_all_vans_drive(tmp_path: Path) -> None:
+    names = [f"b{number}" for number in range(6)]
+    vans = [f"van{number}" for number in range(3)]
+    text = f"""(define (problem moving) (:domain courier)
+      (:objects east west - place {" ".join(names)} - parcel {" ".join(f"(:private {van} {van} - van)" for van in vans)})
+      (:init (road east west) (road west east) {" ".join(f"(at {one} east)" for one in (*names, *vans))})
+      (:goal (and {" ".join(f"(at {name} west)" for name in names)})))"""
+    for name, content in (("domain", COURIER), ("problem", text)):
+        (tmp_path / f"{name}.pddl").write_text(content, encoding="utf-8")
+    asked = read_pddl(tmp_path / "domain.pddl", tmp_path / "problem.pddl").problem()
+    cheap, soon = plan_in_process(asked), plan_in_process(replace(asked, hurry=True))
+    assert isinstance(cheap, Plan)
+    assert isinstance(soon, Plan)
+    assert cost(cheap, asked) <= cost(soon, asked)
+    assert span(soon) == 5, "each of three vans loads two, drives, and unloads two"
+    assert span(cheap) > 5
+
+
+@pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="SciPy is not installed")
+@pytest.mark.parametrize("counted", [2, 1])
+def test_counting_is_an_engine_that_proves(counted: int) -> None:
+    counting = [entrant for entrant in entrants() if entrant.name == "counting"]
+    task = written(lift(2, counted))
+    if counted < 2:
+        assert raced(task, 120, counting).operators is None
+    else:
+        with pytest.raises(RemoteError):
+            raced(task, 120, counting)
 
 
 def test_without_an_engine_the_explanation_says_what_to_install() -> None:
