@@ -1,4 +1,4 @@
-"""The `somrs` command as a user meets it: as a program, with what it prints and how it exits."""
+"""The `somrs` command as a user meets it: what it prints and how it exits."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from somrs.client.export import Format, Table
 from somrs.devices.simulator.link.commands import Fault
 from somrs.protocol.messages.clients import Policy
 from somrs.protocol.messages.frp import Outcome
+from tests.support.command import PATIENCE, program, somrs
 from tests.support.paths import SCENARIO_1, SHARED
 
 OFFICE = SHARED / "sites" / "office.building.yaml"
@@ -43,13 +44,8 @@ COMMANDS = [
 ]
 
 
-def somrs(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=60)
-
-
 def test_help_names_every_command() -> None:
-    said = somrs("--help")
+    said = program("--help")
     assert said.returncode == 0
     for command in COMMANDS:
         assert f"\n  {command} " in said.stdout, command
@@ -70,12 +66,12 @@ def test_help_needs_none_of_the_heavy_libraries() -> None:
         "except SystemExit: pass\n"
         "print('HEAVY', [m for m in ('mujoco', 'numpy', 'aiohttp', 'uvicorn', 'lxml', 'pint', 'pydantic', 'lark') if m in sys.modules])"
     )
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE)
     assert "HEAVY []" in said.stdout, said.stdout + said.stderr
 
 
 def test_check_accepts_the_demo_site() -> None:
-    said = somrs("check", SCENARIO_1)
+    said = program("check", SCENARIO_1)
     assert said.returncode == 0, said.stdout
     assert "all is well" in said.stdout
 
@@ -92,7 +88,7 @@ def test_check_reports_every_error_at_once_with_its_line(tmp_path: Path) -> None
         "facts:\n"
         "  - Jar2 isOnn Floor1\n"
     )
-    said = somrs("check", site)
+    said = program("check", site)
     assert said.returncode == 1
     for line, part in ((4, "Jarr"), (5, "Weight"), (7, "isOnn")):
         assert any(f"wrong.yaml:{line}:" in told and part in told for told in said.stdout.splitlines()), (line, said.stdout)
@@ -113,6 +109,7 @@ def test_whatever_there_is_can_be_chosen(offered: type[StrEnum], known: type[Str
 
 def test_without_a_running_system_commands_say_how_to_start_one(tmp_path: Path) -> None:
     commands = ("do 'A isOn B'", "tasks", "task last", "export", "services", "plan 'A isOn B'", "map query 'A isOn B'")
+    assert "somrs up" in program("tasks", cwd=tmp_path).stderr
     for arguments in map(shlex.split, commands):
         said = somrs(*arguments, cwd=tmp_path)
         assert said.returncode == 2
