@@ -469,7 +469,7 @@ async def following(server: Server, rate: float = 50.0) -> AsyncIterator[tuple[O
 
 
 async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(120):
         while not condition():
             await asyncio.sleep(0.01)
 
@@ -787,6 +787,6 @@ def test_the_program_says_what_is_wrong(tmp_path: Path, text: str, arguments: li
     with socket.create_server(("127.0.0.1", 0)) as other:
         given = [argument.format(taken=other.getsockname()[1]) for argument in arguments]
         line = [*PROGRAM, "--site", str(tmp_path / "lab.yaml"), *given]
-        ended = subprocess.run(line, capture_output=True, text=True, timeout=30, check=False)
+        ended = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
     assert ended.returncode == 2
     assert told in ended.stderr

@@ -30,6 +30,8 @@ from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 from tests.support.paths import ROOT, SCENARIO_1, SHARED
 
+pytestmark = pytest.mark.long
+
 OFFICE = SHARED / "sites" / "office.building.yaml"
 
 
@@ -229,12 +231,12 @@ def test_whatever_is_killed_is_started_again(tmp_path: Path) -> None:
             keeping = asyncio.create_task(system.keep_running(told.append))
             for name, program in system.programs.items():
                 program.process.kill()
-                async with asyncio.timeout(60):
+                async with asyncio.timeout(120):
                     while f"{name} is back" not in told:
                         await asyncio.sleep(0.05)
             keeping.cancel()
             assert f"Robot1 ended (signal SIGKILL; see {tmp_path / 'run' / 'logs' / 'Robot1.log'}); starting it again" in told
-            async with asyncio.timeout(60):
+            async with asyncio.timeout(120):
                 while len(await client.services()) < 2:  # the robots' leases are with the Registry that was killed
                     await asyncio.sleep(0.1)
             assert (await wish(client, "Jar002 isOn Platform001")).outcome is Outcome.ACCOMPLISHED
