@@ -4,7 +4,14 @@ SCENARIO ?= 1b
 RUNS ?= 20
 BIN := .venv/bin
 
-.PHONY: setup demo test lint javascript browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs upgrade-runs
+# Tests start Python a hundred times: it is not to compile everything as often, whatever the environment says.
+unexport PYTHONDONTWRITEBYTECODE
+
+# So many tests at the same time, one at a time to whoever is free.
+JOBS ?= auto
+AT_ONCE := --numprocesses $(JOBS) --dist loadgroup --no-loadscope-reorder
+
+.PHONY: setup demo test lint javascript unit integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs upgrade-runs
 
 setup: .venv/.ready
 
@@ -14,10 +21,26 @@ setup: .venv/.ready
 demo: setup
 	@$(BIN)/somrs demo $(SCENARIO) --out out/scenario-$(SCENARIO)
 
-test: setup lint
-	@scripts/javascript test
-	@$(BIN)/pytest --ignore tests/browser
-	@$(MAKE) --no-print-directory browser
+test: setup
+	@began=$$(date +%s); \
+	$(MAKE) --no-print-directory lint && \
+	scripts/javascript test && \
+	$(BIN)/pytest tests/unit tests/integration tests/system $(AT_ONCE) && \
+	$(MAKE) --no-print-directory browser && \
+	took=$$(($$(date +%s) - began)) && echo "all tests passed in $$((took / 60)) min $$((took % 60)) s"
+
+unit: setup
+	@$(BIN)/pytest tests/unit --numprocesses $(JOBS) --dist worksteal
+
+integration: setup
+	@$(BIN)/pytest tests/integration $(AT_ONCE)
+
+system: setup
+	@$(BIN)/pytest tests/system $(AT_ONCE)
+
+# Property tests with many times as many examples, and others every time.
+properties: setup
+	@EXAMPLES=$(or $(EXAMPLES),20) $(BIN)/pytest tests/unit tests/integration -m hypothesis $(AT_ONCE)
 
 lint: setup
 	@$(BIN)/ruff check .

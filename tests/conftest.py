@@ -1,14 +1,53 @@
-"""For all tests: how property tests run, and what is not tested because something is missing, which is said loudly."""
+"""For all tests: how property tests run, which tests begin first, that nobody leaves a process behind, and what is not tested because
+something is missing, which is said loudly."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
 
+from tests.support import leftovers
 from tests.support.examples import PROFILE
 
 settings.register_profile("somrs", PROFILE)
 settings.load_profile("somrs")
+
+FOLDERS = ("system", "integration", "unit")
+"""Tests of whole systems wait most: they begin first, and others fill the gaps."""
+
+
+def pytest_configure() -> None:
+    leftovers.adopt_orphans()
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long tests first, so that at the end nobody waits for one that began last."""
+
+    def rank(item: pytest.Item) -> tuple[bool, int]:
+        folder = next((place for place, name in enumerate(FOLDERS) if f"tests/{name}/" in item.nodeid), len(FOLDERS))
+        return item.get_closest_marker("long") is None, folder
+
+    items.sort(key=rank)
+
+
+@pytest.fixture(autouse=True)
+def _nothing_left() -> Iterator[None]:
+    """What a test started it ends, also when it fails; else it is ended here and the test is an error."""
+    before = leftovers.processes()
+    yield
+    left = leftovers.end(before)
+    assert not left, "left running: " + "; ".join(left)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    left = leftovers.end({}) if hasattr(session.config, "workerinput") or not session.config.getoption("numprocesses", None) else []
+    for line in left:
+        print(f"left running by a fixture, and killed: {line}")
+    if left:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -46,7 +46,7 @@ def desk(tmp_path: Path, use: Callable[[Desk], Awaitable[None]], *porters: Porte
 
 async def known(desk: Desk, version: int) -> None:
     """Wait until the desk heard of the version."""
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(120):
         while desk.context.version < version:
             await asyncio.sleep(0.01)
 
@@ -78,7 +78,7 @@ def test_a_type_is_made_considered_renamed_and_undone(tmp_path: Path) -> None:
 
 def test_consequences_name_the_services_on_offer_that_could_not_be_planned_with(tmp_path: Path) -> None:
     async def use(desk: Desk) -> None:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(120):
             while not await desk.context.client.services():
                 await asyncio.sleep(0.05)
         is_on = desk.context.ontology.relations["isOn"]
@@ -135,7 +135,7 @@ def test_a_dry_run_on_the_command_line_names_them_too(tmp_path: Path, capsys: py
         api = Starlette(routes=[Mount("/api", application([*desk.operations()], desk.context.hub))])
         server = QuietServer(uvicorn.Config(api, log_level="warning"))
         serving = asyncio.create_task(server.serve(sockets=[listening]))
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(120):
             while not server.started:
                 await asyncio.sleep(0.01)
         structs.replace(system.addresses, gui=f"http://127.0.0.1:{listening.getsockname()[1]}").write(system.data)

@@ -85,7 +85,7 @@ Scenario = Callable[[SmallSystem, Desk, Time], Awaitable[None]]
 def played(data: Path, scenario: Scenario, *porters: Porter) -> None:
     async def run() -> None:
         clock = Time()
-        async with asyncio.timeout(60), running(data, *porters, clock=clock) as (system, desk):
+        async with asyncio.timeout(120), running(data, *porters, clock=clock) as (system, desk):
             await scenario(system, desk, clock)
 
     asyncio.run(run())
@@ -273,7 +273,7 @@ def test_an_order_is_stated_when_it_is_due_and_what_came_of_it_is_told(tmp_path:
         with desk.context.hub.listening("orders") as listening:
             await clock.pass_by(2)
             (run,) = await settled(desk, order)
-            assert (await asyncio.wait_for(listening.next(), 5)).topic == "orders"
+            assert (await asyncio.wait_for(listening.next(), 120)).topic == "orders"
         assert (run.state, run.outcome, run.due) == (RunState.SUBMITTED, Outcome.ACCOMPLISHED, MONDAY + HOUR)
         assert run.ended_at is not None
         assert porter.done == ["Jar002"]
@@ -484,7 +484,7 @@ def test_orders_survive_a_restart_of_the_windows_and_each_time_is_stated_once(tm
 
     async def run() -> None:
         system, clock = SmallSystem(tmp_path, [porter]), Time()
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(120):
             await system.start()
             try:
                 await scenario(system, clock)

@@ -26,7 +26,7 @@ Scenario = Callable[[SmallSystem, Desk], Awaitable[None]]
 
 def played(data: Path, scenario: Scenario, *porters: Porter) -> None:
     async def run() -> None:
-        async with asyncio.timeout(60), running(data, *porters) as (system, desk):
+        async with asyncio.timeout(120), running(data, *porters) as (system, desk):
             await scenario(system, desk)
 
     asyncio.run(run())
@@ -128,7 +128,7 @@ def test_the_list_tells_of_tasks_that_come_and_change(tmp_path: Path) -> None:
         following = asyncio.create_task(follow(lambda: len(known) == 2 and {*known.values()} == {"accomplished"}))
         await asyncio.sleep(0.1)
         second = (await desk.tasks.submit(Submit(effect="Tin001 isOn Cupboard002"))).task
-        await asyncio.wait_for(following, 20)
+        await asyncio.wait_for(following, 120)
         assert known == {first: "accomplished", second: "accomplished"}
         assert [row.task for row in (await desk.tasks.list()).rows] == [second, first]
         assert (await desk.tasks.list(running=True)).rows == ()
@@ -143,7 +143,7 @@ def test_whoever_stops_listening_leaves_nobody_asking(tmp_path: Path) -> None:
         await ended(desk, task)
         before = asyncio.all_tasks()
         with desk.context.hub.listening("tasks", f"task {task}") as listening:
-            await asyncio.wait_for(listening.next(), 10)
+            await asyncio.wait_for(listening.next(), 120)
         await asyncio.sleep(0.1)
         assert asyncio.all_tasks() <= before
 

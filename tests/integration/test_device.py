@@ -64,7 +64,7 @@ class Desk:
         return effects
 
     async def until(self, state: State) -> object:
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(120):
             while self.session.state is not state:
                 self.news.clear()
                 await self.news.wait()

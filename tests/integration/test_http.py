@@ -67,7 +67,7 @@ def serving(scenario: Scenario) -> None:
         try:
             async with aiohttp.ClientSession() as session:
                 # Nothing that comes may hang the server. A scenario takes under a second; a busy machine may take its time.
-                async with asyncio.timeout(60):
+                async with asyncio.timeout(120):
                     await scenario(server, session)
             still = await wire.post(query(f"{server.url}/repository"))
             assert still is not None
@@ -203,10 +203,10 @@ def test_stopping_while_requests_are_open(caplog: pytest.LogCaptureFixture) -> N
         await server.start()
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(b"POST /repository HTTP/1.1\r\nHost: x\r\nContent-Type: application/soap+xml\r\nContent-Length: 99\r\n\r\n<")
-        waiting = asyncio.create_task(wire.post(session_message(f"{server.url}/repository"), timeout=60))
+        waiting = asyncio.create_task(wire.post(session_message(f"{server.url}/repository"), timeout=120))
         while len(server._open) < 2:
             await asyncio.sleep(0.01)
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(120):
             await server.stop()
             said = await waiting, await reader.readline()
         writer.close()

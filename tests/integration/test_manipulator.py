@@ -267,7 +267,7 @@ def test_where_it_went_without_work_is_told_too() -> None:
         async with desk() as at:
             await at.device._link.drive_to(3, 2)  # as if another robot wanted to pass
             robot = (await at.operator.robots())["Robot1"]
-            async with asyncio.timeout(10):
+            async with asyncio.timeout(120):
                 while at.repository.contents.map.objects["Robot1"].values["PositionX"] != pytest.approx(robot.x, abs=0.001):
                     await asyncio.sleep(0.1)
             version = at.repository.contents.version

@@ -73,7 +73,7 @@ def with_a_carrier(scenario: Callable[[Carrier, Tell], Awaitable[None]], data: P
         async def tell(body: Body, relates_to: str | None = None, number: int = 0) -> Message | None:
             return await wire.post(Message(header=header(peer, message_id(type(body).__name__, number), relates_to), body=body))
 
-        async with asyncio.timeout(60):  # nothing here takes a second; it must not wait for ever
+        async with asyncio.timeout(120):  # nothing here takes a second; it must not wait for ever
             await scenario(carrier, tell)
         await wire.close()
         await runner.stop()

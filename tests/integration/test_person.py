@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import subprocess
-import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -21,6 +19,7 @@ from somrs.repository.entries import Contents
 from somrs.service_manager.sdk.device import MapReader
 from somrs.service_manager.sdk.orders import Done, Order, Perform, Quote, Quoted, ServiceFailed
 from somrs.service_manager.sdk.work import carry_out
+from tests.support.command import somrs
 from tests.support.lab import lab
 from tests.support.robot_lab import run
 from tests.support.virtual_devices import asking
@@ -57,11 +56,8 @@ class Desk:
 
     async def command(self, *arguments: str) -> tuple[int, str]:
         """The `somrs` command: its exit code and all that it says."""
-        line = [sys.executable, "-m", "somrs.cli.main", *arguments, "--data", str(self.folder)]
-        program = await asyncio.create_subprocess_exec(*line, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-        said, _ = await program.communicate()
-        assert program.returncode is not None
-        return program.returncode, said.decode()
+        said = await asyncio.to_thread(somrs, *arguments, "--data", self.folder)
+        return said.returncode, said.stdout + said.stderr
 
 
 @asynccontextmanager
@@ -199,7 +195,6 @@ def test_the_commands_list_and_answer(tmp_path: Path) -> None:
 def test_where_nobody_was_asked_the_commands_say_so(runs: bool, arguments: list[str], code: int, told: str, tmp_path: Path) -> None:
     if runs:
         Addresses(repository="http://here/repository", registry="http://here/registry", task_manager="http://here/manager").write(tmp_path)
-    line = [sys.executable, "-m", "somrs.cli.main", *arguments, "--data", str(tmp_path)]
-    said = subprocess.run(line, capture_output=True, text=True, timeout=60, check=False)
+    said = somrs(*arguments, "--data", tmp_path)
     assert said.returncode == code
     assert told in said.stdout + said.stderr

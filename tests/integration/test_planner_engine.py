@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import time
-from itertools import pairwise
+from dataclasses import replace
+from itertools import pairwise, product
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -14,14 +17,20 @@ from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.encodings.sas import read, written
+from somrs.planner.grounding.finite import FiniteTask, Operation
 from somrs.planner.grounding.merging import merged
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.quality import cost, span
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
 from somrs.planner.search.search import TooHard, search
+from somrs.planner_service import engines
 from somrs.planner_service.engines import driver, entrants, plan_in_process, raced, solved
+from somrs.sites.pddl import read as read_pddl
+from tests.support.courier import DOMAIN as COURIER
 from tests.support.examples import examples
+from tests.unit.planner.encodings.test_equation import lift
 from tests.unit.planner.grounding.test_merging import codmap, needs_codmap, task_of
 from tests.unit.planner.test_properties import problems
 
@@ -68,7 +77,7 @@ def test_every_engine_and_the_small_search_agree(problem: Problem) -> None:
     for name, entrant in ENGINES.items():
         if found is None and not entrant.proves:
             continue  # a solver would look for longer and longer plans
-        names = raced(written(merged(task)), 20, [entrant]).operators
+        names = raced(written(merged(task)), 120, [entrant]).operators
         assert (names is None) == (found is None), name
         if names is not None:
             state = task.initial
@@ -92,7 +101,7 @@ def test_a_task_too_hard_for_the_small_search_goes_to_the_engine() -> None:
 
 @needs_engine
 @needs_codmap
-@pytest.mark.parametrize("name", ["depot/pfile14", "driverlog/pfile13"])
+@pytest.mark.parametrize("name", ["depot/pfile7", "driverlog/pfile13"])
 def test_hard_problems_of_the_field_are_planned_for(name: str) -> None:
     problem = codmap(name)
     found = plan_in_process(problem, 60)
@@ -114,18 +123,65 @@ def test_a_task_of_scarce_things_is_solved_step_by_step() -> None:
     assert any(move.action.operator.service is None and move.applicable(state) for move in task.moves)
 
 
+@pytest.mark.skipif(len(entrants()) < 4, reason="the engines are not installed: pip install -e '.[planner]'")
+def test_who_is_in_a_hurry_has_all_vans_drive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = [f"b{number}" for number in range(6)]
+    vans = [f"van{number}" for number in range(3)]
+    text = f"""(define (problem moving) (:domain courier)
+      (:objects east west - place {" ".join(names)} - parcel {" ".join(f"(:private {van} {van} - van)" for van in vans)})
+      (:init (road east west) (road west east) {" ".join(f"(at {one} east)" for one in (*names, *vans))})
+      (:goal (and {" ".join(f"(at {name} west)" for name in names)})))"""
+    for name, content in (("domain", COURIER), ("problem", text)):
+        (tmp_path / f"{name}.pddl").write_text(content, encoding="utf-8")
+    asked = read_pddl(tmp_path / "domain.pddl", tmp_path / "problem.pddl").problem()
+    # As long as it takes on a busy machine: the engines end when they have found it.
+    monkeypatch.setattr(engines, "LEAST_BETTER", 90.0)
+    monkeypatch.setattr(engines, "MOST_BETTER", 90.0)
+    cheap, soon = plan_in_process(asked, 120), plan_in_process(replace(asked, hurry=True), 120)
+    assert isinstance(cheap, Plan)
+    assert isinstance(soon, Plan)
+    assert cost(cheap, asked) <= cost(soon, asked)
+    assert span(soon) == 5, "each of three vans loads two, drives, and unloads two"
+    assert span(cheap) > 5
+
+
+@pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="SciPy is not installed")
+@pytest.mark.parametrize("counted", [2, 1])
+def test_counting_is_an_engine_that_proves(counted: int) -> None:
+    counting = [entrant for entrant in entrants() if entrant.name == "counting"]
+    task = written(lift(2, counted))
+    if counted < 2:
+        assert raced(task, 120, counting).operators is None
+    else:
+        with pytest.raises(RemoteError):
+            raced(task, 120, counting)
+
+
 def test_without_an_engine_the_explanation_says_what_to_install() -> None:
-    found = plan(tower(40), None)
+    found = plan(tower(20), None)
     assert isinstance(found, NoPlan)
     assert "somrs[planner]" in found.explanation
 
 
+def fifteen_puzzle() -> FiniteTask:
+    """Tiles in a square of four by four, of which two are to change places: that cannot be, and to see it takes for ever."""
+    blank = 15
+    beside = [(a, b) for a in range(16) for b in range(16) if abs(a // 4 - b // 4) + abs(a % 4 - b % 4) == 1]
+    return FiniteTask(
+        names=tuple(tuple(f"at{tile}({place})" for place in range(16)) for tile in range(16)),
+        initial=tuple(range(16)),
+        goal=((0, 1), (1, 0), *((tile, tile) for tile in range(2, 15))),
+        operations=tuple(
+            Operation(move=number, cost=1, needs=((tile, a), (blank, b)), effects=(((), tile, b), ((), blank, a)))
+            for number, (tile, (a, b)) in enumerate(product(range(15), beside))
+        ),
+        exclusive=(),
+    )
+
+
 @needs_engine
 def test_the_engine_ends_at_its_limit() -> None:
-    problem = tower(60)
-    task = task_of(problem)
-    assert task is not None
     started = time.monotonic()
     with pytest.raises(RemoteError, match="no plan was found in 1 s"):
-        solved(written(merged(task)), 1)
-    assert time.monotonic() - started < 60, "without the limit it searches for hours; a busy machine may be slow to start and stop it"
+        solved(written(fifteen_puzzle()), 1)
+    assert time.monotonic() - started < 120, "without the limit it searches for hours; a busy machine may be slow to start and stop it"

@@ -143,7 +143,7 @@ class Foreigner:
 
 def compiled(address: str) -> Any:
     """A client for the component at the address. It adds its WsAddressingPlugin by itself, because the description wants it."""
-    return zeep.Client(f"{address}?wsdl", transport=zeep.Transport(timeout=60, operation_timeout=60))  # type: ignore[no-untyped-call]
+    return zeep.Client(f"{address}?wsdl", transport=zeep.Transport(timeout=120, operation_timeout=120))  # type: ignore[no-untyped-call]
 
 
 def endpoint(name: str, address: str) -> etree._Element:

@@ -6,6 +6,7 @@ In a run of all tests they are the same every time: what is found there, everybo
 import os
 
 from hypothesis import HealthCheck, settings
+from hypothesis.database import DirectoryBasedExampleDatabase
 
 FACTOR = int(os.environ.get("EXAMPLES", "1"))
 
@@ -13,7 +14,7 @@ PROFILE = settings(
     deadline=None,  # a busy machine is no defect
     suppress_health_check=[HealthCheck.too_slow],
     derandomize=FACTOR == 1,
-    database=None,
+    database=None if FACTOR == 1 else DirectoryBasedExampleDatabase(".hypothesis/examples"),
     max_examples=50 * FACTOR,
 )
 

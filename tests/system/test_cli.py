@@ -1,4 +1,4 @@
-"""The `somrs` command as a user meets it: as a program, with what it prints and how it exits."""
+"""The `somrs` command as a user meets it: what it prints and how it exits."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from somrs.client.export import Format, Table
 from somrs.devices.simulator.link.commands import Fault
 from somrs.protocol.messages.clients import Policy
 from somrs.protocol.messages.frp import Outcome
+from tests.support.command import PATIENCE, program, somrs
 from tests.support.paths import SCENARIO_1, SHARED
+from tests.unit.sites.test_openrmf import SMALL
 
 OFFICE = SHARED / "sites" / "office.building.yaml"
 COMMANDS = [
@@ -43,13 +45,8 @@ COMMANDS = [
 ]
 
 
-def somrs(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=60)
-
-
 def test_help_names_every_command() -> None:
-    said = somrs("--help")
+    said = program("--help")
     assert said.returncode == 0
     for command in COMMANDS:
         assert f"\n  {command} " in said.stdout, command
@@ -70,12 +67,12 @@ def test_help_needs_none_of_the_heavy_libraries() -> None:
         "except SystemExit: pass\n"
         "print('HEAVY', [m for m in ('mujoco', 'numpy', 'aiohttp', 'uvicorn', 'lxml', 'pint', 'pydantic', 'lark') if m in sys.modules])"
     )
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE)
     assert "HEAVY []" in said.stdout, said.stdout + said.stderr
 
 
 def test_check_accepts_the_demo_site() -> None:
-    said = somrs("check", SCENARIO_1)
+    said = program("check", SCENARIO_1)
     assert said.returncode == 0, said.stdout
     assert "all is well" in said.stdout
 
@@ -92,7 +89,7 @@ def test_check_reports_every_error_at_once_with_its_line(tmp_path: Path) -> None
         "facts:\n"
         "  - Jar2 isOnn Floor1\n"
     )
-    said = somrs("check", site)
+    said = program("check", site)
     assert said.returncode == 1
     for line, part in ((4, "Jarr"), (5, "Weight"), (7, "isOnn")):
         assert any(f"wrong.yaml:{line}:" in told and part in told for told in said.stdout.splitlines()), (line, said.stdout)
@@ -113,6 +110,7 @@ def test_whatever_there_is_can_be_chosen(offered: type[StrEnum], known: type[Str
 
 def test_without_a_running_system_commands_say_how_to_start_one(tmp_path: Path) -> None:
     commands = ("do 'A isOn B'", "tasks", "task last", "export", "services", "plan 'A isOn B'", "map query 'A isOn B'")
+    assert "somrs up" in program("tasks", cwd=tmp_path).stderr
     for arguments in map(shlex.split, commands):
         said = somrs(*arguments, cwd=tmp_path)
         assert said.returncode == 2
@@ -128,8 +126,17 @@ def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
         assert "Traceback" not in said.stderr, said.stderr
 
 
-@pytest.mark.skipif(not OFFICE.exists(), reason="the office is not in ../shared/sites")
-def test_import_writes_a_map_that_passes_the_check(tmp_path: Path) -> None:
-    said = somrs("import", OFFICE, "-o", "office.yaml", cwd=tmp_path)
+@pytest.mark.parametrize(
+    "building",
+    [
+        pytest.param(None, id="a small one"),
+        pytest.param(OFFICE, marks=pytest.mark.skipif(not OFFICE.exists(), reason=f"the office is not there: {OFFICE}"), id="an office"),
+    ],
+)
+def test_import_writes_a_map_that_passes_the_check(building: Path | None, tmp_path: Path) -> None:
+    if building is None:
+        building = tmp_path / "depot.building.yaml"
+        building.write_text(SMALL)
+    said = somrs("import", building, "-o", "site.yaml", cwd=tmp_path)
     assert said.returncode == 0, said.stdout + said.stderr
-    assert somrs("check", "office.yaml", cwd=tmp_path).returncode == 0
+    assert somrs("check", "site.yaml", cwd=tmp_path).returncode == 0

@@ -1,4 +1,4 @@
-"""`somrs ontology` and `somrs map` as a user meets them: programs, beside a Repository that runs as one."""
+"""`somrs ontology` and `somrs map` as a user meets them, beside a Repository that runs as one."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ import pytest
 
 from somrs.client.client import Addresses
 from somrs.ontology.files.loading import load_definitions, upper
+from tests.support.command import somrs
 from tests.support.paths import SCENARIO_1
-from tests.system.test_cli import somrs
+
+pytestmark = pytest.mark.xdist_group("a Repository that runs as a program")
 
 
 @pytest.fixture(scope="module")
@@ -22,11 +24,13 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("cli") / "data"
     command = [sys.executable, "-m", "somrs.cli.main", "run", "repository", "--site", str(SCENARIO_1), "--data", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
-        assert program.stdout is not None
-        address = json.loads(program.stdout.readline())["at"]
-        Addresses(repository=address, registry="http://127.0.0.1:1/registry", task_manager="http://127.0.0.1:1/tm").write(folder)
-        yield folder
-        program.terminate()
+        try:
+            assert program.stdout is not None
+            address = json.loads(program.stdout.readline())["at"]
+            Addresses(repository=address, registry="http://127.0.0.1:1/registry", task_manager="http://127.0.0.1:1/tm").write(folder)
+            yield folder
+        finally:
+            program.terminate()
 
 
 def run(data: Path, *arguments: str | Path, code: int = 0) -> str:

@@ -15,6 +15,8 @@ from somrs.protocol.messages.clients import Submit, TaskRecord
 from somrs.protocol.messages.frp import Outcome
 from tests.support.paths import SCENARIO_1
 
+pytestmark = pytest.mark.long
+
 
 async def exported(data: Path, out: Path) -> list[TaskRecord]:
     await export(out, data, Format.JSONL, Table.TASKS)

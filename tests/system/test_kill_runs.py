@@ -19,6 +19,8 @@ from verification.kill_runs.run import Run
 from verification.kill_runs.stage import Stage
 from verification.kill_runs.truth import Told
 
+pytestmark = pytest.mark.long
+
 
 def test_a_killed_task_manager_and_a_killed_repository_find_their_places(tmp_path: Path) -> None:
     async def play() -> None:

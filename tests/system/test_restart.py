@@ -15,12 +15,13 @@ from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 from tests.support.paths import SCENARIO_1
 
+pytestmark = pytest.mark.long
+
 WISH = Submit(effect="Jar002 isOn Platform001")
 
 
-async def said(data: Path, kind: str) -> None:
-    """Return when a message of that kind passed."""
-    follower = Follower(data / "messages.jsonl")
+async def said(follower: Follower, kind: str) -> None:
+    """Return when a message of that kind passed, of those that were not looked at before."""
     while kind not in [line.type for line in follower.new()]:
         await asyncio.sleep(0.02)
 
@@ -31,24 +32,29 @@ async def ended(client: Client, task: str) -> TaskView:
     return views[-1]
 
 
-@pytest.mark.parametrize("kind", ["Arrange", "Accept", "Execute"])
-def test_a_task_outlives_its_task_manager(kind: str, tmp_path: Path) -> None:
+def test_tasks_outlive_their_task_manager(tmp_path: Path) -> None:
+    """It is killed three times, each time at another message of a task."""
+    places = {"Arrange": "Jar002 isOn Platform001", "Accept": "Jar003 isOn Platform001", "Execute": "Jar002 isOn Table001"}
+
     async def run() -> None:
         async with System([SCENARIO_1], tmp_path, speed="8") as system, Client(system.addresses) as client:
             told: list[str] = []
             keeping = asyncio.create_task(system.keep_running(told.append))
             manager = system.programs["task-manager"]
             before = manager.at
-            task = await client.submit(WISH)
-            async with asyncio.timeout(120):
-                await said(tmp_path, kind)
-                manager.process.kill()
-                view = await ended(client, task)
-            assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
-            assert "task-manager is back" in told
-            assert manager.at == before
-            assert (await client.query("Jar002 isOn Platform001")).rows
-            again = await client.submit(Submit(effect="Jar003 isOn Platform001"))
+            follower = Follower(tmp_path / "messages.jsonl")
+            for number, (kind, effect) in enumerate(places.items(), start=1):
+                [*follower.new()]
+                task = await client.submit(Submit(effect=effect))
+                async with asyncio.timeout(120):
+                    await said(follower, kind)
+                    manager.process.kill()
+                    view = await ended(client, task)
+                assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+                assert told.count("task-manager is back") == number
+                assert manager.at == before
+                assert (await client.query(effect)).rows
+            again = await client.submit(Submit(effect="Jar003 isOn Table001"))
             assert (await asyncio.wait_for(ended(client, again), 120)).outcome is Outcome.ACCOMPLISHED
             keeping.cancel()
 
@@ -56,43 +62,32 @@ def test_a_task_outlives_its_task_manager(kind: str, tmp_path: Path) -> None:
 
 
 def test_a_task_outlives_the_whole_system(tmp_path: Path) -> None:
-    """All processes are killed at once, as by a power cut, and started again with the same data."""
+    """All processes are killed at once, as by a power cut, and started again with the same data: first while somebody else has the
+    address of one of them."""
 
     async def run() -> None:
         system = System([SCENARIO_1], tmp_path, speed="8")
-        await system.start()
-        addresses = system.addresses
-        async with Client(addresses) as client:
-            task = await client.submit(WISH)
-            async with asyncio.timeout(60):
-                await said(tmp_path, "Execute")
-        for program in system.programs.values():
-            program.process.kill()
-        await asyncio.gather(*(program.process.wait() for program in system.programs.values()))
+        try:
+            await system.start()
+            addresses = system.addresses
+            async with Client(addresses) as client:
+                task = await client.submit(WISH)
+                async with asyncio.timeout(120):
+                    await said(Follower(tmp_path / "messages.jsonl"), "Execute")
+        finally:
+            for program in system.programs.values():
+                program.process.kill()
+            await asyncio.gather(*(program.process.wait() for program in system.programs.values()))
+        host, _, port = addresses.task_manager.removeprefix("http://").partition("/")[0].partition(":")
+        async with await asyncio.start_server(lambda reader, writer: None, host, int(port)):
+            with pytest.raises(UsageError, match="1 task is open") as told:
+                async with System([SCENARIO_1], tmp_path, speed="8"):
+                    pass
+            assert f"belongs to {addresses.task_manager}" in str(told.value)
         async with System([SCENARIO_1], tmp_path, speed="8") as system, Client(system.addresses) as client:
-            assert system.addresses == addresses
+            assert system.addresses.task_manager == addresses.task_manager
             view = await asyncio.wait_for(ended(client, task), 120)
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
             assert (await client.query("Jar002 isOn Platform001")).rows
-
-    asyncio.run(run())
-
-
-def test_a_system_whose_address_was_taken_meanwhile_says_so(tmp_path: Path) -> None:
-    async def run() -> None:
-        system = System([SCENARIO_1], tmp_path, speed="8")
-        await system.start()
-        async with Client(system.addresses) as client:
-            await client.submit(WISH)
-        for program in system.programs.values():
-            program.process.kill()
-        await asyncio.gather(*(program.process.wait() for program in system.programs.values()))
-        host, _, port = system.addresses.task_manager.removeprefix("http://").partition("/")[0].partition(":")
-        taken = await asyncio.start_server(lambda reader, writer: None, host, int(port))
-        with pytest.raises(UsageError, match="1 task is open") as told:
-            async with System([SCENARIO_1], tmp_path, speed="8"):
-                pass
-        assert f"belongs to {system.addresses.task_manager}" in str(told.value)
-        taken.close()
 
     asyncio.run(run())

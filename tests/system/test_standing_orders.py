@@ -21,6 +21,8 @@ from somrs.scheduling.recurrence import Every
 from somrs.scheduling.standing_orders import OrderSaved, Run, Runs, RunState, StandingOrder
 from tests.support.paths import SCENARIO_1
 
+pytestmark = pytest.mark.long
+
 pytest.importorskip("nicegui", reason="the windows' libraries are not installed")
 
 PERIOD = 6.0

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import subprocess
-import sys
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -29,6 +27,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Done, Halt, Order, Perform, Quote, Quoted, ServiceFailed
 from somrs.sites.pddl import Imported, read
+from tests.support.command import somrs
 from tests.support.paths import ROOT
 from tests.support.pddl_harbour import written
 from tests.support.virtual_system import VirtualSystem
@@ -231,7 +230,7 @@ async def running(folder: Path) -> AsyncIterator[tuple[System, Client]]:
 async def wish(client: Client, effect: str) -> TaskView:
     view: TaskView | None = None
     task = await client.submit(Submit(effect=effect))
-    async with asyncio.timeout(60):
+    async with asyncio.timeout(120):
         async for news in client.news(task):
             view = news.view
     assert view is not None
@@ -253,11 +252,6 @@ def test_a_whole_system_does_an_imported_task_though_its_map_is_wrong(tmp_path: 
             assert system.addresses.simulator is None
 
     asyncio.run(run())
-
-
-def somrs(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
 def test_the_command_writes_a_site_and_says_what_to_do_next(tmp_path: Path) -> None:

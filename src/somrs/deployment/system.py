@@ -107,7 +107,6 @@ class System:
         self.addresses = replace(self.addresses, world=stage) if bodiless else replace(self.addresses, simulator=stage)
         # Only now: while another system has the store, its addresses are to stay.
         self.addresses.write(self.data)
-        self.addresses.write(self.data, LAST_FILE)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         await asyncio.gather(
@@ -119,6 +118,8 @@ class System:
         if self.addresses.gui is not None:
             last.append(self._start("gui", "--port", str(ports[4])))
         await asyncio.gather(*last)
+        # Not before: where a start came to nothing because an address was taken, the next one is to try that address again.
+        self.addresses.write(self.data, LAST_FILE)
 
     def _ports_before(self) -> list[int]:
         """Where the parts listened in the last run; nothing when there was none."""

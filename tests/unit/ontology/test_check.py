@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
 from hypothesis import given
 
@@ -137,21 +134,3 @@ def test_units() -> None:
     assert known("EUR")
     assert known("percent")
     assert not known("blah")
-
-
-def test_units_are_loaded_only_when_they_differ() -> None:
-    program = """
-import sys
-from somrs.entish.parse import parse
-from somrs.ontology.objects import Map, Object
-from somrs.ontology.truth import holds
-map = Map([Object(name="Jar1", type="Jar")])
-from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology
-weight = AttributeType(name="Weight", kind=Kind.NUMBER, unit="kg")
-ontology = Ontology([weight, ObjectType(name="Jar", parent=None, defaults={"Weight": 1})])
-assert holds(parse("Jar1.Weight = 1 kg AND Jar1.Weight < 2"), map, ontology)
-assert "pint" not in sys.modules
-assert holds(parse("Jar1.Weight = 1000 g"), map, ontology)
-assert "pint" in sys.modules
-"""
-    subprocess.run([sys.executable, "-c", program], check=True)

@@ -45,9 +45,9 @@ def work(steps: tuple[Step, ...]) -> list[str]:
 
 def test_the_rest_of_a_plan_is_kept_without_a_search() -> None:
     left = interrupted(5, 10, 40)
-    began = time.perf_counter()
+    began = time.process_time()
     found = sure(left, None)
-    assert time.perf_counter() - began < 2
+    assert time.process_time() - began < 10, "0.2 s where it was measured; a search takes minutes"
     assert isinstance(found, Plan)
     assert validate(found, left) == []
     assert set(work(found.steps)) <= set(work(left.rest))

@@ -162,16 +162,16 @@ def test_can_stands_where_a_robot_can_take_it(office: Site) -> None:
 
 
 def test_a_robot_gets_from_every_place_to_every_other(office: Site) -> None:
-    """A flood over a 0.1 m grid of spots with room for a robot of 0.25 m radius."""
+    """A flood over a 0.2 m grid of spots with room for a robot of 0.25 m radius."""
     solid = [box(office, o) for kind in ("Wall", "Furniture") for o in objects(office, kind).values()]
     floors = outlines(office)
-    places = {name: (round(spot(place)[0] / 0.1), round(spot(place)[1] / 0.1)) for name, place in objects(office, "Place").items()}
+    places = {name: (round(spot(place)[0] / 0.2), round(spot(place)[1] / 0.2)) for name, place in objects(office, "Place").items()}
     reached = {places["pantry"]}
     queue = deque(reached)
     while queue:
         x, y = queue.popleft()
         for near in ((x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)):
-            point = near[0] * 0.1, near[1] * 0.1
+            point = near[0] * 0.2, near[1] * 0.2
             if near not in reached and any(inside(point, floor) for floor in floors) and clearance(point, solid) > 0.25:
                 reached.add(near)
                 queue.append(near)

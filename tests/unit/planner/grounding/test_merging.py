@@ -25,10 +25,11 @@ from somrs.planner.planning import plan
 from somrs.sites.pddl import read
 from tests.support.examples import examples
 from tests.support.paths import SHARED
+from tests.support.small_pddl import PROBLEMS, small
 from tests.unit.planner.test_properties import problems
 
 CODMAP = SHARED / "benchmarks" / "codmap"
-needs_codmap = pytest.mark.skipif(not CODMAP.exists(), reason="the benchmarks are not beside the project")
+needs_codmap = pytest.mark.skipif(not CODMAP.exists(), reason=f"there are no published problems in {CODMAP}")
 STATES = 300
 """So many states are looked at."""
 
@@ -70,9 +71,16 @@ def test_of_facts_that_exclude_each_other_never_two_hold(problem: Problem) -> No
         check_groups(task)
 
 
-@needs_codmap
-@pytest.mark.parametrize("name", ["depot/pfile1", "driverlog/pfile7", "elevators08/p01", "logistics00/probLOGISTICS-4-0", "wireless/p01"])
+@pytest.mark.parametrize("name", PROBLEMS)
 def test_the_same_where_the_ontology_says_nothing_of_it(name: str) -> None:
+    task = task_of(small(name))
+    assert task is not None
+    assert check_groups(task) > 0
+
+
+@needs_codmap
+@pytest.mark.parametrize("name", ["depot/pfile1", "driverlog/pfile7", "elevators08/p01"])
+def test_the_same_in_problems_of_the_field(name: str) -> None:
     task = task_of(codmap(name))
     assert task is not None
     assert check_groups(task) > 0
@@ -91,31 +99,28 @@ def test_what_is_written_can_be_read(problem: Problem) -> None:
             assert (one.move, one.cost, {*one.needs}, {*one.effects}) == (other.move, other.cost, {*other.needs}, {*other.effects})
 
 
-@needs_codmap
-def test_where_a_crate_is_is_one_variable_whoever_lifts_it() -> None:
-    task = task_of(codmap("depot/pfile1"))
+def test_where_a_chest_is_is_one_variable_whoever_lifts_it() -> None:
+    task = task_of(small("yard"))
     assert task is not None
     asked = merged(task)
-    lifted = [variable[:-1] for variable in asked.names if any(name.startswith("lifting") for name in variable)]
-    assert sorted({name[name.index("crate") :][:6] for name in variable}.pop() for variable in lifted) == ["crate0", "crate1"]
+    lifted = [variable[:-1] for variable in asked.names if any(name.startswith("hangs") for name in variable)]
+    assert sorted({name[name.index("chest") :][:6] for name in variable}.pop() for variable in lifted) == ["chest1", "chest2"]
     for variable in lifted:
-        assert {name.partition("(")[0] for name in variable} >= {"lifting", "in"}
+        assert {name.partition("(")[0] for name in variable} >= {"hangs", "in"}
 
 
-@needs_codmap
 def test_what_must_not_be_so_is_not_asked_for_where_it_goes_without_saying() -> None:
-    """A message that is at a node is not at another one, nor on its way, though the domain says it in facts of their own."""
-    task = task_of(codmap("wireless/p01"))
+    """A note that lies at a node does not lie at another one, nor on its way, though the domain says it in facts of their own."""
+    task = task_of(small("beacons"))
     assert task is not None
     asked = merged(task)
-    assert not [name for variable in asked.names for name in variable if name.startswith(("not-sending", "not-message-at"))]
+    assert not [name for variable in asked.names for name in variable if name.startswith(("not-under-way", "lies-not"))]
     assert len(asked.names) < len(task.values) / 2
 
 
-@needs_codmap
-@pytest.mark.parametrize("name", ["depot/pfile1", "driverlog/pfile7", "wireless/p01"])
-def test_problems_of_the_field_are_planned_for_without_an_engine(name: str) -> None:
-    problem = codmap(name)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_problems_like_those_of_the_field_are_planned_for_without_an_engine(name: str) -> None:
+    problem = small(name)
     found = plan(problem)
     assert isinstance(found, Plan)
     assert validate(found, problem) == []

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from msgspec import structs
 from msgspec.structs import replace
@@ -15,11 +13,8 @@ from somrs.planner.model.plan import Plan
 from somrs.planner.model.problem import Available, Problem
 from somrs.planner.model.quality import best, cost, span
 from somrs.planner.planning import plan
-from somrs.planner_service.engines import entrants, plan_in_process
 from somrs.protocol.messages.clients import Policy
-from somrs.sites.pddl import read
 from tests.support.virtual_system import SITE, Robot, VirtualSystem
-from tests.system.test_codmap import DOMAIN
 
 FERRY = ServiceType(name="Ferry", effect="Jar002 isOn Platform001", precondition="Jar002 isOn Cupboard001")
 FIRST = ServiceType(name="FirstLeg", effect="Jar002 isOn Cupboard002", precondition="Jar002 isOn Cupboard001")
@@ -87,22 +82,3 @@ def test_a_task_manager_plans_by_the_terms_that_it_had() -> None:
     system.finish(system.submit("Tin001 isOn Platform001", policy=Policy.TIME))
     assert [dict(asked.services[0].prices) for asked in system.problems] == [{}, {"Robot1": 10.0}]
     assert [asked.hurry for asked in system.problems] == [False, True]
-
-
-@pytest.mark.skipif(len(entrants()) < 4, reason="the engines are not installed: pip install -e '.[planner]'")
-def test_who_is_in_a_hurry_has_all_vans_drive(tmp_path: Path) -> None:
-    names = [f"b{number}" for number in range(6)]
-    vans = [f"van{number}" for number in range(3)]
-    text = f"""(define (problem moving) (:domain courier)
-      (:objects east west - place {" ".join(names)} - parcel {" ".join(f"(:private {van} {van} - van)" for van in vans)})
-      (:init (road east west) (road west east) {" ".join(f"(at {one} east)" for one in (*names, *vans))})
-      (:goal (and {" ".join(f"(at {name} west)" for name in names)})))"""
-    for name, written in (("domain", DOMAIN), ("problem", text)):
-        (tmp_path / f"{name}.pddl").write_text(written, encoding="utf-8")
-    asked = read(tmp_path / "domain.pddl", tmp_path / "problem.pddl").problem()
-    cheap, soon = plan_in_process(asked), plan_in_process(replace(asked, hurry=True))
-    assert isinstance(cheap, Plan)
-    assert isinstance(soon, Plan)
-    assert cost(cheap, asked) <= cost(soon, asked)
-    assert span(soon) == 5, "each of three vans loads two, drives, and unloads two"
-    assert span(cheap) > 5

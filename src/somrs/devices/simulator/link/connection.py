@@ -33,6 +33,8 @@ log = logging.getLogger(__name__)
 
 LONGEST = 64 * 1024 * 1024
 """Bytes of the longest line that a client reads: a picture is one line."""
+LAST_LOOK = 0.1
+"""Seconds in which what came meanwhile is read by a program that was held up."""
 PATIENCE = 10.0
 """Seconds for which a connection may take to be made, and for which commands wait for a lost one to come back."""
 PAUSES = (0.1, 0.2, 0.5, 1.0, 2.0)
@@ -175,8 +177,7 @@ class Link:
         self._ready.set()
         while True:
             try:
-                async with asyncio.timeout(self._silence):
-                    line = await reader.readuntil(b"\n")
+                line = await self._next(reader)
             except TimeoutError:
                 self._fail_all("silent", f"{self._hello.robot or self._where} has said nothing for {self._silence:g} s")
                 self._fell_silent()
@@ -184,6 +185,16 @@ class Link:
             except asyncio.IncompleteReadError:
                 return True
             self._hear(read_by_client(line))
+
+    async def _next(self, reader: asyncio.StreamReader) -> bytes:
+        """The next line. Raises TimeoutError when none comes for too long: this program may itself have been held up for as long, with
+        lines waiting for it, so it looks once more before it says so."""
+        try:
+            async with asyncio.timeout(self._silence):
+                return await reader.readuntil(b"\n")
+        except TimeoutError:
+            async with asyncio.timeout(LAST_LOOK):
+                return await reader.readuntil(b"\n")
 
     def _hear(self, line: ServerLine) -> None:
         if isinstance(line, OrderDone | OrderGivenUp | Answer | Refused) and line.id is not None:

@@ -82,7 +82,7 @@ obstacles = st.builds(
 )
 
 
-@examples(40)
+@examples(15)
 @given(st.lists(obstacles, max_size=6))
 def test_finds_a_way_where_the_plain_search_does_and_a_safe_one(things: list[Object]) -> None:
     size, start, goal = (6.0, 4.0), (0.5, 0.5), (5.5, 3.5)

@@ -1,0 +1,43 @@
+"""The `somrs` command: within this process, which takes no time to start, and as a program of its own, as a user has it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from somrs.cli.main import app
+
+PATIENCE = 120.0
+"""Seconds that a program has which takes a second on an idle machine."""
+
+
+@dataclass(frozen=True)
+class Said:
+    """How the command ended, and what it said."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def somrs(*arguments: str | Path, cwd: Path | None = None) -> Said:
+    """What a user reads who gives the command; errors that it does not expect are raised."""
+    with contextlib.chdir(cwd) if cwd is not None else contextlib.nullcontext():
+        result = CliRunner().invoke(app, [*map(str, arguments)], prog_name="somrs")
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return Said(result.exit_code, result.stdout, result.stderr)
+
+
+def program(*arguments: str | Path, cwd: Path | None = None, **environment: str) -> Said:
+    """The same by a process of its own, in which these variables are set."""
+    line = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
+    env = {**os.environ, **environment}
+    ended = subprocess.run(line, capture_output=True, text=True, cwd=cwd, env=env, timeout=PATIENCE, check=False)
+    return Said(ended.returncode, ended.stdout, ended.stderr)

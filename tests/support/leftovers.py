@@ -1,0 +1,64 @@
+"""Processes that a test left: found, ended and told. On Linux only; elsewhere nobody looks."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import time
+from pathlib import Path
+
+SET_CHILD_SUBREAPER = 36
+"""Of prctl(2): whoever loses its parent becomes a child of this process, and is so found."""
+
+KEPT = ("multiprocessing.resource_tracker", "multiprocessing.forkserver")
+"""Python starts them once and ends them with itself."""
+
+PATIENCE = 10.0
+"""Seconds that a process has which was told to end and was not waited for."""
+
+TASKS = Path("/proc/self/task")
+
+
+def adopt_orphans() -> None:
+    if TASKS.is_dir():
+        ctypes.CDLL(None).prctl(SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+def processes() -> dict[int, str]:
+    """The children of this process that run, with their command lines; those of no parent any more are among them."""
+    found: dict[int, str] = {}
+    for task in TASKS.glob("*/children"):
+        with contextlib.suppress(OSError):  # a thread that just ended
+            for pid in map(int, task.read_text().split()):
+                line = _line(pid)
+                if line and not any(kept in line for kept in KEPT):
+                    found[pid] = line
+    return found
+
+
+def _line(pid: int) -> str:
+    """Empty when it has ended, though nobody asked yet how."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+    return ""
+
+
+def end(before: dict[int, str]) -> list[str]:
+    """Kill what was not there before, with all that it started, and say what it was."""
+    until = time.monotonic() + PATIENCE
+    while (left := _new(before)) and time.monotonic() < until:
+        time.sleep(0.02)
+    told = list(left.values())
+    while left:  # whose parent is killed comes up next
+        for pid in left:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        time.sleep(0.02)
+        left = _new(before)
+    return told
+
+
+def _new(before: dict[int, str]) -> dict[int, str]:
+    return {pid: line for pid, line in processes().items() if pid not in before}

@@ -1,0 +1,88 @@
+"""Small planning problems of our own, each with something that problems of the field have and that is easily got wrong."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from somrs.planner.model.problem import Problem
+from somrs.sites.pddl import read
+from tests.support import courier
+
+YARD = """
+; Chests that stand on each other hang at a hoist while they change places: where one is, several kinds of facts say, some of them private.
+(define (domain yard)
+  (:requirements :typing :multi-agent :unfactored-privacy)
+  (:types place movable driver - object  bay - place  lorry hoist stack - movable  base chest - stack)
+  (:predicates (at ?x - movable ?p - place) (on ?c - chest ?s - stack) (in ?c - chest ?l - lorry) (free ?s - stack)
+    (:private ?p - place (hangs ?p - place ?h - hoist ?c - chest) (ready ?p - place ?h - hoist))
+    (:private ?d - driver (drives ?d - driver ?l - lorry)))
+  (:action go :agent ?d - driver :parameters (?l - lorry ?from ?to - place)
+    :precondition (and (drives ?d ?l) (at ?l ?from)) :effect (and (at ?l ?to) (not (at ?l ?from))))
+  (:action raise :agent ?p - place :parameters (?h - hoist ?c - chest ?s - stack)
+    :precondition (and (at ?h ?p) (ready ?p ?h) (at ?c ?p) (on ?c ?s) (free ?c))
+    :effect (and (hangs ?p ?h ?c) (free ?s) (not (at ?c ?p)) (not (on ?c ?s)) (not (free ?c)) (not (ready ?p ?h))))
+  (:action lower :agent ?p - place :parameters (?h - hoist ?c - chest ?s - stack)
+    :precondition (and (at ?h ?p) (hangs ?p ?h ?c) (at ?s ?p) (free ?s))
+    :effect (and (at ?c ?p) (on ?c ?s) (free ?c) (ready ?p ?h) (not (hangs ?p ?h ?c)) (not (free ?s))))
+  (:action load :agent ?p - place :parameters (?h - hoist ?c - chest ?l - lorry)
+    :precondition (and (at ?h ?p) (at ?l ?p) (hangs ?p ?h ?c)) :effect (and (in ?c ?l) (ready ?p ?h) (not (hangs ?p ?h ?c))))
+  (:action unload :agent ?p - place :parameters (?h - hoist ?c - chest ?l - lorry)
+    :precondition (and (at ?h ?p) (at ?l ?p) (ready ?p ?h) (in ?c ?l))
+    :effect (and (hangs ?p ?h ?c) (not (in ?c ?l)) (not (ready ?p ?h)))))
+"""
+
+SWAP = """
+(define (problem swap) (:domain yard)
+  (:objects lorry1 - lorry hoist1 hoist2 - hoist base1 base2 - base chest1 chest2 - chest
+    (:private north north - bay) (:private south south - bay) (:private ann ann - driver))
+  (:init (at lorry1 south) (drives ann lorry1) (at hoist1 north) (ready north hoist1) (at hoist2 south) (ready south hoist2)
+    (at base1 north) (at base2 south) (at chest1 north) (on chest1 base1) (free chest1) (at chest2 south) (on chest2 base2) (free chest2))
+  (:goal (and (on chest1 base2) (on chest2 base1))))
+"""
+
+BEACONS = """
+; What must not be so is said in facts of their own, as where negative conditions are not allowed; and each deed takes some of a charge.
+(define (domain beacons)
+  (:requirements :strips :typing :multi-agent :unfactored-privacy)
+  (:types node charge note - object  beacon base - node)
+  (:predicates (linked ?a ?b - node) (less ?a ?b - charge) (reading ?n - node ?b - beacon) (lies ?m - note ?n - node)
+    (lies-not ?m - note ?n - node) (tells ?m - note ?b - beacon) (tells-not ?m - note ?b - beacon)
+    (under-way ?from - beacon ?to - node ?m - note) (not-under-way ?from - beacon ?to - node ?m - note)
+    (:private ?b - beacon (left ?b - beacon ?c - charge)))
+  (:action measure :agent ?b - beacon :parameters (?c ?d - charge)
+    :precondition (and (left ?b ?c) (less ?d ?c)) :effect (and (left ?b ?d) (not (left ?b ?c)) (reading ?b ?b)))
+  (:action write :agent ?b - beacon :parameters (?of - beacon ?m - note)
+    :precondition (and (reading ?b ?of) (lies ?m ?b) (tells-not ?m ?of))
+    :effect (and (tells ?m ?of) (not (tells-not ?m ?of)) (not (reading ?b ?of))))
+  (:action send :agent ?b - beacon :parameters (?to - node ?m - note ?c ?d - charge)
+    :precondition (and (left ?b ?c) (less ?d ?c) (linked ?b ?to) (lies ?m ?b) (lies-not ?m ?to) (not-under-way ?b ?to ?m))
+    :effect (and (left ?b ?d) (not (left ?b ?c)) (under-way ?b ?to ?m) (not (not-under-way ?b ?to ?m))
+      (lies-not ?m ?b) (not (lies ?m ?b))))
+  (:action take :agent ?n - node :parameters (?from - beacon ?m - note)
+    :precondition (and (lies-not ?m ?n) (under-way ?from ?n ?m))
+    :effect (and (lies ?m ?n) (not (lies-not ?m ?n)) (not-under-way ?from ?n ?m) (not (under-way ?from ?n ?m))))
+  (:action look :agent ?n - node :parameters (?b - beacon ?m - note)
+    :precondition (and (lies ?m ?n) (tells ?m ?b)) :effect (and (reading ?n ?b) (tells-not ?m ?b) (not (tells ?m ?b)))))
+"""
+
+COAST = """
+(define (problem coast) (:domain beacons)
+  (:objects none some full - charge note1 - note
+    (:private east east - beacon) (:private west west - beacon) (:private tower tower - base))
+  (:init (linked east west) (linked west east) (linked west tower) (less none some) (less some full) (left east full) (left west full)
+    (lies note1 east) (lies-not note1 west) (lies-not note1 tower) (tells-not note1 east) (tells-not note1 west)
+    (not-under-way east west note1) (not-under-way east tower note1) (not-under-way east east note1)
+    (not-under-way west east note1) (not-under-way west tower note1) (not-under-way west west note1))
+  (:goal (and (reading tower east) (reading tower west))))
+"""
+
+PROBLEMS = {"yard": (YARD, SWAP), "beacons": (BEACONS, COAST), "courier": (courier.DOMAIN, courier.PROBLEM)}
+
+
+def small(name: str) -> Problem:
+    with tempfile.TemporaryDirectory() as folder:
+        files = Path(folder) / "domain.pddl", Path(folder) / "problem.pddl"
+        for file, text in zip(files, PROBLEMS[name], strict=True):
+            file.write_text(text, encoding="utf-8")
+        return read(*files).problem()
