@@ -9,19 +9,16 @@ from pathlib import Path
 
 import httpx
 import pytest
-import uvicorn
 from msgspec import structs
-from starlette.applications import Starlette
-from starlette.routing import Mount
 
 from somrs.api.affected import User
 from somrs.api.ontology import ImportOntology
 from somrs.api.orders import Blank, Daily, OrderSaved, TemplateSaved
-from somrs.api.rest import application
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.cli.editing import alter
-from somrs.client.client import Refused, who
+from somrs.client.client import Client, Refused, who
 from somrs.client.refusals import trouble
+from somrs.deployment.system import free_ports
 from somrs.errors import InputError, ModelError
 from somrs.ontology.files.loading import load, load_text, upper
 from somrs.ontology.naming import Named, Renaming, Section
@@ -30,13 +27,12 @@ from somrs.ontology.types import ObjectType, RelationType
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.knowledge import Define, Definitions, RenameObject, UpdateMap
 from somrs.protocol.messages.people import person
-from somrs.runtime.http import QuietServer, bound
 from tests.support.small_system import Porter, SmallSystem, running
 
 VAT = ObjectType(name="Vat", parent="Support", attributes=("Label",))
 
 
-def desk(tmp_path: Path, use: Callable[[Desk], Awaitable[None]], *porters: Porter) -> None:
+def desk(tmp_path: Path, use: Callable[[LiveApi], Awaitable[None]], *porters: Porter) -> None:
     async def run() -> None:
         async with running(tmp_path / "data", *porters) as (_, desk):
             await use(desk)
@@ -44,7 +40,7 @@ def desk(tmp_path: Path, use: Callable[[Desk], Awaitable[None]], *porters: Porte
     asyncio.run(run())
 
 
-async def known(desk: Desk, version: int) -> None:
+async def known(desk: LiveApi, version: int) -> None:
     """Wait until the desk heard of the version."""
     async with asyncio.timeout(120):
         while desk.context.version < version:
@@ -52,7 +48,7 @@ async def known(desk: Desk, version: int) -> None:
 
 
 def test_a_type_is_made_considered_renamed_and_undone(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         made = await desk.ontology.change(Define(definitions=Definitions(types=(VAT,)), author="Anna"))
         await known(desk, made.version)
         seen = await desk.ontology.read()
@@ -77,9 +73,9 @@ def test_a_type_is_made_considered_renamed_and_undone(tmp_path: Path) -> None:
 
 
 def test_consequences_name_the_services_on_offer_that_could_not_be_planned_with(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         async with asyncio.timeout(120):
-            while not await desk.context.client.services():
+            while not (await desk.fleet.services()).offers:
                 await asyncio.sleep(0.05)
         is_on = desk.context.ontology.relations["isOn"]
         narrow = Definitions(relations=(structs.replace(is_on, joins=("Device", "Object")),))
@@ -98,7 +94,7 @@ def test_consequences_name_the_tasks_orders_and_templates_whose_words_would_be_g
     )
     daily = Daily(at="08:00")
 
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         task = (await desk.tasks.submit(Submit(effect="Jar002 isOn ?Place: Platform"))).task
         await desk.tasks.submit(Submit(effect="Tin001 isOn Cupboard002"))
         await desk.orders.save_template("Bring", bring)
@@ -129,23 +125,16 @@ def test_consequences_name_the_tasks_orders_and_templates_whose_words_would_be_g
 
 
 def test_a_dry_run_on_the_command_line_names_them_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    async def use(system: SmallSystem, desk: Desk) -> None:
+    async def use(system: SmallSystem, desk: LiveApi) -> None:
         await desk.orders.save_template("Bring", TemplateSaved(task=Submit(effect="Jar001 isOn ?P: Platform")))
-        listening = bound("127.0.0.1", 0)
-        api = Starlette(routes=[Mount("/api", application([*desk.operations()], desk.context.hub))])
-        server = QuietServer(uvicorn.Config(api, log_level="warning"))
-        serving = asyncio.create_task(server.serve(sockets=[listening]))
-        async with asyncio.timeout(120):
-            while not server.started:
-                await asyncio.sleep(0.01)
-        structs.replace(system.addresses, gui=f"http://127.0.0.1:{listening.getsockname()[1]}").write(system.data)
+        structs.replace(system.addresses, api=desk.client.url).write(system.data)
         change = Define(renamed=(Renaming(section=Section.TYPES, name="Platform", to="Stand"),))
         assert await alter(change, system.data, dry=True, json=False) == 0
         told = capsys.readouterr().out
         assert "template Bring: it uses type Platform, which would be called Stand" in told
         assert "tasks, orders and templates keep the words that they have" in told
-        server.should_exit = True
-        await serving
+        (nobody,) = free_ports("127.0.0.1", 1)
+        structs.replace(system.addresses, api=f"http://127.0.0.1:{nobody}/api").write(system.data)
         assert await alter(change, system.data, dry=True, json=False) == 0
         assert "without the tasks, orders and templates" in capsys.readouterr().err
 
@@ -157,7 +146,7 @@ def test_a_dry_run_on_the_command_line_names_them_too(tmp_path: Path, capsys: py
 
 
 def test_what_is_refused_says_each_problem_where_it_is(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         with pytest.raises(Refused) as refused:
             await desk.ontology.change(Define(removed=(Named(section=Section.TYPES, name="Jar"),)))
         told = trouble(refused.value)
@@ -171,7 +160,7 @@ def test_what_is_refused_says_each_problem_where_it_is(tmp_path: Path) -> None:
 
 
 def test_who_gave_no_name_is_told_short_and_recorded_whole(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         made = await desk.ontology.change(Define(definitions=Definitions(types=(VAT,))))
         (event,) = (await desk.ontology.history()).events
         assert event.author == who()
@@ -197,7 +186,7 @@ types:
 
 
 def test_a_file_is_taken_over_and_its_consequences_shown_before(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         dry = await desk.ontology.import_yaml(ImportOntology(text=FILE), dry=True)
         assert dry.version is None
         assert dry.consequences.revision is not None
@@ -215,7 +204,7 @@ def test_a_file_is_taken_over_and_its_consequences_shown_before(tmp_path: Path) 
 
 
 def test_mistakes_in_a_file_have_their_lines(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         text = "types:\n  Vat: {parent: Suport}\n  Tub: {parent: Vat, colour: 3}\nwithout: [types Device]\n"
         with pytest.raises(ModelError) as wrong:
             await desk.ontology.import_yaml(ImportOntology(text=text, file="vats.yaml"))
@@ -226,7 +215,7 @@ def test_mistakes_in_a_file_have_their_lines(tmp_path: Path) -> None:
 
 
 def test_what_is_exported_is_read_back(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         near = RelationType(name="isNear", joins=("Object", "Object"), symmetric=True)
         await desk.ontology.change(
             Define(
@@ -253,7 +242,7 @@ def test_what_is_exported_is_read_back(tmp_path: Path) -> None:
 
 
 def test_the_map_is_changed_renamed_undone_and_looked_back_on(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         first = await desk.map.read()
         considered = await desk.map.consider(UpdateMap(changes=(ValueSet("Jar001", "Weight", 99.0),)))
         assert [(rule.subject, rule.path) for rule in considered.broken] == [("Jar001", "Weight")]
@@ -280,23 +269,28 @@ def test_the_map_is_changed_renamed_undone_and_looked_back_on(tmp_path: Path) ->
 
 
 def test_the_map_of_the_past_is_the_same_however_it_is_found(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(system: SmallSystem, desk: LiveApi) -> None:
         await desk.map.change(UpdateMap(situation="Jar001 isOn Platform001"))
         await desk.ontology.change(Define(renamed=(Renaming(section=Section.TYPES, name="Jar", to="Pot"),)))
         await desk.map.rename(RenameObject(name="Platform001", to="Stage001"))
         await desk.map.change(UpdateMap(changes=(ObjectRemoved("Tin001"), ValueSet("Jar001", "Weight", 0.5))))
         last = await desk.map.undo(3)
         await known(desk, last.version)
-        for version in range(last.version + 1):
-            seen = await desk.map.read(version=version)
-            assert seen.version == version
-            assert Map(seen.objects, seen.facts) == await desk.context.client.map(version)
+        async with Client(system.addresses) as client:
+            for version in range(last.version + 1):
+                seen = await desk.map.read(version=version)
+                assert seen.version == version
+                assert Map(seen.objects, seen.facts) == await client.map(version)
 
-    desk(tmp_path, use)
+    async def run() -> None:
+        async with running(tmp_path / "data") as (system, desk):
+            await use(system, desk)
+
+    asyncio.run(run())
 
 
 def test_many_events_come_from_as_many_pages_as_it_takes(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         for number in range(450):
             await desk.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 1 + number / 1000),), author=f"Robot{number % 3}"))
         events = await desk.map.events(limit=400)
@@ -310,9 +304,8 @@ def test_many_events_come_from_as_many_pages_as_it_takes(tmp_path: Path) -> None
 
 
 def test_all_of_it_is_done_over_http_too(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
-        transport = httpx.ASGITransport(application([*desk.operations()], desk.context.hub))
-        async with httpx.AsyncClient(transport=transport, base_url="http://desk") as client:
+    async def use(desk: LiveApi) -> None:
+        async with httpx.AsyncClient(base_url=desk.client.url) as client:
             await over_http(client)
 
     async def over_http(client: httpx.AsyncClient) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from somrs.api.orders import Blank, Daily, Every, Filled, Once, OrderSaved, Run, RunState, StandingOrder, TemplateSaved
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.client.client import Client
 from somrs.client.refusals import Changed, NotFound
 from somrs.errors import FormulaError, InputError, UsageError
@@ -79,7 +79,7 @@ class Time:
         self._woken.set_result(None)
 
 
-Scenario = Callable[[SmallSystem, Desk, Time], Awaitable[None]]
+Scenario = Callable[[SmallSystem, LiveApi, Time], Awaitable[None]]
 
 
 def played(data: Path, scenario: Scenario, *porters: Porter) -> None:
@@ -91,11 +91,11 @@ def played(data: Path, scenario: Scenario, *porters: Porter) -> None:
     asyncio.run(run())
 
 
-async def runs(desk: Desk, order: StandingOrder) -> tuple[Run, ...]:
+async def runs(desk: LiveApi, order: StandingOrder) -> tuple[Run, ...]:
     return (await desk.orders.runs(order.id)).runs
 
 
-async def settled(desk: Desk, order: StandingOrder, count: int = 1) -> tuple[Run, ...]:
+async def settled(desk: LiveApi, order: StandingOrder, count: int = 1) -> tuple[Run, ...]:
     """Its runs, once there are so many, and none is under way."""
     while len(found := await runs(desk, order)) < count or any(run.open for run in found):
         await asyncio.sleep(0.02)
@@ -110,7 +110,7 @@ def wish(jar: str = "Jar002", place: str = "Platform001") -> Submit:
 
 
 def test_a_template_is_saved_filled_in_and_used(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         saved = await desk.orders.save_template("Bring it", BRING)
         assert (saved.version, saved.changed_by, saved.changed_at) == (1, "Ada", MONDAY)
         assert (await desk.orders.templates()).templates == (saved,)
@@ -133,7 +133,7 @@ def test_a_template_is_saved_filled_in_and_used(tmp_path: Path) -> None:
     ],
 )
 def test_what_does_not_fit_in_a_blank_is_told(values: dict[str, str], wrong: str, tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         await desk.orders.save_template("Bring", BRING)
         with pytest.raises(UsageError, match=wrong):
             await desk.orders.use_template("Bring", Filled(values=values))
@@ -159,7 +159,7 @@ def _saved(effect: str, *blanks: Blank, **more: object) -> TemplateSaved:
     ],
 )
 def test_a_template_that_could_never_be_a_task_is_not_saved(saved: TemplateSaved, wrong: str, tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         with pytest.raises((UsageError, FormulaError), match=f"(?s){wrong}"):
             await desk.orders.save_template("Bring", saved)
         assert (await desk.orders.templates()).templates == ()
@@ -177,7 +177,7 @@ def test_a_template_that_could_never_be_a_task_is_not_saved(saved: TemplateSaved
     ],
 )
 def test_a_mistake_in_a_template_is_told_where_it_was_written(effect: str, where: str, tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         saved = _saved(effect, Blank(name="Thing", type="Jar"), Blank(name="Place", type="Platform"))
         with pytest.raises(FormulaError) as refused:
             await desk.orders.save_template("Bring", saved)
@@ -190,7 +190,7 @@ def test_a_mistake_in_a_template_is_told_where_it_was_written(effect: str, where
 
 
 def test_numbers_texts_and_truths_are_filled_in_as_they_are_written_in_formulas(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         handler = Handler(on=Occasion.FAILURE, effect="{Thing}.PositionX = {X}")
         task = Submit(
             effect="{Thing}.PositionX = {X} AND Robot1.Working = {Works}", precondition="{Thing} isOn Cupboard001", handlers=(handler,)
@@ -209,7 +209,7 @@ def test_numbers_texts_and_truths_are_filled_in_as_they_are_written_in_formulas(
 
 
 def test_two_people_who_save_the_same_template_lose_nothing(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         def saved(expected: int, by: str) -> TemplateSaved:
             return TemplateSaved(task=wish(), by=by, expected_version=expected)
 
@@ -238,7 +238,7 @@ def test_two_people_who_save_the_same_template_lose_nothing(tmp_path: Path) -> N
 
 
 def test_a_template_is_renamed_with_the_orders_that_use_it_and_not_removed_under_them(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         await desk.orders.save_template("Bring", BRING)
         await desk.orders.save_template("Other", BRING)
         order = await desk.orders.add_order(OrderSaved(name="Daily", when=Daily(at="08:00"), template="Bring", values={"Thing": "Jar001"}))
@@ -265,12 +265,13 @@ def test_a_template_is_renamed_with_the_orders_that_use_it_and_not_removed_under
 def test_an_order_is_stated_when_it_is_due_and_what_came_of_it_is_told(tmp_path: Path) -> None:
     porter = Porter("Robot1")
 
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         order = await desk.orders.add_order(OrderSaved(name="Morning", when=Daily(at="07:00", days=(0, 2)), task=wish(), by="Ada"))
         assert order.next == MONDAY + HOUR
         await clock.pass_by(HOUR - 1)
         assert await runs(desk, order) == ()
         with desk.context.hub.listening("orders") as listening:
+            await listening.following()
             await clock.pass_by(2)
             (run,) = await settled(desk, order)
             assert (await asyncio.wait_for(listening.next(), 120)).topic == "orders"
@@ -288,7 +289,7 @@ def test_an_order_is_stated_when_it_is_due_and_what_came_of_it_is_told(tmp_path:
 
 
 def test_three_days_of_orders(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         often = await desk.orders.add_order(OrderSaved(name="Often", when=Every(minutes=12 * 60), task=wish(), skip=False))
         once = await desk.orders.add_order(OrderSaved(name="Once", when=Once(at=MONDAY + 30 * HOUR), task=wish("Jar001")))
         daily = await desk.orders.add_order(OrderSaved(name="Daily", when=Daily(at="05:00", days=(1, 2)), task=wish("Tin001")))
@@ -306,7 +307,7 @@ def test_three_days_of_orders(tmp_path: Path) -> None:
 
 
 def test_while_the_task_before_runs_the_next_time_is_skipped_or_not_as_one_likes(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         skips = await desk.orders.add_order(OrderSaved(name="Skips", when=Every(minutes=10), task=wish("Jar001")))
         insists = await desk.orders.add_order(OrderSaved(name="Insists", when=Every(minutes=10), task=wish("Jar002"), skip=False))
         for _ in range(2):
@@ -328,7 +329,7 @@ def test_while_the_task_before_runs_the_next_time_is_skipped_or_not_as_one_likes
 
 
 def test_a_paused_order_rests_and_makes_nothing_up(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         order = await desk.orders.add_order(OrderSaved(name="Often", when=Every(minutes=60), task=wish()))
         paused = await desk.orders.pause_order(order.id, by="Bob")
         assert (paused.enabled, paused.next, paused.changed_by) == (False, None, "Bob")
@@ -344,7 +345,7 @@ def test_a_paused_order_rests_and_makes_nothing_up(tmp_path: Path) -> None:
 
 
 def test_times_that_were_missed_are_told_and_not_made_up_for(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         order = await desk.orders.add_order(OrderSaved(name="Often", when=Every(minutes=60), task=wish()))
         await clock.jump(5 * HOUR + 10)
         late, missed = await settled(desk, order, 2)
@@ -359,7 +360,7 @@ def test_times_that_were_missed_are_told_and_not_made_up_for(tmp_path: Path) -> 
 
 
 def test_an_order_whose_task_is_none_any_more_is_refused_with_the_reason(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         await desk.orders.save_template("Bring", BRING)
         given = OrderSaved(name="Daily", when=Daily(at="08:00"), template="Bring", values={"Thing": "Jar001"})
         order = await desk.orders.add_order(given)
@@ -385,7 +386,7 @@ def test_an_order_whose_task_is_none_any_more_is_refused_with_the_reason(tmp_pat
     ],
 )
 def test_an_order_that_could_not_be_stated_is_not_taken(saved: OrderSaved, wrong: str, tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         with pytest.raises(InputError, match=wrong):
             await desk.orders.add_order(saved)
         assert (await desk.orders.orders()).orders == ()
@@ -394,7 +395,7 @@ def test_an_order_that_could_not_be_stated_is_not_taken(saved: OrderSaved, wrong
 
 
 def test_orders_are_changed_by_whoever_knows_them_as_they_are(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         order = await desk.orders.add_order(OrderSaved(name="Often", when=Every(minutes=60), task=wish()))
         new = OrderSaved(name="Rarely", when=Every(minutes=6000), task=wish(), expected_version=1, by="Ada")
         changed = await desk.orders.save_order(order.id, new)
@@ -416,7 +417,7 @@ def test_orders_are_changed_by_whoever_knows_them_as_they_are(tmp_path: Path) ->
 def test_a_task_manager_that_is_away_for_a_moment_gets_the_task_once(tmp_path: Path) -> None:
     porter = Porter("Robot1")
 
-    async def scenario(system: SmallSystem, desk: Desk, clock: Time) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi, clock: Time) -> None:
         order = await desk.orders.add_order(OrderSaved(name="Often", when=Every(minutes=60), task=wish()))
         await system.stop_manager()
         await clock.pass_by(HOUR + 1)
@@ -435,7 +436,7 @@ def test_orders_survive_a_restart_of_the_windows_and_each_time_is_stated_once(tm
     porter = Porter("Robot1", seconds=1.0)
 
     async def scenario(system: SmallSystem, clock: Time) -> None:
-        def desk() -> AbstractAsyncContextManager[Desk]:
+        def desk() -> AbstractAsyncContextManager[LiveApi]:
             return desk_at(system, clock)
 
         async with desk() as first:

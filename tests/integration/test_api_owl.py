@@ -9,7 +9,7 @@ import pytest
 from rdflib import Graph
 
 from somrs.api.ontology import ImportOntology
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.errors import ModelError, RemoteError
 from somrs.ontology import owl
 from somrs.ontology.objects import FactAdded, ObjectAdded
@@ -30,7 +30,7 @@ type:Bottle owl:deprecated true ; a owl:Class ; rdfs:subClassOf type:Graspable .
 
 
 def test_what_is_exported_can_be_taken_over_and_changes_nothing(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         for format in owl.Format:
             document = await desk.ontology.export_owl(format=format, map=True)
             assert document.name == {"turtle": "site.ttl", "xml": "site.rdf"}[format]
@@ -45,7 +45,7 @@ def test_what_is_exported_can_be_taken_over_and_changes_nothing(tmp_path: Path) 
 
 
 def test_a_file_is_taken_over_after_its_consequences_were_shown(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         dry = await desk.ontology.import_owl(ImportOntology(text=NEW, file="vases.ttl"), dry=True, map=True)
         assert dry.version is None
         assert dry.consequences.revision is not None
@@ -68,7 +68,7 @@ def test_a_file_is_taken_over_after_its_consequences_were_shown(tmp_path: Path) 
 
 
 def test_nothing_is_taken_over_of_a_file_whose_objects_break_a_rule(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         broken = NEW.replace('"Cylinder"', '"Cylindre"')
         with pytest.raises(ModelError, match="did you mean Cylinder"):
             await desk.ontology.import_owl(ImportOntology(text=broken), map=True)
@@ -85,7 +85,7 @@ def test_nothing_is_taken_over_of_a_file_whose_objects_break_a_rule(tmp_path: Pa
 
 
 def test_a_type_that_is_in_use_cannot_be_deprecated_away(tmp_path: Path) -> None:
-    async def use(desk: Desk) -> None:
+    async def use(desk: LiveApi) -> None:
         text = PREFIXES + "type:Jar owl:deprecated true ; a owl:Class ; rdfs:subClassOf type:Graspable ."
         dry = await desk.ontology.import_owl(ImportOntology(text=text), dry=True)
         assert any("Jar" in rule.message for rule in dry.consequences.broken)

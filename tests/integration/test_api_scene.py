@@ -15,10 +15,10 @@ import pytest
 
 from somrs.api.bodies import Body, scene_of
 from somrs.api.context import Context
-from somrs.api.hub import Hub
 from somrs.api.listener import Listener
 from somrs.api.poses import PoseFeed
 from somrs.client.client import Addresses, Client
+from somrs.client.hub import Hub
 from somrs.devices.simulator.link.link import RobotLink
 from somrs.devices.simulator.server.server import Server
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from somrs.api.hub import News
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.api.tasks import TaskChanged, TasksChanged
 from somrs.cli.task_commands import task as shown
+from somrs.client.hub import News
 from somrs.client.refusals import NotFound
 from somrs.errors import UsageError
 from somrs.protocol.messages.clients import ContractView, MessageView, Phase, Submit
@@ -21,7 +21,7 @@ from tests.support.small_system import Porter, SmallSystem, running
 
 WISH = "Jar002 isOn Platform001"
 
-Scenario = Callable[[SmallSystem, Desk], Awaitable[None]]
+Scenario = Callable[[SmallSystem, LiveApi], Awaitable[None]]
 
 
 def played(data: Path, scenario: Scenario, *porters: Porter) -> None:
@@ -32,12 +32,12 @@ def played(data: Path, scenario: Scenario, *porters: Porter) -> None:
     asyncio.run(run())
 
 
-async def ended(desk: Desk, task: str) -> None:
+async def ended(desk: LiveApi, task: str) -> None:
     while (await desk.tasks.read(task)).view.phase is not Phase.ENDED:
         await asyncio.sleep(0.05)
 
 
-async def all_messages(desk: Desk, task: str) -> list[MessageView]:
+async def all_messages(desk: LiveApi, task: str) -> list[MessageView]:
     found: list[MessageView] = []
     more = True
     while more:
@@ -48,7 +48,7 @@ async def all_messages(desk: Desk, task: str) -> list[MessageView]:
 
 
 def test_a_task_is_seen_whole_while_it_runs_and_when_it_is_over(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi) -> None:
         task = (await desk.tasks.submit(Submit(effect=WISH, priority=3), by="Ada")).task
         while (seen := await desk.tasks.read(task)).view.phase is not Phase.EXECUTING:
             await asyncio.sleep(0.02)
@@ -77,8 +77,9 @@ def test_a_task_is_seen_whole_while_it_runs_and_when_it_is_over(tmp_path: Path) 
     played(tmp_path, scenario, Porter("Robot1", price=10), Porter("Robot2", price=20))
 
 
-async def followed(desk: Desk, task: str, heard: list[News]) -> None:
+async def followed(desk: LiveApi, task: str, heard: list[News]) -> None:
     with desk.context.hub.listening(f"task {task}") as listening:
+        await listening.following()
         async for news in listening:
             heard.append(news)
             if isinstance(news.value, TaskChanged) and news.value.view.phase is Phase.ENDED:
@@ -86,7 +87,7 @@ async def followed(desk: Desk, task: str, heard: list[News]) -> None:
 
 
 def test_news_of_a_task_add_up_to_it_for_two_listeners_over_a_restart_of_the_task_manager(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi) -> None:
         task = (await desk.tasks.submit(Submit(effect=WISH))).task
         both: list[list[News]] = [[], []]
         following = [asyncio.create_task(followed(desk, task, heard)) for heard in both]
@@ -111,11 +112,12 @@ def test_news_of_a_task_add_up_to_it_for_two_listeners_over_a_restart_of_the_tas
 
 
 def test_the_list_tells_of_tasks_that_come_and_change(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi) -> None:
         known: dict[str, str] = {}
 
         async def follow(until: Callable[[], bool]) -> None:
             with desk.context.hub.listening("tasks") as listening:
+                await listening.following()
                 async for news in listening:
                     assert isinstance(news.value, TasksChanged)
                     if news.value.anew:
@@ -138,11 +140,12 @@ def test_the_list_tells_of_tasks_that_come_and_change(tmp_path: Path) -> None:
 
 
 def test_whoever_stops_listening_leaves_nobody_asking(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi) -> None:
         task = (await desk.tasks.submit(Submit(effect=WISH))).task
         await ended(desk, task)
         before = asyncio.all_tasks()
         with desk.context.hub.listening("tasks", f"task {task}") as listening:
+            await listening.following()
             await asyncio.wait_for(listening.next(), 120)
         await asyncio.sleep(0.1)
         assert asyncio.all_tasks() <= before
@@ -151,7 +154,7 @@ def test_whoever_stops_listening_leaves_nobody_asking(tmp_path: Path) -> None:
 
 
 def test_a_task_sent_twice_with_the_same_word_is_one(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi) -> None:
         first = await desk.tasks.submit(Submit(effect=WISH), once="my word")
         assert await desk.tasks.submit(Submit(effect=WISH), once="my word") == first
         assert await desk.tasks.submit(Submit(effect=WISH), once="another") != first
@@ -162,7 +165,7 @@ def test_a_task_sent_twice_with_the_same_word_is_one(tmp_path: Path) -> None:
 def test_a_task_is_found_by_the_beginning_of_its_id_even_if_it_was_long_ago(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(manager, "REMEMBERED", 1)
 
-    async def scenario(system: SmallSystem, desk: Desk) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi) -> None:
         old = (await desk.tasks.submit(Submit(effect=WISH))).task
         await ended(desk, old)
         new = (await desk.tasks.submit(Submit(effect="Tin001 isOn Cupboard002"))).task
@@ -183,7 +186,7 @@ def test_a_task_is_found_by_the_beginning_of_its_id_even_if_it_was_long_ago(tmp_
 
 
 def test_a_task_is_cancelled_for_a_reason_that_is_told(tmp_path: Path) -> None:
-    async def scenario(system: SmallSystem, desk: Desk) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi) -> None:
         task = (await desk.tasks.submit(Submit(effect=WISH))).task
         while (await desk.tasks.read(task)).view.phase is not Phase.EXECUTING:
             await asyncio.sleep(0.02)
@@ -200,7 +203,7 @@ def test_a_task_is_cancelled_for_a_reason_that_is_told(tmp_path: Path) -> None:
 def test_a_thousand_messages_are_followed_without_reading_them_again(tmp_path: Path) -> None:
     """The page asks for what it has not: the answers together are as long as the whole, once."""
 
-    async def scenario(system: SmallSystem, desk: Desk) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi) -> None:
         task = (await desk.tasks.submit(Submit(effect=WISH))).task
         found: list[MessageView] = []
         pages = 0
@@ -220,7 +223,7 @@ def test_a_thousand_messages_are_followed_without_reading_them_again(tmp_path: P
 
 
 def test_the_command_line_shows_bids_and_messages_of_a_task_that_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    async def scenario(system: SmallSystem, desk: Desk) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi) -> None:
         system.addresses.write(tmp_path)
         task = (await desk.tasks.submit(Submit(effect=WISH))).task
         while (await desk.tasks.read(task)).view.phase is not Phase.EXECUTING:

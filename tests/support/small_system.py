@@ -10,7 +10,9 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
-from somrs.api.service import Desk, desk_of
+from somrs.api.program import served
+from somrs.api.remote import LiveApi, live_api
+from somrs.api.service import desk_of
 from somrs.client.client import Addresses
 from somrs.deployment.device import DeviceRunner
 from somrs.deployment.system import free_ports
@@ -21,6 +23,7 @@ from somrs.protocol.messages.clients import ReadRecords
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.runtime.host import Host
+from somrs.runtime.http import bound
 from somrs.runtime.node import Report
 from somrs.scheduling.scheduler import Clock
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
@@ -149,7 +152,7 @@ class SmallSystem:
 
 
 @asynccontextmanager
-async def running(data: Path, *porters: Porter, clock: Clock | None = None) -> AsyncIterator[tuple[SmallSystem, Desk]]:
+async def running(data: Path, *porters: Porter, clock: Clock | None = None) -> AsyncIterator[tuple[SmallSystem, LiveApi]]:
     """The system, and the desk at it. `clock`: what standing orders go by."""
     system = SmallSystem(data, porters)
     async with AsyncExitStack() as stack:
@@ -159,6 +162,14 @@ async def running(data: Path, *porters: Porter, clock: Clock | None = None) -> A
 
 
 @asynccontextmanager
-async def desk_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[Desk]:
-    async with desk_of(system.addresses, system.data, clock=clock) as desk, desk.orders.running():
+async def desk_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[LiveApi]:
+    """The API, served at a port, as its clients have it."""
+    async with api_at(system, clock) as url, live_api(url) as desk:
         yield desk
+
+
+@asynccontextmanager
+async def api_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[str]:
+    """Where the API is."""
+    async with desk_of(system.addresses, system.data, clock=clock) as desk, desk.orders.running(), served(desk, bound(HERE, 0)) as url:
+        yield url

@@ -1,4 +1,4 @@
-"""Standing orders in a system of real processes: the windows are killed again and again, and each time is stated once."""
+"""Standing orders in a system of real processes: the API is killed again and again, and each time is stated once."""
 
 from __future__ import annotations
 
@@ -11,59 +11,57 @@ from pathlib import Path
 
 import pytest
 
-from somrs.cli.api_client import Windows
+from somrs.api.remote import Api, api_of
 from somrs.client.client import Addresses, Client
 from somrs.deployment.system import System, free_ports
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import Outcome
 from somrs.scheduling.recurrence import Every
-from somrs.scheduling.standing_orders import OrderSaved, Run, Runs, RunState, StandingOrder
+from somrs.scheduling.standing_orders import OrderSaved, Run, RunState
 from tests.support.paths import SCENARIO_1
 
 pytestmark = pytest.mark.long
-
-pytest.importorskip("nicegui", reason="the windows' libraries are not installed")
 
 PERIOD = 6.0
 TIMES = 3
 
 
-async def answered(windows: Windows, order: str) -> tuple[Run, ...]:
-    """What came of its times, once the windows are there."""
+async def answered(api: Api, order: str) -> tuple[Run, ...]:
+    """What came of its times, once the API is there."""
     while True:
         with contextlib.suppress(RemoteError):
-            return (await windows.get(Runs, "orders", order, "runs")).runs
+            return (await api.orders.runs(order)).runs
         await asyncio.sleep(0.2)
 
 
-def test_an_order_is_stated_once_each_time_though_the_windows_are_killed(tmp_path: Path) -> None:
+def test_an_order_is_stated_once_each_time_though_the_api_is_killed(tmp_path: Path) -> None:
     async def run() -> None:
-        async with System([SCENARIO_1], tmp_path / "run", speed="max", windows=True) as system, Client(system.addresses) as client:
+        async with System([SCENARIO_1], tmp_path / "run", speed="max") as system, Client(system.addresses) as client:
             keeping = asyncio.create_task(system.keep_running(lambda text: None))
-            async with Windows(system.addresses) as windows:
+            async with api_of(system.addresses) as api:
                 wish = Submit(effect="Jar002 isOn ?Shelf: Cupboard")  # as it is
                 given = OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=wish, by="Ada")
-                order = await windows.post(StandingOrder, "orders", body=given)
+                order = await api.orders.add_order(given)
                 assert order.next is not None
                 for number in range(TIMES):
                     # Just when the task is stated: before, and a moment after.
                     await asyncio.sleep(max(0.0, order.next + number * PERIOD - time.time() + (-0.05, 0.01, 0.2)[number]))
-                    os.kill(system.programs["gui"].process.pid, signal.SIGKILL)
+                    os.kill(system.programs["api"].process.pid, signal.SIGKILL)
                     await asyncio.sleep(0.5)
-                    await answered(windows, order.id)
+                    await answered(api, order.id)
                 await asyncio.sleep(PERIOD)
-                paused = await windows.post(StandingOrder, "orders", order.id, "pause")
+                paused = await api.orders.pause_order(order.id)
                 assert not paused.enabled
-                runs = await answered(windows, order.id)
+                runs = await answered(api, order.id)
                 while any(run.open for run in runs):
                     await asyncio.sleep(0.2)
-                    runs = await answered(windows, order.id)
+                    runs = await answered(api, order.id)
             keeping.cancel()
             stated = [run for run in runs if run.state is RunState.SUBMITTED]
             dues = [round((run.due - order.next) / PERIOD, 3) for run in runs]
             assert dues == [*map(float, reversed(range(len(runs))))], "each time is there once"
-            assert stated, "the windows are there most of the time"
+            assert stated, "the API is there most of the time"
             assert {run.state for run in runs} <= {RunState.SUBMITTED, RunState.MISSED}, (
                 "a time at which nobody was there is told as missed"
             )
@@ -75,14 +73,15 @@ def test_an_order_is_stated_once_each_time_though_the_windows_are_killed(tmp_pat
     asyncio.run(run())
 
 
-def test_without_windows_the_command_line_says_what_to_do() -> None:
+def test_without_the_api_the_command_line_says_what_to_do() -> None:
     async def run() -> None:
         (port,) = free_ports("127.0.0.1", 1)
-        nobody = Addresses(repository="", registry="", task_manager="", gui=f"http://127.0.0.1:{port}")
-        async with Windows(nobody) as windows:
-            with pytest.raises(RemoteError, match=r"do not answer.*`somrs up` starts them"):
-                await windows.get(Runs, "orders", "x", "runs")
-        with pytest.raises(UsageError, match="this system has no windows"):
-            Windows(Addresses(repository="", registry="", task_manager=""))
+        nobody = Addresses(repository="", registry="", task_manager="", api=f"http://127.0.0.1:{port}/api")
+        async with api_of(nobody) as api:
+            with pytest.raises(RemoteError, match=r"does not answer.*`somrs up` starts it"):
+                await api.orders.runs("x")
+        with pytest.raises(UsageError, match="without the API"):
+            async with api_of(Addresses(repository="", registry="", task_manager="")):
+                pass
 
     asyncio.run(run())

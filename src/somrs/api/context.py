@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from somrs.api.hub import Hub
 from somrs.api.listener import Listener
 from somrs.client.client import Addresses, Client
+from somrs.client.hub import Hub
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 

@@ -11,10 +11,10 @@ from enum import StrEnum
 import msgspec
 
 from somrs.api.context import Context
-from somrs.api.operations import operation
 from somrs.api.reliability_stats import WINDOW, Experience, Tally, device_of
 from somrs.api.service_presence import Coming
 from somrs.api.simulator_gateway import Simulated, break_or_mend, robots
+from somrs.client.operations import operation
 from somrs.client.refusals import Trouble, trouble
 from somrs.client.task_history import Past
 from somrs.devices.simulator.link.commands import Fault

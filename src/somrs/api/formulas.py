@@ -10,7 +10,7 @@ import msgspec
 
 from somrs.api.choices import Placings, Sayable, Things, placings, sayable, things
 from somrs.api.context import Context
-from somrs.api.operations import operation
+from somrs.client.operations import operation
 from somrs.client.refusals import NotFound
 from somrs.entish.parse import nearest, read
 from somrs.errors import FormulaError, UsageError

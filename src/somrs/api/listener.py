@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import asyncio
 
-from msgspec import Struct
-
-from somrs.api.hub import Hub
+from somrs.api.map_news import MapNews
 from somrs.api.service_presence import Roster
+from somrs.client.hub import Hub
 from somrs.kernel.component import Effect, Input, Rang, Received, Send, Started, Wake
 from somrs.kernel.replica import Replica
-from somrs.ontology.objects import Change
 from somrs.protocol.messages.directory import ServicesJoined, ServicesLeft, ServicesSubscribed, SubscribeServices
 from somrs.protocol.messages.envelope import Header, Message, message_id
 
@@ -20,14 +18,6 @@ AGAIN = 10.0
 """Seconds after which it is asked again."""
 RENEWAL = "services"
 """The timer of that."""
-
-
-class MapNews(Struct, frozen=True, kw_only=True):
-    """The map came to `version` by `changes`; with `read`, anything may have changed: read it again."""
-
-    version: int
-    changes: tuple[Change, ...] = ()
-    read: bool = False
 
 
 class Listener:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from somrs.api.context import Context
-from somrs.api.operations import Document, operation
+from somrs.client.operations import Document, operation
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.protocol.messages.knowledge import Considered, Events, History, ReadEvents, RenameObject, Rows, Updated, UpdateMap

@@ -8,8 +8,8 @@ import msgspec
 
 from somrs.api.affected import Affected, affected, gone
 from somrs.api.context import Context
-from somrs.api.operations import Document, operation
 from somrs.api.orders import OrdersDesk
+from somrs.client.operations import Document, operation
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dependency_index import relied
 from somrs.ontology.files.dump import dump_ontology

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from somrs import __version__
-from somrs.api.operations import Document, Operation, Parameter
+from somrs.client.operations import Document, Operation, Parameter
 from somrs.client.refusals import REFUSALS, Trouble
 
 _REFERENCE = "#/components/schemas/{name}"

@@ -12,8 +12,8 @@ from datetime import tzinfo
 from msgspec import structs
 
 from somrs.api.context import Context
-from somrs.api.operations import operation
 from somrs.client.client import PATIENCE
+from somrs.client.operations import operation
 from somrs.client.refusals import Changed
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.clients import Submit, Submitted

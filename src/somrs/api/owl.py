@@ -10,7 +10,7 @@ from functools import partial
 from typing import ParamSpec, TypeVar
 
 from somrs.api.ontology import Imported, ImportOntology, OntologyDesk
-from somrs.api.operations import Document, operation
+from somrs.client.operations import Document, operation
 from somrs.client.owl_change import OwlChange
 from somrs.errors import Problem
 from somrs.ontology import owl

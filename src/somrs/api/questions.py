@@ -7,7 +7,7 @@ import asyncio
 import msgspec
 
 from somrs.api.context import Context
-from somrs.api.operations import operation
+from somrs.client.operations import operation
 from somrs.client.questions import open_questions, put_answer
 from somrs.devices.person.questions import Question
 

@@ -7,8 +7,8 @@ import time
 from datetime import datetime
 
 from somrs.api.context import Context
-from somrs.api.operations import Document, operation
 from somrs.client.export import PAGE, Format, Table, moment, write
+from somrs.client.operations import Document, operation
 from somrs.client.refusals import NotFound
 from somrs.client.task_history import Past
 from somrs.errors import UsageError

@@ -1,4 +1,4 @@
-"""The operations over HTTP, and the news over a WebSocket: `/api` of the windows' server. `/api` itself is the page that describes them."""
+"""The operations over HTTP, and the news over a WebSocket, below `/api`. `/api` itself is the page that describes them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import asyncio
 import json
 import logging
 from collections.abc import Sequence
-from importlib import resources
+from importlib.util import find_spec
 from typing import Any
 
 import msgspec
@@ -17,14 +17,18 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from somrs.api.hub import Hub, Listening
 from somrs.api.openapi import document
-from somrs.api.operations import Document, Operation, Parameter
+from somrs.client.hub import Hub, Listening
+from somrs.client.live_news import Confirmed, Follow
+from somrs.client.operations import Document, Operation, Parameter
 from somrs.client.refusals import status, trouble
 from somrs.entish.parse import nearest
 from somrs.errors import InputError, SomrsError
 
 log = logging.getLogger(__name__)
+
+PAGE_LIBRARY = "fastapi_swagger"
+"""Has the files of the page, and is not imported."""
 
 PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>SO-MRS: the API</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><link rel="stylesheet" href="{root}/page/swagger-ui.css">
@@ -32,8 +36,13 @@ PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>SO-M
 <script>SwaggerUIBundle({{url: "{root}/openapi.json", dom_id: "#api", validatorUrl: null}})</script></body></html>"""
 
 
+def has_page() -> bool:
+    """Whether the library is installed that shows what the API is."""
+    return find_spec(PAGE_LIBRARY) is not None
+
+
 def application(operations: Sequence[Operation], hub: Hub, more: Sequence[Route | WebSocketRoute | Mount] = ()) -> Starlette:
-    """Serves the operations, `openapi.json`, the page that shows it, and the news at `live`."""
+    """Serves the operations, `openapi.json`, the page that shows it (without its library, the document itself), and the news at `live`."""
     described = json.dumps(document(operations)).encode()
 
     async def openapi(request: Request) -> Response:
@@ -45,11 +54,9 @@ def application(operations: Sequence[Operation], hub: Hub, more: Sequence[Route 
     async def live(socket: WebSocket) -> None:
         await _tell(socket, hub)
 
-    static = str(resources.files("fastapi_swagger").joinpath("resources"))
     routes: list[Any] = [
-        Route("/", page),
+        *([Route("/", page), Mount("/page", StaticFiles(packages=[(PAGE_LIBRARY, "resources")]))] if has_page() else [Route("/", openapi)]),
         Route("/openapi.json", openapi),
-        Mount("/page", StaticFiles(directory=static)),
         WebSocketRoute("/live", live),
         *more,
         # What has no parameter in its path comes first: `/tasks/preview` is not the task `preview`.
@@ -102,28 +109,20 @@ async def _given(parameter: Parameter, request: Request) -> list[Any]:
         raise InputError(f"{where}: {error}; the API's page says what is expected") from None
 
 
-class Follow(msgspec.Struct, frozen=True, kw_only=True):
-    """The first thing that is said at `live`: of which topics one wants to hear."""
-
-    follow: tuple[str, ...]
-
-
 async def _tell(socket: WebSocket, hub: Hub) -> None:
-    """Send the news of the topics that were asked for, until the connection ends."""
+    """Send the news of the topics that were asked for last, until the connection ends."""
     await socket.accept()
-    try:
-        wanted = msgspec.json.decode(await socket.receive_text(), type=Follow)
-    except (msgspec.DecodeError, msgspec.ValidationError) as error:
-        await socket.close(1008, f'say first what you want to hear of, such as {{"follow": ["map"]}}: {error}'[:120])
-        return
-    except WebSocketDisconnect:
-        return
-    with hub.listening(*wanted.follow) as listening:
+    with hub.listening() as listening:
         telling = asyncio.create_task(_telling(socket, listening))
         try:
             while True:
-                await socket.receive()
-        except (WebSocketDisconnect, RuntimeError):  # RuntimeError: it was heard before that the connection ended
+                wanted = msgspec.json.decode(await socket.receive_text(), type=Follow)
+                listening.follow(wanted.follow)
+                if wanted.confirm is not None:
+                    await socket.send_text(msgspec.json.encode(Confirmed(confirmed=wanted.confirm)).decode())
+        except msgspec.MsgspecError as error:
+            await socket.close(1008, f'say what you want to hear of, such as {{"follow": ["map"]}}: {error}'[:120])
+        except (WebSocketDisconnect, RuntimeError, KeyError):  # the connection ended, or what came is no text
             pass
         finally:
             telling.cancel()

@@ -8,8 +8,8 @@ from starlette.websockets import WebSocket
 
 from somrs.api.bodies import Scene, scene_of
 from somrs.api.context import Context
-from somrs.api.operations import operation
 from somrs.api.poses import PoseFeed
+from somrs.client.operations import operation
 from somrs.client.refusals import NotFound
 
 

@@ -10,10 +10,8 @@ from pathlib import Path
 from somrs.api.context import Context
 from somrs.api.fleet import FleetDesk
 from somrs.api.formulas import FormulasDesk
-from somrs.api.hub import Hub
 from somrs.api.listener import Listener
 from somrs.api.map import MapDesk
-from somrs.api.operations import Operation, operations
 from somrs.api.orders import OrdersDesk
 from somrs.api.owl import OwlDesk
 from somrs.api.questions import QuestionsDesk
@@ -22,6 +20,8 @@ from somrs.api.scene import SceneDesk
 from somrs.api.system import SystemDesk
 from somrs.api.tasks import TasksDesk
 from somrs.client.client import Addresses, Client
+from somrs.client.hub import Hub
+from somrs.client.operations import Operation, operations
 from somrs.errors import RemoteError
 from somrs.runtime.host import Host
 from somrs.scheduling.scheduler import Clock

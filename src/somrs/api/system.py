@@ -10,8 +10,8 @@ import msgspec
 
 from somrs import __version__
 from somrs.api.context import Context
-from somrs.api.operations import operation
 from somrs.api.simulator_gateway import link
+from somrs.client.operations import operation
 from somrs.errors import SomrsError
 from somrs.ontology.types import ABSTRACT
 from somrs.protocol.messages.clients import ReadTasks, Tasks
@@ -73,6 +73,8 @@ class SystemDesk:
         if (stage := addresses.simulator) is not None:
             asked.append(("Simulator", stage, lambda: _clock(stage)))
         parts = await asyncio.gather(*(_seen(*one) for one in asked))
+        if addresses.api is not None:
+            parts.append(PartSeen(name="API", address=addresses.api, milliseconds=0.0))  # this is its answer
         map, ontology = context.map, context.ontology
         site = next((name for name in map.roots() if ontology.is_a(map.objects[name].type, ABSTRACT)), "")
         return SystemSeen(

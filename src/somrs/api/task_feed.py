@@ -9,8 +9,8 @@ import asyncio
 
 import msgspec
 
-from somrs.api.hub import Hub
 from somrs.client.client import Client
+from somrs.client.hub import Hub
 from somrs.client.task_history import Past
 from somrs.errors import RemoteError
 from somrs.protocol.messages.clients import ContractView, Phase, ReadRecords, TaskEvent, TaskRow, TasksNews, TaskView, WatchTask, WatchTasks

@@ -5,10 +5,10 @@ from __future__ import annotations
 import msgspec
 
 from somrs.api.context import Context
-from somrs.api.operations import Document, operation
 from somrs.api.task_feed import Following, TaskChanged, TasksChanged, final_contracts
 from somrs.client.client import PATIENCE
 from somrs.client.message_chart import chart
+from somrs.client.operations import Document, operation
 from somrs.client.refusals import NotFound
 from somrs.client.task_history import Past
 from somrs.client.task_report import is_named

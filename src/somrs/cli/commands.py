@@ -73,6 +73,7 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
         console.print(
             f"Running. In another terminal: somrs do FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it."
         )
+        console.print(f"The API: {system.addresses.api}")
         if system.addresses.gui is not None:
             console.print(f"In the browser: {system.addresses.gui}")
         keeping = asyncio.create_task(system.keep_running(lambda text: console.print(text)))

@@ -111,18 +111,17 @@ async def _altered(client: Client, alteration: Alteration, *, dry: bool, json: b
 
 
 async def _consider(client: Client, alteration: Alteration) -> Considered | Consequences:
-    """What would come of it: as the windows know it, where they run, since they keep the orders and templates."""
-    from somrs.api.ontology import Consequences
-    from somrs.cli.api_client import Windows
+    """What would come of it: as the API knows it, where it runs, since it knows of tasks, orders and templates, too."""
+    from somrs.api.remote import api_of
 
-    if client.addresses.gui is not None:
+    if client.addresses.api is not None:
         try:
-            async with Windows(client.addresses) as windows:
+            async with api_of(client.addresses) as api:
                 match alteration:
                     case Define():
-                        return await windows.post(Consequences, "ontology", "consider", body=alteration)
+                        return await api.ontology.consider(alteration)
                     case Undo(version=undone):
-                        return await windows.post(Consequences, "ontology", "undo", str(undone), "consider")
+                        return await api.ontology.consider_undo(undone)
         except RemoteError as error:
             print(f"without the tasks, orders and templates that it would concern: {error}", file=sys.stderr)
     return await client.consider(alteration)

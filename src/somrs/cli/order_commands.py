@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
-from somrs.cli.api_client import Windows
+from somrs.api.remote import Api, api_of
 from somrs.cli.task_commands import do
 from somrs.client import terminal
 from somrs.client.client import Addresses, who
 from somrs.errors import UsageError
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.people import person
 from somrs.scheduling.recurrence import DAYS, Daily, Every, Once, When, in_words
-from somrs.scheduling.standing_orders import OrderSaved, Run, Runs, RunState, StandingOrder, StandingOrders
-from somrs.scheduling.templates import Blank, Filled, Template, Templates, TemplateSaved
+from somrs.scheduling.standing_orders import OrderSaved, Run, RunState, StandingOrder
+from somrs.scheduling.templates import Blank, Filled, TemplateSaved
 
 _SO_LONG = re.compile(r"(\d+(?:\.\d+)?)\s*(m|min|h|d)")
 _MINUTES = {"m": 1, "min": 1, "h": 60, "d": 1440}
@@ -76,8 +75,8 @@ def _day(said: str) -> int:
 
 
 async def list_templates(data: Path, *, json: bool) -> None:
-    async with Windows(Addresses.read(data)) as windows:
-        found = (await windows.get(Templates, "templates")).templates
+    async with api_of(Addresses.read(data)) as api:
+        found = (await api.orders.templates()).templates
     if json:
         terminal.print_json(found)
     elif found:
@@ -92,27 +91,27 @@ def _declared(blank: Blank) -> str:
 
 
 async def save_template(name: str, saved: TemplateSaved, data: Path) -> None:
-    async with Windows(Addresses.read(data)) as windows:
-        made = await windows.put(Template, "templates", name, body=saved)
+    async with api_of(Addresses.read(data)) as api:
+        made = await api.orders.save_template(name, saved)
     print(f"{made.name}: {'saved' if made.version == 1 else 'changed'}")
 
 
 async def rename_template(name: str, to: str, data: Path) -> None:
-    async with Windows(Addresses.read(data)) as windows:
-        await windows.post(Template, "templates", name, "rename", to=to, by=me())
+    async with api_of(Addresses.read(data)) as api:
+        await api.orders.rename_template(name, to, by=me())
     print(f"{name} is called {to} now")
 
 
 async def remove_template(name: str, data: Path) -> None:
-    async with Windows(Addresses.read(data)) as windows:
-        await windows.delete("templates", name)
+    async with api_of(Addresses.read(data)) as api:
+        await api.orders.remove_template(name)
     print(f"{name} is removed")
 
 
 async def use_template(name: str, said: Sequence[str], data: Path, *, wait: bool, json: bool) -> int:
     """State the task that it is, and follow it; 0 when it was accomplished."""
-    async with Windows(Addresses.read(data)) as windows:
-        task = await windows.post(Submit, "templates", name, "filled", body=Filled(values=values(said)))
+    async with api_of(Addresses.read(data)) as api:
+        task = await api.orders.fill_template(name, Filled(values=values(said)))
     return await do(task, data, wait=wait, json=json)
 
 
@@ -120,8 +119,8 @@ async def use_template(name: str, said: Sequence[str], data: Path, *, wait: bool
 
 
 async def list_orders(data: Path, *, json: bool) -> None:
-    async with Windows(Addresses.read(data)) as windows:
-        found = (await windows.get(StandingOrders, "orders")).orders
+    async with api_of(Addresses.read(data)) as api:
+        found = (await api.orders.orders()).orders
     if json:
         terminal.print_json(found)
     elif found:
@@ -159,15 +158,15 @@ def last(run: Run) -> str:
 
 
 async def add_order(order: OrderSaved, data: Path) -> None:
-    async with Windows(Addresses.read(data)) as windows:
-        made = await windows.post(StandingOrder, "orders", body=order)
+    async with api_of(Addresses.read(data)) as api:
+        made = await api.orders.add_order(order)
     print(f"{made.id}: {made.name}, {in_words(made.when)}; next: {_next(made)}")
 
 
 async def show_runs(name: str, limit: int, data: Path, *, json: bool) -> None:
-    async with Windows(Addresses.read(data)) as windows:
-        order = await _named(name, windows)
-        found = (await windows.get(Runs, "orders", order.id, "runs", limit=limit)).runs
+    async with api_of(Addresses.read(data)) as api:
+        order = await _named(name, api)
+        found = (await api.orders.runs(order.id, limit)).runs
     if json:
         terminal.print_json(found)
         return
@@ -176,24 +175,25 @@ async def show_runs(name: str, limit: int, data: Path, *, json: bool) -> None:
     terminal.console().print(terminal.table("", ("due", "task"), rows) if found else "it was not due yet")
 
 
-async def turn_order(name: str, what: str, data: Path) -> None:
-    """Pause or resume it."""
-    async with Windows(Addresses.read(data)) as windows:
-        order = await _named(name, windows)
-        made = await windows.post(StandingOrder, "orders", order.id, what, by=me())
+async def turn_order(name: str, data: Path, *, on: bool) -> None:
+    """Resume it, or pause it."""
+    async with api_of(Addresses.read(data)) as api:
+        order = await _named(name, api)
+        turned = api.orders.resume_order if on else api.orders.pause_order
+        made = await turned(order.id, by=me())
     print(f"{made.name}: next: {_next(made)}")
 
 
 async def remove_order(name: str, data: Path) -> None:
-    async with Windows(Addresses.read(data)) as windows:
-        order = await _named(name, windows)
-        await windows.delete("orders", order.id)
+    async with api_of(Addresses.read(data)) as api:
+        order = await _named(name, api)
+        await api.orders.remove_order(order.id)
     print(f"{order.name} is taken back")
 
 
-async def _named(name: str, windows: Windows) -> StandingOrder:
+async def _named(name: str, api: Api) -> StandingOrder:
     """The order of that id, or of that name."""
-    orders = (await windows.get(StandingOrders, "orders")).orders
+    orders = (await api.orders.orders()).orders
     found = [one for one in orders if one.id == name] or [one for one in orders if one.name == name]
     if len(found) != 1:
         how = f"{len(found)} orders are called {name}: say the id" if found else f"there is no order {name}"

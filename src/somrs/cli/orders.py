@@ -38,7 +38,7 @@ Priority = Annotated[
 
 @templates_app.callback()
 def templates(context: typer.Context, data: Data = HERE, json: Json = False) -> None:
-    """The templates. Kept by the windows of the running system."""
+    """The templates of the running system."""
     from somrs.cli.order_commands import list_templates as run
 
     if context.invoked_subcommand is None:
@@ -161,7 +161,7 @@ def pause_order(name: OrderName, data: Data = HERE) -> None:
     """Let an order rest. Its task, if one runs, goes on."""
     from somrs.cli.order_commands import turn_order as run
 
-    awaited(run(name, "pause", data))
+    awaited(run(name, data, on=False))
 
 
 @orders_app.command(name="resume")
@@ -169,7 +169,7 @@ def resume_order(name: OrderName, data: Data = HERE) -> None:
     """Let an order go on; what was due meanwhile is not made up for."""
     from somrs.cli.order_commands import turn_order as run
 
-    awaited(run(name, "resume", data))
+    awaited(run(name, data, on=True))
 
 
 @orders_app.command(name="remove")

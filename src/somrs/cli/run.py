@@ -76,8 +76,18 @@ def world(
 
 
 @run_app.command()
+def api(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+    """The API: REST and WebSocket."""
+    from somrs.api.program import run_api
+    from somrs.client.client import Addresses
+    from somrs.deployment.programs import run_program
+
+    guarded(lambda: run_program(run_api(data, Addresses.read(data), host, port)))
+
+
+@run_app.command()
 def gui(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
-    """The windows, in the browser, and the API."""
+    """The windows, in the browser; they need the API."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import has_windows, run_program
     from somrs.errors import UsageError

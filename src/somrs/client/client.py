@@ -54,6 +54,8 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     """The symbolic world."""
     gui: str | None = None
     """The windows; a system may do without."""
+    api: str | None = None
+    """The public API; its operations are below this URL."""
 
     @classmethod
     def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:

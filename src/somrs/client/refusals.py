@@ -5,11 +5,11 @@ from __future__ import annotations
 import msgspec
 
 from somrs.client.client import Refused
-from somrs.errors import FormulaError, InputError, ModelError, SomrsError
-from somrs.protocol.messages.knowledge import BrokenRule
+from somrs.errors import FormulaError, InputError, ModelError, Problem, RemoteError, SomrsError, UsageError
+from somrs.protocol.messages.knowledge import BrokenRule, Rejected
 from somrs.runtime.wire import Unanswered
 
-__all__ = ["REFUSALS", "NotFound", "Refused", "Trouble", "status", "trouble"]
+__all__ = ["REFUSALS", "Changed", "NotFound", "Refused", "Trouble", "refusal", "status", "trouble"]
 
 
 class NotFound(InputError):
@@ -31,11 +31,14 @@ class Mistake(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Trouble(msgspec.Struct, frozen=True, kw_only=True):
-    """Why an operation was not carried out; nothing was changed. `problem` is for people, and says what to do next. `position`: where in
-    the formula, counted from 0; `problems`: each by itself, when there are several. `broken`: the rules that a change of the map or the
-    ontology would break, with what each concerns; `mistakes`: those in a file."""
+    """Why an operation was not carried out; nothing was changed. `problem` is for people, and says what to do next; `error` says for
+    programs of which sort it is. `position`: where in the formula, which is `text`, counted from 0; `problems`: each by itself, when there
+    are several. `broken`: the rules that a change of the map or the ontology would break, with what each concerns; `mistakes`: those in a
+    file."""
 
     problem: str
+    error: str = ""
+    text: str = ""
     problems: tuple[str, ...] = ()
     position: int | None = None
     hint: str = ""
@@ -66,11 +69,28 @@ def status(error: SomrsError) -> int:
 
 
 def trouble(error: SomrsError) -> Trouble:
+    """The error as it is sent."""
+    sort = type(error).__name__
     if isinstance(error, FormulaError):
-        return Trouble(problem=error.problem, position=error.position, hint=error.hint)
+        return Trouble(problem=error.problem, error=sort, text=error.text, position=error.position, hint=error.hint)
+    problems = tuple(str(error).splitlines())
     if isinstance(error, Refused):
-        return Trouble(problem=str(error), problems=tuple(str(error).splitlines()), broken=error.broken)
+        return Trouble(problem=str(error), error=sort, problems=problems, broken=error.broken)
     if isinstance(error, ModelError):
         mistakes = tuple(Mistake(**{name: getattr(one, name) for name in one.__slots__}) for one in error.problems)
-        return Trouble(problem=str(error), problems=tuple(map(str, error.problems)), mistakes=mistakes)
-    return Trouble(problem=str(error), problems=tuple(str(error).splitlines()))
+        return Trouble(problem=str(error), error=sort, problems=tuple(map(str, error.problems)), mistakes=mistakes)
+    return Trouble(problem=str(error), error=sort, problems=problems)
+
+
+def refusal(code: int, sent: Trouble) -> SomrsError:
+    """The error again, of what was sent with this HTTP status."""
+    match sent:
+        case Trouble(position=int() as position):
+            return FormulaError(sent.text, position, sent.problem, sent.hint)
+        case Trouble(mistakes=mistakes) if mistakes:
+            return ModelError([Problem(**msgspec.structs.asdict(one)) for one in mistakes])
+        case Trouble(error="Refused"):
+            return Refused(Rejected(problems=sent.problems, broken=sent.broken))
+        case Trouble(error="Changed"):
+            return Changed(sent.problem)
+    return {400: UsageError, 404: NotFound, 503: Unanswered}.get(code, RemoteError)(sent.problem)

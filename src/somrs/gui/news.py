@@ -2,26 +2,44 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Awaitable, Callable
+from functools import partial
 
 from nicegui import background_tasks, ui
 
-from somrs.api.hub import Hub, News
+from somrs.client.hub import Hub, News
+from somrs.errors import SomrsError
+
+log = logging.getLogger(__name__)
 
 Hear = Callable[[News], Awaitable[None]]
 
 
 def follow(hub: Hub, topic: str, begin: Callable[[], Awaitable[None]], hear: Hear) -> None:
     """Have `begin` called once the page of this moment is in its browser, and `hear` with all news of the topic from then on, until the
-    page is closed."""
+    page is closed. What cannot be read, as a part of the system is away, is read with the next news: after it was away, there are some."""
     client = ui.context.client
 
     async def following() -> None:
         await client.connected()
         with hub.listening(topic) as listening:
-            await begin()
+            await listening.following()
+            begun = await _tried(topic, begin)
             async for news in listening:
-                await hear(news)
+                if not begun:
+                    begun = await _tried(topic, begin)
+                if begun:
+                    await _tried(topic, partial(hear, news))
 
     task = background_tasks.create(following(), name=f"follow {topic}", context=client)
     client.on_delete(lambda: task.cancel())
+
+
+async def _tried(topic: str, read: Callable[[], Awaitable[None]]) -> bool:
+    try:
+        await read()
+    except SomrsError as error:
+        log.info("the news of %s could not be shown: %s", topic, error)
+        return False
+    return True

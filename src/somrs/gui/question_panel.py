@@ -6,9 +6,9 @@ import time
 
 from nicegui import ui
 
-from somrs.api.hub import News
 from somrs.api.questions import Answer, OpenQuestions
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
+from somrs.client.hub import News
 from somrs.devices.person.questions import Question
 from somrs.gui.news import follow
 from somrs.gui.shell import guarded, tell
@@ -18,7 +18,7 @@ class Asked:
     """The open questions, while the page is open; `about`: only those about one of these objects. What was typed stays while other
     questions come and go."""
 
-    def __init__(self, desk: Desk, about: frozenset[str] | None = None, nobody: str = "") -> None:
+    def __init__(self, desk: LiveApi, about: frozenset[str] | None = None, nobody: str = "") -> None:
         self._desk, self._about = desk, about
         self._asked: dict[int, _Asked] = {}
         self._found = OpenQuestions(questions=())
@@ -63,7 +63,7 @@ class Asked:
 class _Asked:
     """One question."""
 
-    def __init__(self, desk: Desk, question: Question) -> None:
+    def __init__(self, desk: LiveApi, question: Question) -> None:
         self._desk, self._question = desk, question
         with ui.element("section").classes("somrs-question").props(f'aria-label="Question {question.number}"') as self.element:
             with ui.element("div").classes("somrs-question-head"):

@@ -1,5 +1,5 @@
-"""The windows' server: the pages, and the API below `/api`. Nothing comes from anywhere else, and it binds the loopback address unless
-told otherwise."""
+"""The windows' server: the pages, and, below `/api`, the API, which runs elsewhere. Browsers ask nobody else, and it binds the loopback
+address unless told otherwise."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import uvicorn
-from starlette.routing import WebSocketRoute
 
-from somrs.api.rest import application
-from somrs.api.service import Desk, desk_of
+from somrs.api.remote import LiveApi, live_api
+from somrs.client.api_client import address_of
 from somrs.client.client import Addresses
 from somrs.deployment.programs import say_ready, until_stopped
+from somrs.gui.proxy import Proxy
 from somrs.runtime.http import QuietServer, bound
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> Non
     """Serve the windows until this process is to end."""
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str((data / "gui").resolve()))  # read when NiceGUI is imported
     listening = bound(host, port)
-    async with desk_of(addresses, data, host) as desk, desk.orders.running():
+    async with live_api(address_of(addresses)) as desk:
         config = uvicorn.Config(
             _application(desk, data), log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
         )
@@ -50,14 +50,14 @@ async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> Non
             await serving
 
 
-def _application(desk: Desk, data: Path) -> FastAPI:
+def _application(desk: LiveApi, data: Path) -> FastAPI:
     from fastapi import FastAPI
     from nicegui import app, ui
 
     from somrs.gui.pages import define, fleet, history, map, ontology, start, tasks
 
     pages = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
-    pages.mount("/api", application([*desk.operations()], desk.context.hub, [WebSocketRoute("/poses", desk.scene.poses)]))
+    pages.mount("/api", Proxy(desk.client))
     app.add_static_file(local_file=str(resources.files("somrs.gui").joinpath("look.css")), url_path="/look/look.css")
     for one in (start, map, ontology, define, tasks, fleet, history):
         one.register(desk)

@@ -10,8 +10,10 @@ from typing import Literal, ParamSpec, TypeVar
 
 from nicegui import app, ui
 
+from somrs.api.remote import LiveApi
 from somrs.client.client import who
 from somrs.errors import SomrsError
+from somrs.gui.unavailable_banner import Unreachable
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -40,7 +42,7 @@ LOOK = "/look/look.css"
 
 
 @contextmanager
-def page(title: str, path: str) -> Iterator[None]:
+def page(title: str, path: str, desk: LiveApi) -> Iterator[None]:
     """The frame of a page; what is made inside is its content. `path`: the place that it belongs to."""
     ui.page_title(f"{title} · SO-MRS")
     ui.add_head_html(f'<link rel="stylesheet" href="{LOOK}">')
@@ -61,6 +63,7 @@ def page(title: str, path: str) -> Iterator[None]:
         button.on_click(lambda: _turn(dark, button))
     with ui.element("main").classes("somrs-main") as content:
         yield
+    Unreachable(desk.context.hub)
     ui.skip_link("Skip to the content", target=content)
 
 

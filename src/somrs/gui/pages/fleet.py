@@ -5,9 +5,9 @@ from __future__ import annotations
 from nicegui import ui
 
 from somrs.api.fleet import BUSY, Devices, DeviceSeen, Presence
-from somrs.api.hub import News
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.api.service_presence import Coming
+from somrs.client.hub import News
 from somrs.client.refusals import Trouble, trouble
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import SomrsError
@@ -21,10 +21,10 @@ SHOWN = 30
 """Comings and goings that are listed."""
 
 
-def register(desk: Desk) -> None:
+def register(desk: LiveApi) -> None:
     @ui.page("/fleet")
     async def show() -> None:
-        with page("Fleet", "/fleet"):
+        with page("Fleet", "/fleet", desk):
             fleet = _Fleet(desk)
             await fleet.read()
             follow(desk.context.hub, "fleet", fleet.read, fleet.hear)
@@ -33,7 +33,7 @@ def register(desk: Desk) -> None:
 class _Fleet:
     """The page's content, changed in place."""
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: LiveApi) -> None:
         self._desk = desk
         self._cards: dict[str, DeviceCard] = {}
         self._log: tuple[Coming, ...] | None = None

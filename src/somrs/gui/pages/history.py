@@ -9,10 +9,10 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
-from somrs.api.hub import News
 from somrs.api.reliability_stats import device_of
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.api.task_feed import TasksChanged
+from somrs.client.hub import News
 from somrs.gui.icons import OUTCOMES, clock, lasted
 from somrs.gui.news import follow
 from somrs.gui.shell import guarded, page
@@ -52,10 +52,10 @@ WISH_CELL = """<q-td :props="props">
 <div v-if="props.row.why" class="somrs-soft somrs-history-why">{{ props.row.why }}</div></q-td>"""
 
 
-def register(desk: Desk) -> None:
+def register(desk: LiveApi) -> None:
     @ui.page("/history")
     async def show(text: str = "", outcome: str = "", since: str = "", service: str = "", rows: int = PAGE) -> None:
-        with page("History", "/history"):
+        with page("History", "/history", desk):
             history = _History(desk, min(max(rows, 1), PAGE))
             history.ask(text, outcome, since, service)
             await guarded(history.begin)()
@@ -66,7 +66,7 @@ def register(desk: Desk) -> None:
 class _History:
     """The page's content."""
 
-    def __init__(self, desk: Desk, rows: int) -> None:
+    def __init__(self, desk: LiveApi, rows: int) -> None:
         self._desk, self._rows = desk, rows
         self._behind: list[str | None] = [None]
         """The task behind which each page up to this one begins."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from nicegui import ui
 
 from somrs.api.fleet import Devices, Presence
-from somrs.api.hub import News
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.api.system import PartSeen, SystemSeen
+from somrs.client.hub import News
 from somrs.gui.icons import Badge, Sign
 from somrs.gui.news import follow
 from somrs.gui.shell import PLACES, page
@@ -25,10 +25,10 @@ ABOUT = {
 }
 
 
-def register(desk: Desk) -> None:
+def register(desk: LiveApi) -> None:
     @ui.page("/")
     async def start() -> None:
-        with page("Start", "/"), ui.element("div").classes("somrs-start"):
+        with page("Start", "/", desk), ui.element("div").classes("somrs-start"):
             head = ui.element("div").classes("somrs-start-head")
             with ui.element("div").classes("somrs-start-ways"):
                 for place in PLACES:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from nicegui import ui
 
-from somrs.api.hub import News
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.api.tasks import TaskChanged, TaskSeen
+from somrs.client.hub import News
 from somrs.client.refusals import NotFound
 from somrs.errors import SomrsError
 from somrs.gui.components.task.chart import MessageChart
@@ -36,17 +36,17 @@ AGAIN = 2.0
 """Seconds after which a Task Manager that does not answer is asked again."""
 
 
-def register(desk: Desk) -> None:
+def register(desk: LiveApi) -> None:
     @ui.page("/tasks/{id}")
     async def show(id: str) -> None:
-        with page("Task", "/tasks"):
+        with page("Task", "/tasks", desk):
             await _Opening(desk, id).begin()
 
 
 class _Opening:
     """Until the task was read."""
 
-    def __init__(self, desk: Desk, id: str) -> None:
+    def __init__(self, desk: LiveApi, id: str) -> None:
         self._desk, self._id = desk, id
         self._place = ui.element("div").classes("somrs-task-page")
 
@@ -85,7 +85,7 @@ class _Opening:
 class _Seen:
     """The page of a task that was read: kept up to date until it is closed."""
 
-    def __init__(self, desk: Desk, seen: TaskSeen) -> None:
+    def __init__(self, desk: LiveApi, seen: TaskSeen) -> None:
         self._desk, self._id = desk, seen.view.task
         self._view = seen.view
         self._events: list[TaskEvent] = []

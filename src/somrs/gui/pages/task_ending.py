@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.gui.shell import guarded, tell
 from somrs.protocol.messages.clients import Phase, TaskView, WorkView
 from somrs.protocol.messages.frp import State
@@ -41,7 +41,7 @@ def _object(work: WorkView) -> str:
 class Ending:
     """A dialog. `view` says how the task is at the moment when it is opened."""
 
-    def __init__(self, desk: Desk, view: Callable[[], TaskView]) -> None:
+    def __init__(self, desk: LiveApi, view: Callable[[], TaskView]) -> None:
         self._desk, self._view = desk, view
         with ui.dialog() as self._dialog, ui.card().classes("somrs-dialog"):
             ui.label("Cancel this task?").classes("somrs-title").props('role="heading" aria-level="2"')

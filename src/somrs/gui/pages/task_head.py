@@ -6,7 +6,7 @@ import time
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.gui.icons import Badge, clock, lasted
 from somrs.gui.pages.task_ending import Ending
 from somrs.gui.pages.task_words import PHASES, counted, due, gist, key, sign
@@ -20,7 +20,7 @@ POLICIES = {Policy.PRICE: "the cheapest", Policy.TIME: "the soonest", Policy.WEI
 class Head:
     """Changed in place as the task goes on."""
 
-    def __init__(self, desk: Desk, view: TaskView) -> None:
+    def __init__(self, desk: LiveApi, view: TaskView) -> None:
         self._view = view
         self._ending = Ending(desk, lambda: self._view)
         with ui.element("header").classes("somrs-sheet somrs-task-head"):

@@ -10,10 +10,10 @@ from typing import Any
 
 from nicegui import ui
 
-from somrs.api.hub import News
 from somrs.api.questions import OpenQuestions
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.api.tasks import TasksChanged
+from somrs.client.hub import News
 from somrs.errors import SomrsError
 from somrs.gui.components.task.list import TaskList
 from somrs.gui.icons import clock, lasted, listed
@@ -44,17 +44,17 @@ COLUMNS: list[dict[str, Any]] = [
 ]
 
 
-def register(desk: Desk) -> None:
+def register(desk: LiveApi) -> None:
     task.register(desk)
 
     @ui.page("/tasks")
     async def show() -> None:
-        with page("Tasks", "/tasks"):
+        with page("Tasks", "/tasks", desk):
             _Tasks(desk)
 
 
 class _Tasks:
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: LiveApi) -> None:
         self._desk = desk
         self._rows: dict[str, TaskRow] = {}
         self._asked: frozenset[str] = frozenset()

@@ -69,4 +69,4 @@ def _needed() -> None:
     try:
         import rdflib  # noqa: F401  # whether it is there
     except ImportError:
-        raise UsageError("OWL files need rdflib, which the core does without: pip install 'somrs[gui]'") from None
+        raise UsageError("OWL files need rdflib, which the core does without: pip install 'somrs[api]'") from None

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from somrs.devices.simulator.world.distances import distances_from
 from somrs.devices.simulator.world.solids import Point, Solid
 
 CELL = 0.05
@@ -123,7 +124,7 @@ def distances(grid: Grid, solid: Solid, margin: float) -> tuple[tuple[slice, sli
     xs, ys = [c[0] for c in on_map], [c[1] for c in on_map]
     slices, x, y = grid.window(min(xs) - margin, min(ys) - margin, max(xs) + margin, max(ys) + margin)
     points = np.stack(np.broadcast_arrays(x, y), axis=-1).reshape(-1, 2)
-    return slices, solid.distances(points).reshape(y.size, x.size).astype(np.float32)
+    return slices, distances_from(solid, points).reshape(y.size, x.size).astype(np.float32)
 
 
 def corners(solid: Solid) -> Sequence[Point]:

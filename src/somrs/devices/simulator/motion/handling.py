@@ -13,7 +13,8 @@ from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine
 from somrs.devices.simulator.motion.standing import ARM, Stand, free_spots, order, others_near, reachable_now, spots_here, stands
 from somrs.devices.simulator.motion.traffic import Capsule
 from somrs.devices.simulator.world.dimensions import FINGER, OPENING
-from somrs.devices.simulator.world.solids import Array, Point, Role, Solid
+from somrs.devices.simulator.world.distances import Array, distances_from
+from somrs.devices.simulator.world.solids import Point, Role, Solid
 
 SLOWLY = 0.08
 """How fast the hand goes down the last centimetres, m/s."""
@@ -72,7 +73,7 @@ def _lift_over(robot: Robot, spot: Point, at_least: float = 0.0) -> float:
         if robot.scene.holder(thing) is None and np.hypot(line[:, 0] - px, line[:, 1] - py).min() < solid.extent + 0.13:
             top = max(top, z + solid.height)
     for block in robot.scene.world.blocks():
-        if block.top < robot.solid.z + 1.4 and block.distances(line).min() < 0.12:
+        if block.top < robot.solid.z + 1.4 and distances_from(block, line).min() < 0.12:
             top = max(top, block.top)
     return max(top - robot.solid.z + CLEAR, robot.size.clear) + robot.size.hang + _drop(robot)
 

@@ -10,8 +10,9 @@ from somrs.devices.simulator.motion.handling import get_within_reach, pick, plac
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine, stand
 from somrs.devices.simulator.motion.searching import look_around, look_at
 from somrs.devices.simulator.motion.standing import outline_spots
+from somrs.devices.simulator.world.distances import Array
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Array, Role, Solid
+from somrs.devices.simulator.world.solids import Role, Solid
 from somrs.errors import UsageError
 
 

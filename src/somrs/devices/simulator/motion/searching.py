@@ -14,7 +14,8 @@ from somrs.devices.simulator.link.commands import Seen
 from somrs.devices.simulator.motion.driving import MARGIN, drive_to, floor_things, robot_discs, turn_to
 from somrs.devices.simulator.motion.handling import withdraw
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine
-from somrs.devices.simulator.world.solids import Array, Point
+from somrs.devices.simulator.world.distances import Array
+from somrs.devices.simulator.world.solids import Point
 from somrs.devices.simulator.world.vision import Place, eye_of, looks_towards, view, visible
 
 DISTANCES = (0.9, 1.3, 1.8, 2.5, 3.3)

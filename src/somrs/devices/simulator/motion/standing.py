@@ -12,7 +12,8 @@ import numpy.typing as npt
 from somrs.devices.simulator.motion.driving import MARGIN, floor_things
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
-from somrs.devices.simulator.world.solids import Array, Point, Role, Solid
+from somrs.devices.simulator.world.distances import Array, distances_from
+from somrs.devices.simulator.world.solids import Point, Role, Solid
 
 EDGE = 0.02
 """What a thing keeps from the edge of what it is put on, m."""
@@ -95,7 +96,7 @@ def free_spots(robot: Robot, on: Solid, radius: float, at: Point | None = None) 
     if not len(spots):
         return spots.reshape(0, 2), np.zeros(0)
     top, ignored = on.top if on.role is not Role.MARK else on.z, [robot.holding] if robot.holding else []
-    edge = -on.distances(spots) - radius
+    edge = -distances_from(on, spots) - radius
     room = others_near(robot, spots, top - 0.05, top + 0.4, ignored) - radius
     standing = [on.name] if on.role is Role.SUPPORT else []
     walls = robot.scene.clearances(spots, top + 0.03, top + 0.4, standing) - radius
@@ -120,13 +121,13 @@ def free_spots(robot: Robot, on: Solid, radius: float, at: Point | None = None) 
 def off_marks(robot: Robot, spots: Array) -> Array:
     """From each spot to the nearest named place on the robot's floor; negative within."""
     marks = [mark for mark in robot.scene.world.of(Role.MARK) if abs(mark.z - robot.solid.z) < 0.1]
-    return np.min([mark.distances(spots) for mark in marks], axis=0) if marks else np.full(len(spots), 9.0)
+    return np.min([distances_from(mark, spots) for mark in marks], axis=0) if marks else np.full(len(spots), 9.0)
 
 
 def off_doorways(robot: Robot, spots: Array) -> Array:
     """From each spot to the nearest door on the robot's floor."""
     doors = [door for door in robot.scene.world.of(Role.DOOR) if abs(door.z - robot.solid.z) < 0.1]
-    return np.min([door.distances(spots) for door in doors], axis=0) if doors else np.full(len(spots), 9.0)
+    return np.min([distances_from(door, spots) for door in doors], axis=0) if doors else np.full(len(spots), 9.0)
 
 
 def _from_capsule(points: Array, capsule: Capsule) -> Array:
@@ -146,7 +147,7 @@ def _grid(on: Solid, near: Point, reach: float) -> Array:
         count = min(40, int(extent / step))
         spread = np.linspace(-count * step, count * step, 2 * count + 1) if extent <= 2.4 else np.linspace(-extent, extent, 61)
         points = np.array([on.world(float(u), float(v)) for u in spread for v in spread])
-    return np.asarray(points[on.distances(points) <= 0])
+    return np.asarray(points[distances_from(on, points) <= 0])
 
 
 def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
@@ -169,7 +170,7 @@ def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
         if under is None or under.role is Role.STATIC:
             continue
         one, on_floor = spot[None, :], under.role is Role.FLOOR
-        edge = 1.0 if on_floor else float(-under.distances(one)[0]) - radius - EDGE
+        edge = 1.0 if on_floor else float(-distances_from(under, one)[0]) - radius - EDGE
         walls = float(robot.scene.clearances(one, under.top + 0.03, under.top + 0.4)[0]) - radius
         room = float(others_near(robot, one, under.top - 0.05, under.top + 0.4, held)[0]) - radius
         robots = min((float(_from_capsule(one, c)[0]) - radius for o in robot.others() for c in o.claims()), default=9.0)
@@ -200,7 +201,7 @@ def outline_spots(solid: Solid) -> Array:
     for x, y in far:
         shares = np.linspace(0, 1, 60)[:, None]
         line = np.array([[x, y]]) * (1 - shares) + np.array([[solid.x, solid.y]]) * shares
-        inside = np.flatnonzero(solid.distances(line) <= -0.01)
+        inside = np.flatnonzero(distances_from(solid, line) <= -0.01)
         if len(inside):
             found.append((float(line[inside[0]][0]), float(line[inside[0]][1])))
     return np.array(found or [(solid.x, solid.y)])

@@ -16,7 +16,8 @@ from somrs.devices.simulator.link.lines import Mover, Poses, Work
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.chassis import ARM_SEEN, BASE_JOINTS
-from somrs.devices.simulator.world.solids import Array, Role
+from somrs.devices.simulator.world.distances import Array
+from somrs.devices.simulator.world.solids import Role
 from somrs.devices.simulator.world.vision import StationaryCamera
 
 Flags = npt.NDArray[np.bool_]

@@ -21,6 +21,7 @@ import numpy as np
 from PIL import Image
 
 from somrs.devices.simulator import GRAPHICS
+from somrs.devices.simulator.world.distances import distances_from
 from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Role, Solid
 from somrs.errors import SimulationError
@@ -177,7 +178,7 @@ class Camera:
             points = np.array([(view.x, view.y)]) + np.linspace(0.0, 1.0, 41)[:, None] * flat * toward
             across = np.array([-toward[1], toward[0]])
             fan = np.concatenate([points + side * 0.12 * flat * across for side in (-2, -1, 0, 1, 2)])
-            if wall.distances(fan).min() < 0.15 or _screens(wall, floors, toward, view, flat):
+            if distances_from(wall, fan).min() < 0.15 or _screens(wall, floors, toward, view, flat):
                 body = model.body(wall.name)
                 first = int(body.geomadr[0])
                 model.geom_rgba[first : first + int(body.geomnum[0]), 3] *= 0.18

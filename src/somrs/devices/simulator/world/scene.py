@@ -14,7 +14,8 @@ import numpy as np
 from somrs.devices.simulator.link.commands import Seen
 from somrs.devices.simulator.world.chassis import Joints
 from somrs.devices.simulator.world.dimensions import dimensions_of
-from somrs.devices.simulator.world.solids import Array, Role, Solid
+from somrs.devices.simulator.world.distances import Array, distances_from
+from somrs.devices.simulator.world.solids import Role, Solid
 from somrs.devices.simulator.world.world import World, build
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
@@ -191,7 +192,7 @@ class Scene:
         skip, found = set(ignored), np.full(len(points), 9.0)
         for block in self.world.blocks():
             if block.z < high and block.top > low and block.name not in skip:
-                found = np.minimum(found, block.distances(points))
+                found = np.minimum(found, distances_from(block, points))
         return found
 
     def below(self, x: float, y: float, z: float, name: str = "") -> Solid | None:

@@ -6,9 +6,6 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-import numpy as np
-import numpy.typing as npt
-
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Object
 from somrs.ontology.types import ABSTRACT, Ontology, Value
@@ -16,7 +13,6 @@ from somrs.ontology.types import ABSTRACT, Ontology, Value
 Point = tuple[float, float]
 SIGHT = 4.0
 """How far a camera sees of which the map says nothing, m."""
-Array = npt.NDArray[np.float64]
 
 
 class Role(StrEnum):
@@ -108,33 +104,28 @@ class Solid:
         return self.x + c * x - s * y, self.y + s * x + c * y
 
     def distance(self, x: float, y: float) -> float:
-        """From its outline to the point, seen from above; negative inside."""
-        return float(self.distances(np.array([[x, y]]))[0])
-
-    def distances(self, points: Array) -> Array:
-        """From its outline to each of the points (n, 2), seen from above; negative inside."""
+        """From its outline to the point, seen from above; negative inside. For many points there is `distances.py`."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        dx, dy = points[:, 0] - self.x, points[:, 1] - self.y
-        u, v = c * dx + s * dy, c * dy - s * dx
+        u, v = c * (x - self.x) + s * (y - self.y), c * (y - self.y) - s * (x - self.x)
         match self.form:
             case "Box":
-                a, b = np.abs(u) - self.width / 2, np.abs(v) - self.depth / 2
-                return np.asarray(np.hypot(np.maximum(a, 0.0), np.maximum(b, 0.0)) + np.minimum(np.maximum(a, b), 0.0))
+                a, b = abs(u) - self.width / 2, abs(v) - self.depth / 2
+                return math.hypot(max(a, 0.0), max(b, 0.0)) + min(max(a, b), 0.0)
             case "Polygon":
-                return _polygon_distances(self.outline, u, v)
-        return np.asarray(np.hypot(u, v) - self.radius)
+                return _polygon_distance(self.outline, u, v)
+        return math.hypot(u, v) - self.radius
 
 
-def _polygon_distances(outline: tuple[Point, ...], u: Array, v: Array) -> Array:
-    """Signed distances of points to a polygon's edge; the even-odd rule says what is inside."""
-    nearest, inside = np.full(u.shape, np.inf), np.zeros(u.shape, dtype=bool)
+def _polygon_distance(outline: tuple[Point, ...], u: float, v: float) -> float:
+    """Signed distance of a point to a polygon's edge; the even-odd rule says what is inside."""
+    nearest, inside = math.inf, False
     for (ax, ay), (bx, by) in zip(outline, (*outline[1:], outline[0]), strict=True):
         dx, dy = bx - ax, by - ay
-        share = np.clip(((u - ax) * dx + (v - ay) * dy) / (dx * dx + dy * dy or 1.0), 0.0, 1.0)
-        nearest = np.minimum(nearest, np.hypot(u - ax - share * dx, v - ay - share * dy))
-        if ay != by:
-            inside ^= ((ay > v) != (by > v)) & (u < ax + (v - ay) / (by - ay) * dx)
-    return np.where(inside, -nearest, nearest)
+        share = min(max(((u - ax) * dx + (v - ay) * dy) / (dx * dx + dy * dy or 1.0), 0.0), 1.0)
+        nearest = min(nearest, math.hypot(u - ax - share * dx, v - ay - share * dy))
+        if (ay > v) != (by > v):
+            inside ^= u < ax + (v - ay) / (by - ay) * dx
+    return -nearest if inside else nearest
 
 
 def role_of(object: Object, ontology: Ontology) -> Role:

@@ -8,7 +8,7 @@ import uuid
 from nicegui import app, background_tasks, ui
 
 from somrs.api.formulas import CheckFormula
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
 from somrs.gui.pages.define.draft import NOW, Draft
 from somrs.gui.pages.define.execution_options import How
@@ -25,10 +25,10 @@ SETTLED = 0.4
 """Seconds within which the browser says what it kept."""
 
 
-def register(desk: Desk) -> None:
+def register(desk: LiveApi) -> None:
     @ui.page("/define")
     async def show(effect: str = "") -> None:
-        with page("New task", "/define"):
+        with page("New task", "/define", desk):
             made = _Define(desk, effect)
         background_tasks.create(made.begin(), context=ui.context.client)
 
@@ -36,7 +36,7 @@ def register(desk: Desk) -> None:
 class _Define:
     """The page. `effect`: the wish that it is opened with."""
 
-    def __init__(self, desk: Desk, effect: str) -> None:
+    def __init__(self, desk: LiveApi, effect: str) -> None:
         self._desk = desk
         self._client = ui.context.client
         self._form = form = Form(desk, Draft(effect=effect, link=effect))

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 from nicegui.element import Element
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.gui.components.draft_storage import Keeper
 from somrs.gui.pages.define.draft import Draft
 
@@ -19,7 +19,7 @@ KEY = "task"
 class Form:
     """The rooms of the page change the `draft` and say so; each then shows what the others wrote."""
 
-    def __init__(self, desk: Desk, draft: Draft) -> None:
+    def __init__(self, desk: LiveApi, draft: Draft) -> None:
         self.desk, self.draft = desk, draft
         self._showing: list[Callable[[], None]] = []
         self._over = False

@@ -7,7 +7,7 @@ from typing import Any
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.errors import InputError
 from somrs.gui.components.fields.tree import Node, Tree
 from somrs.gui.components.floorplan import FloorPlan
@@ -24,7 +24,7 @@ Change_ = Callable[[tuple[Change, ...], str], Awaitable[int | None]]
 class Adding:
     """`added` hears of the new object's name."""
 
-    def __init__(self, desk: Desk, plan: FloorPlan, change: Change_, added: Callable[[str, int], Awaitable[None]]) -> None:
+    def __init__(self, desk: LiveApi, plan: FloorPlan, change: Change_, added: Callable[[str, int], Awaitable[None]]) -> None:
         self._desk, self._plan, self._change, self._added = desk, plan, change, added
         self._type: str | None = None
         ui.label("Choose what it is, then click on the plan where it goes.").classes("somrs-soft")
@@ -92,7 +92,9 @@ class Adding:
 class _New:
     """The dialog for one new object."""
 
-    def __init__(self, desk: Desk, type_name: str, spot: Spot | None, change: Change_, done: Callable[[str, int], Awaitable[None]]) -> None:
+    def __init__(
+        self, desk: LiveApi, type_name: str, spot: Spot | None, change: Change_, done: Callable[[str, int], Awaitable[None]]
+    ) -> None:
         self._desk, self._type, self._spot, self._change, self._done = desk, type_name, spot, change, done
         map, ontology = desk.context.map, desk.context.ontology
         self._values: dict[str, Raw] = {}

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.gui.pages.map.entries import entries
 from somrs.gui.shell import guarded
 
@@ -16,7 +16,7 @@ PAGE = 30
 class Changes:
     """`look` shows a version on the plan, `undo` undoes one."""
 
-    def __init__(self, desk: Desk, look: Callable[[int], Awaitable[None]], undo: Callable[[int], Awaitable[None]]) -> None:
+    def __init__(self, desk: LiveApi, look: Callable[[int], Awaitable[None]], undo: Callable[[int], Awaitable[None]]) -> None:
         self._desk, self._look, self._undo = desk, look, undo
         self._list = ui.element("ol").classes("somrs-map-events").props('aria-label="What happened to the map"')
         self._more = ui.button("Show older", on_click=guarded(self._older)).props("flat dense no-caps")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.errors import FormulaError, SomrsError
 from somrs.gui.components.formula import FormulaField
 from somrs.gui.pages.map.stage import Stage
@@ -20,7 +20,7 @@ NAMES = 60
 class Finding:
     """`go` opens an object."""
 
-    def __init__(self, desk: Desk, stage: Stage, go: Callable[[str], None]) -> None:
+    def __init__(self, desk: LiveApi, stage: Stage, go: Callable[[str], None]) -> None:
         self._desk, self._stage, self._go = desk, stage, go
         self._asked = ""
         with ui.element("section").props('aria-label="Find by a formula"'):

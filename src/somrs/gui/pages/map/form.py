@@ -8,7 +8,7 @@ from functools import partial
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.client.refusals import Refused
 from somrs.errors import InputError, SomrsError
 from somrs.gui.pages.map.fields import Field, Raw, Spot
@@ -39,7 +39,7 @@ class Overtaken:
 class ObjectForm:
     """`writing` keeps what is written, and has what was written before. `saved` hears of the version that it is in."""
 
-    def __init__(self, desk: Desk, object: Object, writing: Writing, saved: Callable[[int], None]) -> None:
+    def __init__(self, desk: LiveApi, object: Object, writing: Writing, saved: Callable[[int], None]) -> None:
         self._desk, self._writing, self._saved = desk, writing, saved
         self._ontology: Ontology = desk.context.ontology
         self.name, self.type = object.name, object.type

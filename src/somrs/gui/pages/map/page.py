@@ -9,9 +9,9 @@ from urllib.parse import parse_qs, quote, urlencode
 from nicegui import ui
 from nicegui.events import KeyEventArguments, ValueChangeEventArguments
 
-from somrs.api.hub import News
-from somrs.api.listener import MapNews
-from somrs.api.service import Desk
+from somrs.api.map_news import MapNews
+from somrs.api.remote import LiveApi
+from somrs.client.hub import News
 from somrs.client.refusals import Refused
 from somrs.errors import SomrsError
 from somrs.gui.components.floorplan import FloorPlan
@@ -41,17 +41,17 @@ LINKED = ("isOn", "isIn", "isHeldBy", "isAt")
 OBJECT, ADD, FIND, CHANGES = "Object", "Add", "Find", "Changes"
 
 
-def register(desk: Desk) -> None:
+def register(desk: LiveApi) -> None:
     @ui.page(PATH)
     async def show() -> None:
-        with page("Map", PATH):
+        with page("Map", PATH, desk):
             MapPage(desk).begin(ui.context.client.request.url.query)
 
 
 class MapPage:
     """One browser's page."""
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: LiveApi) -> None:
         self._desk = desk
         self._selected: str | None = None
         self._writing = Writing(self._found_written)

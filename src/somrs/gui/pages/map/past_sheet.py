@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.gui.pages.map.words import shown
 from somrs.gui.shell import guarded
 
@@ -14,7 +14,7 @@ from somrs.gui.shell import guarded
 class PastSheet:
     """In the element that is current when it is made. `go` opens another object."""
 
-    def __init__(self, desk: Desk, name: str, version: int, go: Callable[[str | None], None]) -> None:
+    def __init__(self, desk: LiveApi, name: str, version: int, go: Callable[[str | None], None]) -> None:
         self._desk, self._name, self._version, self._go = desk, name, version, go
         with ui.element("div").classes("somrs-map-title"):
             ui.label(name).classes("somrs-title").props('role="heading" aria-level="2"')

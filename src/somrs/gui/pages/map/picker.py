@@ -5,7 +5,7 @@ from __future__ import annotations
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.ontology.types import ROOT
 
 MOST = 30
@@ -14,7 +14,7 @@ MOST = 30
 class ObjectPicker:
     """A field for an object that fits a place of a relation, counted from 0."""
 
-    def __init__(self, desk: Desk, label: str, relation: str, place: int) -> None:
+    def __init__(self, desk: LiveApi, label: str, relation: str, place: int) -> None:
         self._desk, self._relation, self._place = desk, relation, place
         self._field = ui.select({}, label=label, with_input=True, clearable=True).props("outlined dense options-dense hide-bottom-space")
         self._field.props("input-debounce=100")

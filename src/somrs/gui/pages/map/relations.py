@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.gui.pages.map.picker import ObjectPicker
 from somrs.gui.shell import guarded, tell
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map
@@ -71,7 +71,7 @@ def added(fact: Fact, map: Map, ontology: Ontology) -> Iterator[Change]:
 class Relations:
     """What is in the list follows the map; `go` opens another object."""
 
-    def __init__(self, desk: Desk, name: str, change: Change_, go: Callable[[str], None]) -> None:
+    def __init__(self, desk: LiveApi, name: str, change: Change_, go: Callable[[str], None]) -> None:
         self._desk, self._name, self._change, self._go = desk, name, change, go
         self._shown: list[Fact] | None = None
         self._list = ui.element("ul").classes("somrs-map-facts").props('aria-label="Relations"')

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.gui.pages.map.moves import IN, ON
 from somrs.gui.shell import author
 from somrs.ontology.objects import Change, Map, ObjectRemoved
@@ -17,7 +17,7 @@ Change_ = Callable[[tuple[Change, ...], str], Awaitable[int | None]]
 MOST = 8
 
 
-async def remove(desk: Desk, name: str, change: Change_) -> bool:
+async def remove(desk: LiveApi, name: str, change: Change_) -> bool:
     """Ask whether an object is to go, and remove it. Whether it is gone."""
     map = desk.context.map
     if name not in map.objects:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.gui.pages.map.entries import entries
 from somrs.gui.pages.map.form import ObjectForm
 from somrs.gui.pages.map.relations import Relations
@@ -36,7 +36,7 @@ class Ways:
 class Sheet:
     """The sheet of one object, in the element that is current when it is made."""
 
-    def __init__(self, desk: Desk, name: str, ways: Ways, writing: Writing) -> None:
+    def __init__(self, desk: LiveApi, name: str, ways: Ways, writing: Writing) -> None:
         self._desk, self.name, self._ways = desk, name, ways
         self._relations: Relations | None = None
         self._form: ObjectForm | None = None

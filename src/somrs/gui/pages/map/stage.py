@@ -7,7 +7,7 @@ from typing import Any
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.components.scene import Scene3D
 
@@ -23,7 +23,7 @@ class Stage:
     the storey is the same. `turned` is called when another view or storey is shown."""
 
     def __init__(
-        self, desk: Desk, plan: FloorPlan, holder: ui.element, chosen: Callable[[str | None], None], turned: Callable[[], None]
+        self, desk: LiveApi, plan: FloorPlan, holder: ui.element, chosen: Callable[[str | None], None], turned: Callable[[], None]
     ) -> None:
         self.plan = plan
         self._desk, self._holder, self._heard, self._turned = desk, holder, chosen, turned

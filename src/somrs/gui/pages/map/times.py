@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
 from somrs.gui.pages.map.words import at, told
 from somrs.gui.shell import guarded
@@ -20,7 +20,7 @@ STEP = 0.9
 class Times:
     """`turn` shows a version of the map; None for now."""
 
-    def __init__(self, desk: Desk, turn: Callable[[int | None], None]) -> None:
+    def __init__(self, desk: LiveApi, turn: Callable[[int | None], None]) -> None:
         self._desk, self._turn = desk, turn
         self._since = 0
         self._seen: int | None = None

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from msgspec import structs
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.errors import InputError
 from somrs.gui.pages.ontology.changes import changed, summary
 from somrs.gui.pages.ontology.consequences import confirmed
@@ -29,7 +29,7 @@ Done = Callable[[Section, str, int], Awaitable[None]]
 class Actions:
     """`done` hears under which name a definition is to be seen then."""
 
-    def __init__(self, desk: Desk, seen: Seen, done: Done) -> None:
+    def __init__(self, desk: LiveApi, seen: Seen, done: Done) -> None:
         self._desk, self._seen, self._done = desk, seen, done
         self.client = ui.context.client
 

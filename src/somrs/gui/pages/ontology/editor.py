@@ -9,7 +9,7 @@ from datetime import datetime
 from nicegui import ui
 
 from somrs.api.ontology import Consequences
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.errors import RemoteError, SomrsError
 from somrs.gui.components.draft_storage import Keeper
 from somrs.gui.pages.ontology import forms
@@ -44,7 +44,7 @@ class Ends:
 class Editor:
     """The form of one draft, in the element that is current when it is made."""
 
-    def __init__(self, desk: Desk, seen: Seen, draft: Draft, keeper: Keeper, ends: Ends) -> None:
+    def __init__(self, desk: LiveApi, seen: Seen, draft: Draft, keeper: Keeper, ends: Ends) -> None:
         self._desk, self._seen, self.draft, self._keeper, self._ends = desk, seen, draft, keeper, ends
         self._fields = Fields(draft, keeper, self._changed)
         self._saving = False

@@ -8,7 +8,7 @@ from nicegui import events, ui
 
 from somrs.api.ontology import Imported, ImportOntology
 from somrs.api.owl import ImportedOwl
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.errors import ModelError, Problem, SomrsError
 from somrs.gui.pages.ontology.consequences import show
 from somrs.gui.pages.ontology.pieces import Word, cell, note, row, table, titled
@@ -37,7 +37,7 @@ def export_menu() -> None:
 class Import:
     """The dialog that takes a file over."""
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: LiveApi) -> None:
         self._desk = desk
         self._text, self._file = "", ""
         self._version: int | None = None

@@ -11,10 +11,10 @@ import msgspec
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from somrs.api.hub import News
-from somrs.api.listener import MapNews
+from somrs.api.map_news import MapNews
 from somrs.api.ontology import Consequences
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
+from somrs.client.hub import News
 from somrs.errors import SomrsError
 from somrs.gui.components.draft_storage import Keeper
 from somrs.gui.news import follow
@@ -42,11 +42,11 @@ SOON = 5.0
 NEW = "new"
 
 
-def register(desk: Desk) -> None:
+def register(desk: LiveApi) -> None:
     @ui.page(PATH)
     async def show() -> None:
         ui.add_head_html(BACK)
-        with page("Ontology", PATH):
+        with page("Ontology", PATH, desk):
             opened = OntologyPage(desk)
             await opened.begin(ui.context.client.request.url.query)
 
@@ -54,7 +54,7 @@ def register(desk: Desk) -> None:
 class OntologyPage:
     """One browser's page. Of what is open, `_name` is None for something new; nothing is open while `_section` has no `_open`."""
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: LiveApi) -> None:
         self._desk = desk
         self._seen = Seen()
         self.client = ui.context.client

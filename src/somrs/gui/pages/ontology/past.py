@@ -6,7 +6,7 @@ from datetime import datetime
 
 from nicegui import ui
 
-from somrs.api.service import Desk
+from somrs.api.remote import LiveApi
 from somrs.gui.pages.ontology.actions import Actions
 from somrs.gui.pages.ontology.changes import changed
 from somrs.gui.pages.ontology.consequences import revision
@@ -23,7 +23,7 @@ PAGE = 40
 class Past:
     """The history as a dialog: all of it, or of one definition."""
 
-    def __init__(self, desk: Desk, actions: Actions) -> None:
+    def __init__(self, desk: LiveApi, actions: Actions) -> None:
         self._desk, self._actions = desk, actions
         self.client = ui.context.client
 

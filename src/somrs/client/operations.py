@@ -1,5 +1,5 @@
-"""Operations: methods that are the public API, each at an HTTP method and a path. REST, the OpenAPI document and the pages of the windows
-are all made of them, so that nothing can be done by clicking only.
+"""Operations: methods that are the public API, each at an HTTP method and a path. REST, the OpenAPI document and the clients of both
+(`api_client.py`) are all made of them, so that nothing can be done by clicking only.
 
 An operation is a coroutine method with typed parameters. Those that the path names come from the path, one called `body` from the
 request's JSON, all others from the query string. What it returns is a msgspec value, sent as JSON, or a `Document`.
@@ -71,7 +71,7 @@ def operation(method: str, path: str) -> Callable[[F], F]:
 
 
 def operations(group: str, part: object) -> Iterator[Operation]:
-    """The operations among the methods of a part of the desk."""
+    """The operations among the methods of a part of the API: of an object, which does them, or of a class, which says what they are."""
     for name, function in inspect.getmembers(part, inspect.iscoroutinefunction):
         if (marked := getattr(function, MARK, None)) is not None:
             method, path = marked
@@ -84,6 +84,7 @@ def _operation(name: str, method: str, path: str, function: Callable[..., Awaita
     parameters = tuple(
         Parameter(one.name, "path" if one.name in in_path else "body" if one.name == BODY else "query", hints[one.name], one.default)
         for one in inspect.signature(function).parameters.values()
+        if one.name != "self"
     )
     assert in_path <= {one.name for one in parameters}, f"{name}: {path} names what the operation does not take"
     return Operation(name, method, path, function, parameters, hints.get("return"), inspect.getdoc(function) or "")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 import msgspec
@@ -33,10 +33,21 @@ Feed = Callable[[str], Awaitable[None]]
 
 
 class Listening:
-    """What one listener has not heard yet."""
+    """What one listener has not heard yet. `topics`: those of which it hears."""
 
-    def __init__(self) -> None:
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
         self._waiting: asyncio.Queue[News] = asyncio.Queue()
+        self.topics: frozenset[str] = frozenset()
+
+    def follow(self, topics: Iterable[str]) -> None:
+        """Hear of these topics from now on, and of no others."""
+        before, self.topics = self.topics, frozenset(topics)
+        self._hub.turn(self, before)
+
+    async def following(self) -> None:
+        """Return when nothing that happens to the topics is missed any more: what is read from now on is not older than the news."""
+        await self._hub.followed(self.topics)
 
     def put(self, news: News) -> None:
         if self._waiting.qsize() >= MOST_WAITING:
@@ -64,6 +75,11 @@ class Hub:
         self._feeds: dict[str, Feed] = {}
         self._fed: dict[str, asyncio.Task[None]] = {}
 
+    @property
+    def topics(self) -> frozenset[str]:
+        """Those that somebody listens to."""
+        return frozenset(self._listening)
+
     def feed(self, kind: str, feed: Feed) -> None:
         """Where the news of topics come from whose first word is `kind`: run while somebody listens to one."""
         self._feeds[kind] = feed
@@ -76,18 +92,26 @@ class Hub:
     @contextmanager
     def listening(self, *topics: str) -> Iterator[Listening]:
         """The news of the topics from now on."""
-        listener = Listening()
-        for topic in topics:
-            self._listening.setdefault(topic, set()).add(listener)
-            self._begin(topic)
+        listener = Listening(self)
         try:
+            listener.follow(topics)
             yield listener
         finally:
-            for topic in topics:
-                self._listening[topic].discard(listener)
-                if not self._listening[topic]:
-                    del self._listening[topic]
-                    self._end(topic)
+            listener.follow(())
+
+    def turn(self, listener: Listening, before: frozenset[str]) -> None:
+        """The listener has other topics than before."""
+        for topic in sorted(listener.topics - before):
+            self._listening.setdefault(topic, set()).add(listener)
+            self._begin(topic)
+        for topic in sorted(before - listener.topics):
+            self._listening[topic].discard(listener)
+            if not self._listening[topic]:
+                del self._listening[topic]
+                self._end(topic)
+
+    async def followed(self, topics: frozenset[str]) -> None:
+        """Return when nothing that happens to these topics is missed any more: here, at once."""
 
     def _begin(self, topic: str) -> None:
         feed = self._feeds.get(topic.partition(" ")[0])

@@ -1,0 +1,61 @@
+"""The API as a program of its own: the operations and the news below `/api`. It binds the loopback address unless told otherwise."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.responses import RedirectResponse
+from starlette.routing import Mount, Route, WebSocketRoute
+
+from somrs.api.rest import application
+from somrs.api.service import Desk, desk_of
+from somrs.client.client import Addresses
+from somrs.deployment.programs import say_ready, until_stopped
+from somrs.runtime.http import KEPT_TIME, QuietServer, bound
+
+PATH = "/api"
+
+
+async def run_api(data: Path, addresses: Addresses, host: str, port: int) -> None:
+    """Serve the API until this process is to end."""
+    listening = bound(host, port)
+    async with desk_of(addresses, data, host) as desk, desk.orders.running(), served(desk, listening) as url:
+        say_ready("api", url)
+        await until_stopped()
+
+
+@asynccontextmanager
+async def served(desk: Desk, listening: socket.socket) -> AsyncIterator[str]:
+    """With the API at that socket: its address."""
+    host, port = listening.getsockname()[:2]
+    # A client keeps its connections for less long than they are kept here, so that none is closed when it begins to ask.
+    config = uvicorn.Config(
+        _site(desk),
+        log_level="warning",
+        access_log=False,
+        ws="websockets-sansio",
+        timeout_keep_alive=KEPT_TIME + 15,
+        timeout_graceful_shutdown=1,
+    )
+    server = QuietServer(config)
+    serving = asyncio.create_task(server.serve(sockets=[listening]))
+    while not server.started and not serving.done():
+        await asyncio.sleep(0.01)
+    try:
+        yield f"http://{host}:{port}{PATH}"
+    finally:
+        server.should_exit = True
+        with contextlib.suppress(asyncio.CancelledError):
+            await serving
+
+
+def _site(desk: Desk) -> Starlette:
+    api = application([*desk.operations()], desk.context.hub, [WebSocketRoute("/poses", desk.scene.poses)])
+    return Starlette(routes=[Mount(PATH, api), Route("/", lambda request: RedirectResponse(f"{PATH}/"))])

@@ -1,0 +1,141 @@
+"""The API of a running system, as its clients have it: the same parts, operations and news as the `Desk` in the API's own process, each a
+request over the network."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any, get_type_hints
+
+from somrs.api.fleet import Devices, FleetDesk
+from somrs.api.formulas import FormulasDesk
+from somrs.api.map import MapDesk
+from somrs.api.map_news import MapNews
+from somrs.api.orders import OrdersDesk
+from somrs.api.owl import OwlDesk
+from somrs.api.questions import OpenQuestions, QuestionsDesk
+from somrs.api.records import RecordsDesk
+from somrs.api.scene import SceneDesk
+from somrs.api.system import SystemDesk, SystemSeen
+from somrs.api.task_feed import TaskChanged, TasksChanged
+from somrs.api.tasks import TasksDesk
+from somrs.client.api_client import ApiClient, address_of
+from somrs.client.client import Addresses
+from somrs.client.hub import News
+from somrs.client.live_news import LiveHub
+from somrs.client.refusals import Trouble
+from somrs.errors import RemoteError
+from somrs.ontology.objects import Map
+from somrs.ontology.types import Ontology
+from somrs.protocol.messages.directory import ServicesJoined, ServicesLeft
+
+TOPICS: dict[str, tuple[Any, ...]] = {
+    "map": (MapNews,),
+    "ontology": (int,),
+    "services": (ServicesJoined | ServicesLeft,),
+    "fleet": (Devices, Trouble),
+    "tasks": (TasksChanged,),
+    "task": (TaskChanged,),
+    "questions": (OpenQuestions,),
+    "system": (SystemSeen,),
+}
+"""What the values of a topic's news are, by its first word; those of all others are None."""
+
+FIRST_TIME = 60.0
+"""Seconds that the API is waited for at the start."""
+
+
+class Api:
+    """Each attribute is a part of the API: the class says which operations there are, and the API's process carries them out."""
+
+    ontology: OwlDesk
+    map: MapDesk
+    tasks: TasksDesk
+    fleet: FleetDesk
+    formulas: FormulasDesk
+    orders: OrdersDesk
+    questions: QuestionsDesk
+    records: RecordsDesk
+    scene: SceneDesk
+    system: SystemDesk
+
+    def __init__(self, client: ApiClient) -> None:
+        for group, declared in get_type_hints(Api).items():
+            setattr(self, group, client.part(group, declared))
+
+
+class Known:
+    """The map and the ontology as far as they are known here: read once, and brought up to date with the news. `hub` has the news."""
+
+    def __init__(self, client: ApiClient, api: Api) -> None:
+        self._api = api
+        self.map, self.ontology = Map(), Ontology()
+        self._versions = {"map": -1, "ontology": -1}
+        self.ready = asyncio.Event()
+        self.hub = LiveHub(client, TOPICS, self, always=frozenset(self._versions))
+
+    @property
+    def version(self) -> int:
+        """Of the map and the ontology; -1 while they were not read."""
+        return max(self._versions.values())
+
+    async def read(self) -> None:
+        await self._read_ontology()
+        await self._read_map()
+        self.ready.set()
+
+    async def heed(self, news: News) -> None:
+        match news:
+            case News(topic="map", value=MapNews(read=False) as told):
+                # One that the map, when it was read, had in it comes late: news are told in order, and so are their versions.
+                if told.version > self._versions["map"]:
+                    self.map, self._versions["map"] = self.map.changed(told.changes), told.version
+            case News(topic="map"):
+                await self._read_map()
+            case News(topic="ontology", value=value):
+                await self._read_ontology()
+                if isinstance(value, int):
+                    self._versions["ontology"] = value  # what is newer in what was read is told next, with how the map changed with it
+
+    async def _read_map(self) -> None:
+        seen = await self._api.map.read()
+        self.map, self._versions["map"] = Map(seen.objects, seen.facts), seen.version
+
+    async def _read_ontology(self) -> None:
+        seen = await self._api.ontology.read()
+        self.ontology, self._versions["ontology"] = Ontology(seen.definitions.each()), seen.version
+
+
+class LiveApi(Api):
+    """The API with its news, for programs that stay. `context`: what is known here without asking."""
+
+    def __init__(self, client: ApiClient) -> None:
+        super().__init__(client)
+        self.client = client
+        self.context = Known(client, self)
+
+
+@asynccontextmanager
+async def api_of(addresses: Addresses) -> AsyncIterator[Api]:
+    """The API of a running system, for programs that ask and end. Raises UsageError when it has none."""
+    async with ApiClient(address_of(addresses)) as client:
+        yield Api(client)
+
+
+@asynccontextmanager
+async def live_api(url: str) -> AsyncIterator[LiveApi]:
+    """The API at an address, once the map was read. It may come and go from then on."""
+    async with ApiClient(url) as client:
+        desk = LiveApi(client)
+        following = asyncio.create_task(desk.context.hub.run())
+        try:
+            try:
+                async with asyncio.timeout(FIRST_TIME):
+                    await desk.context.ready.wait()
+            except TimeoutError:
+                raise RemoteError(f"the API at {url} did not answer within {FIRST_TIME:.0f} s; is it running?") from None
+            yield desk
+        finally:
+            following.cancel()
+            await asyncio.gather(following, return_exceptions=True)

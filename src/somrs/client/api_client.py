@@ -1,0 +1,125 @@
+"""How programs ask the API of a running system: the operations again, each a request over HTTP, with the same values and the same refusals
+as where they are carried out."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Awaitable, Callable, Mapping
+from email.message import Message
+from enum import Enum
+from functools import partial
+from typing import Any, TypeVar, cast
+from urllib.parse import quote, urlencode
+
+import aiohttp
+import msgspec
+from yarl import URL
+
+from somrs.client.client import Addresses
+from somrs.client.operations import Document, Operation, operations
+from somrs.client.refusals import Trouble, refusal
+from somrs.errors import RemoteError, UsageError
+from somrs.runtime.http import KEPT_TIME
+from somrs.runtime.wire import Unanswered
+
+ANSWER_TIME = 100.0
+"""Seconds that the API has to answer."""
+
+T = TypeVar("T")
+
+
+class ApiClient:
+    """Carries operations out at the API below `url`. An asynchronous context manager."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        self._session: aiohttp.ClientSession | None = None
+
+    @property
+    def session(self) -> aiohttp.ClientSession:
+        assert self._session is not None, "it is entered first"
+        return self._session
+
+    async def __aenter__(self) -> ApiClient:
+        timeout = aiohttp.ClientTimeout(total=ANSWER_TIME)
+        self._session = aiohttp.ClientSession(timeout=timeout, connector=aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT_TIME))
+        return self
+
+    async def __aexit__(self, *exception: object) -> None:
+        await self.session.close()
+
+    def part(self, group: str, declared: type[T]) -> T:
+        """A part of the API: what has its operations as coroutine methods."""
+        made = {one.name.partition(".")[2]: partial(self._do, one) for one in operations(group, declared)}
+        return cast(T, _Part(made))
+
+    async def _do(self, one: Operation, *args: object, **kwargs: object) -> object:
+        values = _bound(one, args, kwargs)
+        places = {parameter.name: parameter.place for parameter in one.parameters}
+        path = one.path.format(**{name: _segment(value) for name, value in values.items() if places[name] == "path"})
+        query = {name: _text(value) for name, value in values.items() if places[name] == "query" and value is not None}
+        body = next((msgspec.json.encode(value) for name, value in values.items() if places[name] == "body" and value is not None), None)
+        url = f"{self.url}{path}{f'?{urlencode(query)}' if query else ''}"
+        try:
+            async with self.session.request(one.method, URL(url, encoded=True), data=body) as response:
+                said = await response.read()
+        except (aiohttp.ClientError, TimeoutError) as error:
+            raise Unanswered(self.silent(error)) from None
+        if response.status >= 400:
+            raise self._refusal(response.status, said)
+        return _answer(one, said, response)
+
+    def silent(self, error: BaseException) -> str:
+        """That nobody answers, and what to do."""
+        return f"the API at {self.url} does not answer ({str(error) or 'in time'}); `somrs up` starts it, and starts it again"
+
+    def _refusal(self, status: int, said: bytes) -> Exception:
+        try:
+            return refusal(status, msgspec.json.decode(said, type=Trouble))
+        except msgspec.MsgspecError:
+            return RemoteError(f"the API at {self.url} answered with HTTP {status}")
+
+
+class _Part:
+    """Has functions as attributes."""
+
+    def __init__(self, functions: Mapping[str, Callable[..., Awaitable[object]]]) -> None:
+        self.__dict__.update(functions)
+
+
+def address_of(addresses: Addresses) -> str:
+    """Where the API of a system is. Raises UsageError when it has none."""
+    if addresses.api is None:
+        raise UsageError("this system was started without the API; `somrs up SITE` starts it with one, and `somrs run api` adds one")
+    return addresses.api
+
+
+def _bound(one: Operation, args: tuple[object, ...], kwargs: dict[str, object]) -> dict[str, object]:
+    """The values by the names of the operation's parameters. Raises TypeError, as a call does."""
+    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+    signature = inspect.Signature([inspect.Parameter(each.name, kind, default=each.default) for each in one.parameters])
+    return signature.bind(*args, **kwargs).arguments
+
+
+def _text(value: object) -> str:
+    """As it stands in a path or a query."""
+    if isinstance(value, Enum):
+        return str(value.value)
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _segment(value: object) -> str:
+    """One part of a path. Raises UsageError for what cannot be one."""
+    text = _text(value)
+    if not text or "/" in text:
+        raise UsageError(f"{text!r} is no name: names are not empty, and have no slash")
+    return quote(text, safe="")
+
+
+def _answer(one: Operation, said: bytes, response: aiohttp.ClientResponse) -> object:
+    if one.returns is Document:
+        disposition = Message()
+        disposition["Content-Disposition"] = response.headers.get("Content-Disposition", "")
+        return Document(content=said, media_type=response.headers.get("Content-Type", ""), name=disposition.get_filename() or "")
+    returns: Any = one.returns if one.returns is not None else type(None)
+    return msgspec.json.decode(said, type=returns)

@@ -1,0 +1,171 @@
+"""The news of an API in another process: a hub that is fed by one WebSocket, which is made again whenever it is lost."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import aiohttp
+import msgspec
+
+from somrs.client.api_client import ApiClient
+from somrs.client.hub import Hub, News
+from somrs.errors import RemoteError, SomrsError
+
+log = logging.getLogger(__name__)
+
+CONNECTION = "connection"
+"""The topic that says, here only, whether the API is there: True or False."""
+
+AGAIN = (0.2, 0.5, 1.0, 2.0)
+"""Seconds before each attempt to connect again; the last one goes on."""
+
+SIGN_OF_LIFE = 10.0
+"""Seconds after which the other side is asked whether it is there."""
+
+MOST_BYTES = 64 * 2**20
+"""Of one piece of news."""
+
+
+class Follow(msgspec.Struct, frozen=True, kw_only=True):
+    """What is said at `live`: of which topics one wants to hear from now on. With `confirm`, a number of one's own, it is said back once
+    they are followed."""
+
+    follow: tuple[str, ...]
+    confirm: int | None = None
+
+
+class Confirmed(msgspec.Struct, frozen=True, kw_only=True):
+    """The topics are followed that were asked for with this number."""
+
+    confirmed: int
+
+
+class Said(msgspec.Struct, frozen=True, kw_only=True):
+    """What is heard at `live`: a piece of news, or a confirmation."""
+
+    topic: str = ""
+    value: msgspec.Raw = msgspec.Raw(b"null")
+    missed: bool = False
+    confirmed: int | None = None
+
+
+class Copy(Protocol):
+    """What is brought up to date before anybody else hears of it."""
+
+    async def read(self) -> None:
+        """Anything may have changed."""
+
+    async def heed(self, news: News) -> None: ...
+
+
+class LiveHub(Hub):
+    """Follows, at the API, the topics that are listened to here, and those of its `copy` always. `types`: of the values, by a topic's first
+    word; the first that fits. Whatever is lost with a connection is told as missed."""
+
+    def __init__(self, api: ApiClient, types: Mapping[str, tuple[Any, ...]], copy: Copy, always: frozenset[str]) -> None:
+        super().__init__()
+        self._api, self._types, self._copy, self._always = api, types, copy, always
+        self._changed = asyncio.Event()
+        self._turned = asyncio.Event()
+        self._followed: frozenset[str] | None = None
+        """What the API has confirmed; None without a connection."""
+        self._asked: tuple[int, frozenset[str]] = (0, frozenset())
+        self.connected = False
+
+    @property
+    def topics(self) -> frozenset[str]:
+        return (super().topics | self._always) - {CONNECTION}
+
+    async def followed(self, topics: frozenset[str]) -> None:
+        """Without a connection, at once: when it is there again, they are told as missed."""
+        while self._followed is not None and not topics - {CONNECTION} <= self._followed:
+            turned = self._turned
+            await turned.wait()
+
+    def _begin(self, topic: str) -> None:
+        self._changed.set()
+
+    def _end(self, topic: str) -> None:
+        if self._followed is not None:
+            self._followed -= {topic}
+        self._changed.set()
+
+    async def run(self) -> None:
+        """Until it is cancelled."""
+        attempt = 0
+        while True:
+            try:
+                async with self._api.session.ws_connect(
+                    f"{self._api.url}/live", heartbeat=SIGN_OF_LIFE, max_msg_size=MOST_BYTES, timeout=aiohttp.ClientWSTimeout(ws_close=1.0)
+                ) as socket:
+                    attempt = 0
+                    await self._hear(socket)
+            except (aiohttp.ClientError, TimeoutError, OSError, SomrsError) as error:
+                log.info("no news from %s: %s", self._api.url, error)
+            finally:
+                self._turn(None)
+                self._tell(connected=False)
+            await asyncio.sleep(AGAIN[min(attempt, len(AGAIN) - 1)])
+            attempt += 1
+
+    async def _hear(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self._turn(frozenset())
+        asking = asyncio.create_task(self._ask(socket))
+        try:
+            async for message in socket:
+                if message.type is not aiohttp.WSMsgType.TEXT:
+                    break
+                said = msgspec.json.decode(message.data, type=Said)
+                number, topics = self._asked
+                if said.confirmed is None:
+                    await self._heed(said)
+                elif said.confirmed == number and self.connected:
+                    self._turn(topics)
+                elif said.confirmed == number:
+                    await self._begun(topics)
+        finally:
+            asking.cancel()
+
+    async def _begun(self, topics: frozenset[str]) -> None:
+        """The first topics are followed: whatever was before is to be read anew."""
+        await self._copy.read()
+        self._turn(topics)
+        self._tell(connected=True)
+        for topic in sorted(topics):
+            self.publish(topic, missed=True)
+
+    async def _ask(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        """Tell which topics are to be followed, whenever they change."""
+        while True:
+            self._changed.clear()
+            self._asked = number, topics = self._asked[0] + 1, self.topics
+            await socket.send_str(msgspec.json.encode(Follow(follow=tuple(sorted(topics)), confirm=number)).decode())
+            await self._changed.wait()
+
+    async def _heed(self, said: Said) -> None:
+        news = News(topic=said.topic, value=self._value(said), missed=said.missed)
+        await self._copy.heed(news)
+        self.publish(news.topic, news.value, missed=news.missed)
+
+    def _value(self, said: Said) -> object:
+        if bytes(said.value) == b"null":
+            return None
+        for type in self._types.get(said.topic.partition(" ")[0], ()):
+            try:
+                return msgspec.json.decode(said.value, type=type)
+            except msgspec.ValidationError:
+                continue
+        raise RemoteError(f"the API tells of {said.topic} what is not understood here; is it of another version?")
+
+    def _turn(self, followed: frozenset[str] | None) -> None:
+        self._followed = followed
+        self._turned.set()
+        self._turned = asyncio.Event()
+
+    def _tell(self, *, connected: bool) -> None:
+        if connected != self.connected:
+            self.connected = connected
+            self.publish(CONNECTION, connected)

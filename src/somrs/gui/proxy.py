@@ -1,0 +1,116 @@
+"""`/api` below the windows' own address, for browsers: requests and WebSockets are passed on to the API, and its answers back."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+
+import aiohttp
+import msgspec
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+from starlette.types import Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect
+from yarl import URL
+
+from somrs.client.api_client import ApiClient
+from somrs.client.refusals import status, trouble
+from somrs.runtime.wire import Unanswered
+
+OWN = frozenset(("connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade"))
+"""Headers that concern one connection only (RFC 9110, 7.6.1)."""
+
+KEPT_BACK = OWN | {"host", "cookie", "accept-encoding"}
+"""Of a request: also who is asked, what the pages keep in the browser; and between two programs of one machine nothing is compressed."""
+
+PART = 2**16
+"""Bytes that are passed on at once."""
+
+TRY_AGAIN = 1013
+"""The WebSocket's code for: it is not there now."""
+
+
+class Proxy:
+    """An ASGI application, mounted where the API is to be seen."""
+
+    def __init__(self, api: ApiClient) -> None:
+        self._api = api
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket":
+            await self._join(WebSocket(scope, receive, send))
+        elif scope["type"] == "http":
+            await (await self._asked(Request(scope, receive)))(scope, receive, send)
+
+    def _url(self, scope: Scope) -> URL:
+        path: bytes = scope.get("raw_path") or scope["path"].encode()
+        rest = path.decode("latin-1").removeprefix(scope.get("root_path", ""))
+        asked = scope["query_string"].decode("latin-1")
+        return URL(f"{self._api.url}{rest}{f'?{asked}' if asked else ''}", encoded=True)
+
+    async def _asked(self, request: Request) -> Response:
+        headers = [(name, value) for name, value in request.headers.items() if name not in KEPT_BACK]
+        body = await request.body()
+        try:
+            answer = await self._api.session.request(
+                request.method,
+                self._url(request.scope),
+                headers=headers,
+                skip_auto_headers=("Accept-Encoding", "User-Agent", "Content-Type"),
+                data=body or None,
+                allow_redirects=False,
+            )
+        except (aiohttp.ClientError, TimeoutError) as error:
+            silent = Unanswered(self._api.silent(error))
+            return Response(msgspec.json.encode(trouble(silent)), status(silent), media_type="application/json")
+        passed = {name: value for name, value in answer.headers.items() if name.lower() not in OWN}
+
+        async def parts() -> AsyncIterator[bytes]:
+            async with answer:
+                async for part in answer.content.iter_chunked(PART):
+                    yield part
+
+        return StreamingResponse(parts(), answer.status, passed)
+
+    async def _join(self, browser: WebSocket) -> None:
+        try:
+            api = await self._api.session.ws_connect(self._url(browser.scope), max_msg_size=0)
+        except (aiohttp.ClientError, TimeoutError):
+            await browser.close(TRY_AGAIN)
+            return
+        async with api:
+            await browser.accept()
+            back = asyncio.create_task(_pass_back(api, browser))
+            try:
+                await _pass_on(browser, api)
+            finally:
+                back.cancel()
+
+
+async def _pass_on(browser: WebSocket, api: aiohttp.ClientWebSocketResponse) -> None:
+    """What the browser says, until it is gone."""
+    with contextlib.suppress(aiohttp.ClientError, ConnectionError, RuntimeError, WebSocketDisconnect):
+        while (message := await browser.receive())["type"] == "websocket.receive":
+            if (text := message.get("text")) is not None:
+                await api.send_str(text)
+            else:
+                await api.send_bytes(message["bytes"])
+
+
+async def _pass_back(api: aiohttp.ClientWebSocketResponse, browser: WebSocket) -> None:
+    """What the API says, until it is gone: then the browser's connection ends, too. Who is slow holds it up, so that it skips ticks."""
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+        while True:
+            message = await api.receive()
+            match message.type:
+                case aiohttp.WSMsgType.BINARY:
+                    await browser.send_bytes(message.data)
+                case aiohttp.WSMsgType.TEXT:
+                    await browser.send_text(message.data)
+                case aiohttp.WSMsgType.CLOSE if message.data:
+                    await browser.close(message.data, message.extra)
+                    return
+                case _:
+                    await browser.close(TRY_AGAIN)
+                    return

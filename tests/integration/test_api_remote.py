@@ -1,0 +1,260 @@
+"""The API as its clients in other processes have it: values, refusals and news are those of the API itself, and it may come and go."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+from typing import get_type_hints
+from urllib.parse import urlsplit
+
+import httpx
+import msgspec
+import pytest
+import uvicorn
+from starlette.applications import Starlette
+from starlette.routing import Mount
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed
+
+from somrs.api.formulas import CheckFormula
+from somrs.api.map_news import MapNews
+from somrs.api.orders import TemplateSaved
+from somrs.api.program import served
+from somrs.api.remote import TOPICS, Api, LiveApi, live_api
+from somrs.api.service import desk_of
+from somrs.client.api_client import ApiClient
+from somrs.client.client import Client
+from somrs.client.hub import News
+from somrs.client.live_news import CONNECTION
+from somrs.client.operations import Document, operations
+from somrs.client.refusals import NotFound, Refused
+from somrs.errors import FormulaError, UsageError
+from somrs.gui.proxy import Proxy
+from somrs.ontology.objects import Object, ObjectAdded, ValueSet
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.runtime.http import QuietServer, bound
+from somrs.runtime.wire import Unanswered
+from tests.support.small_system import HERE, SmallSystem, running
+
+
+class Program:
+    """The API, to be ended and started again at its port."""
+
+    def __init__(self, system: SmallSystem) -> None:
+        self._system, self._port = system, 0
+        self._stack = AsyncExitStack()
+
+    async def start(self) -> str:
+        desk = await self._stack.enter_async_context(desk_of(self._system.addresses, self._system.data))
+        await self._stack.enter_async_context(desk.orders.running())
+        url = await self._stack.enter_async_context(served(desk, bound(HERE, self._port)))
+        self._port = urlsplit(url).port or 0
+        return url
+
+    async def stop(self) -> None:
+        await self._stack.aclose()
+
+
+def played(data: Path, scenario: Callable[[SmallSystem, Program, LiveApi], Awaitable[None]]) -> None:
+    async def run() -> None:
+        system = SmallSystem(data, [])
+        program = Program(system)
+        async with asyncio.timeout(60), AsyncExitStack() as stack:
+            stack.push_async_callback(system.stop)
+            await system.start()
+            stack.push_async_callback(program.stop)
+            api = await stack.enter_async_context(live_api(await program.start()))
+            await scenario(system, program, api)
+
+    asyncio.run(run())
+
+
+async def until(true: Callable[[], bool]) -> None:
+    async with asyncio.timeout(20):
+        while not true():
+            await asyncio.sleep(0.02)
+
+
+def test_the_map_here_is_that_of_the_repository_and_is_not_sent_again(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
+        place = {"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.8}
+        many = tuple(ObjectAdded(Object(name=f"Tin{number:04}", type="Jar", values=dict(place))) for number in range(5000))
+        for begin in range(0, 5000, 500):
+            version = (await api.map.change(UpdateMap(changes=many[begin : begin + 500]))).version
+        await until(lambda: api.context.version >= version)
+        read = api.context._read_map
+        api.context._read_map = None  # type: ignore[method-assign,assignment]  # it is not to be read any more
+        with api.context.hub.listening("map") as listening:
+            await listening.following()
+            for number in range(20):
+                version = (await api.map.change(UpdateMap(changes=(ValueSet("Tin0001", "Weight", 1 + number / 10),)))).version
+            while api.context.version < version:
+                news = (await listening.next()).value
+                assert isinstance(news, MapNews)
+                assert len(news.changes) == 1
+                assert api.context.version >= news.version, "the copy here is not behind what is told"
+        async with Client(system.addresses) as client:
+            assert api.context.map == await client.map()
+            assert [*api.context.ontology] == [*await client.ontology()]
+        api.context._read_map = read  # type: ignore[method-assign]
+        began = time.perf_counter()
+        for _ in range(20):
+            await api.formulas.check(CheckFormula(text="Tin0001 isOn ?Where: Platform"))
+        assert (time.perf_counter() - began) / 20 < 0.1, "a formula is checked while one types"
+
+    played(tmp_path / "data", scenario)
+
+
+def test_refusals_are_those_of_the_api(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
+        with pytest.raises(FormulaError) as wrong:
+            await api.orders.save_template("Bring", TemplateSaved(task=Submit(effect="Jar001 isOn Nothing")))
+        assert (wrong.value.text, wrong.value.position) == ("Jar001 isOn Nothing", 12)
+        with pytest.raises(Refused) as refused:
+            await api.map.change(UpdateMap(changes=(ValueSet("Nothing", "Weight", 1.0),)))
+        assert refused.value.broken
+        with pytest.raises(NotFound, match="there is no task"):
+            await api.tasks.read("nothing")
+        with pytest.raises(UsageError, match="no name"):
+            await api.map.history("a/b")
+        with pytest.raises(TypeError):
+            await api.map.history("Jar001", most=3)  # type: ignore[call-arg]
+        document = await api.map.export()
+        assert (document.name, document.media_type) == ("site.yaml", "application/yaml")
+
+    played(tmp_path / "data", scenario)
+
+
+def test_the_api_may_go_and_come_back(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
+        hub = api.context.hub
+        with hub.listening("map", CONNECTION, "tasks") as listening:
+            await listening.following()
+            await program.stop()
+            assert await listening.next() == News(topic=CONNECTION, value=False)
+            with pytest.raises(Unanswered, match=r"does not answer.*`somrs up` starts it"):
+                await api.map.query("?Thing isOn ?Where")
+            with hub.listening("fleet") as other:
+                await other.following()  # nobody waits for what is away
+            assert "Jar001" in api.context.map.objects, "what was known still is"
+            async with Client(system.addresses) as client:
+                version = await client.update(UpdateMap(changes=(ValueSet("Jar001", "Weight", 0.7),)))
+            await program.start()
+            heard = [await listening.next() for _ in range(3)]
+            assert heard == [
+                News(topic=CONNECTION, value=True),
+                News(topic="map", missed=True),
+                News(topic="tasks", missed=True),
+            ]
+            assert api.context.version == version
+            assert api.context.map.objects["Jar001"].values["Weight"] == 0.7
+            await api.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 0.8),)))
+            assert (await listening.next()).topic == "map"
+
+    played(tmp_path / "data", scenario)
+
+
+def test_topics_come_and_go_on_one_connection_and_nothing_is_lost(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
+        async def listener(number: int) -> None:
+            for turn in range(10):
+                with api.context.hub.listening("templates") as listening:
+                    await listening.following()
+                    api_changed.clear()
+                    asyncio.get_running_loop().call_later(0.001 * number, api_changed.set)
+                    await asyncio.wait_for(api_changed.wait(), 5)
+                    if number == 0:
+                        await api.orders.save_template(f"T{turn}", template)
+                        assert (await asyncio.wait_for(listening.next(), 5)).topic == "templates"
+
+        template = TemplateSaved(task=Submit(effect="Jar001 isOn Platform001"))
+        api_changed = asyncio.Event()
+        await asyncio.gather(*map(listener, range(4)))
+
+    played(tmp_path / "data", scenario)
+
+
+def test_every_topic_has_its_values(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with asyncio.timeout(60), running(tmp_path / "data") as (system, api):
+            system.addresses.write(system.data)
+            with api.context.hub.listening("system", "fleet", "questions", "tasks") as listening:
+                heard: dict[str, object] = {}
+                while len(heard) < 4:
+                    news = await listening.next()
+                    if not news.missed:
+                        heard[news.topic] = news.value
+            for topic, value in heard.items():
+                assert isinstance(value, TOPICS[topic])
+
+    asyncio.run(run())
+
+
+def test_answers_of_all_operations_can_be_read() -> None:
+    for group, declared in get_type_hints(Api).items():
+        for one in operations(group, declared):
+            if one.returns is not Document:
+                msgspec.json.Decoder(one.returns)
+
+
+@asynccontextmanager
+async def proxy(url: str) -> AsyncIterator[str]:
+    """A server that has the API of another below its own `/api`."""
+    listening = bound(HERE, 0)
+    async with ApiClient(url) as client:
+        server = QuietServer(uvicorn.Config(Starlette(routes=[Mount("/api", Proxy(client))]), log_level="warning", ws="websockets-sansio"))
+        serving = asyncio.create_task(server.serve(sockets=[listening]))
+        while not server.started:
+            await asyncio.sleep(0.01)
+        try:
+            yield f"{HERE}:{listening.getsockname()[1]}/api"
+        finally:
+            server.should_exit = True
+            await serving
+
+
+def test_browsers_have_the_api_below_the_windows_own_address(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
+        async with proxy(api.client.url) as place, httpx.AsyncClient(base_url=f"http://{place}") as browser:
+            for path in ("/map", "/openapi.json", "/map/query?formula=%3FX%20isOn%20Platform001", "/map/export.yaml", "/"):
+                direct = await browser.get(f"{api.client.url}{path}")
+                passed = await browser.get(path)
+                assert (passed.status_code, passed.content) == (200, direct.content), path
+                assert passed.headers["content-type"] == direct.headers["content-type"]
+            assert (await browser.get("/map/export.yaml")).headers["content-disposition"] == 'attachment; filename="site.yaml"'
+            wrong = await browser.get("/map/query", params={"formula": "Jar001 isOn"})
+            assert (wrong.status_code, wrong.json()["error"]) == (409, "RemoteError")
+            body = msgspec.json.encode(UpdateMap(changes=(ValueSet("Jar001", "Weight", 0.4),)))
+            async with connect(f"ws://{place}/live") as live:
+                await live.send('{"follow": ["map"], "confirm": 1}')
+                assert await live.recv() == '{"confirmed":1}'
+                assert (await browser.post("/map/changes", content=body)).json()["version"] == 1
+                assert msgspec.json.decode(await live.recv())["value"]["version"] == 1
+                async with connect(f"ws://{place}/poses") as poses:
+                    assert isinstance(await poses.recv(), str)
+                    assert isinstance(await poses.recv(), bytes)
+                await program.stop()
+                with pytest.raises(ConnectionClosed):
+                    await live.recv()
+            silent = await browser.get("/map")
+            assert (silent.status_code, silent.json()["error"]) == (503, "Unanswered")
+            with pytest.raises(Exception, match="rejected"):
+                await connect(f"ws://{place}/live")
+            await program.start()
+            assert (await browser.get("/map")).status_code == 200
+
+    played(tmp_path / "data", scenario)
+
+
+def test_what_is_said_at_the_live_socket_must_be_understood(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
+        async with connect(f"ws{api.client.url.removeprefix('http')}/live") as live:
+            await live.send('{"follow": 3}')
+            with pytest.raises(ConnectionClosed, match="say what you want to hear of"):
+                await live.recv()
+
+    played(tmp_path / "data", scenario)

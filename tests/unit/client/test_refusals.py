@@ -1,0 +1,44 @@
+"""Errors as the API sends them: whoever asks gets the same again."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from somrs.client.refusals import Changed, NotFound, Refused, Trouble, refusal, status, trouble
+from somrs.errors import FormulaError, InputError, ModelError, Problem, RemoteError, SomrsError, UsageError
+from somrs.protocol.messages.knowledge import BrokenRule, Rejected
+from somrs.runtime.wire import Unanswered
+
+BROKEN = BrokenRule(section="objects", subject="Jar001", rule="weight", message="it is too heavy")
+PROBLEM = Problem(file="a.yaml", line=3, subject="Jar", rule="types", message="there is no type Pot")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        FormulaError("Jar001 isOn\n  Nothing", 14, "there is no Nothing", "did you mean Table001?"),
+        UsageError("that moment is over; give one that is to come"),
+        NotFound("there is no order 7"),
+        ModelError([PROBLEM, Problem(file="b.yaml", line=None, subject="Box", rule="size", message="it has none")]),
+        Refused(Rejected(problems=("Jar001: it is too heavy", "and so is Jar002"), broken=(BROKEN,))),
+        Changed("somebody else changed it"),
+        RemoteError("the Task Manager cannot"),
+        Unanswered("nobody is there"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_an_error_comes_as_it_was_raised(error: SomrsError) -> None:
+    sent = msgspec.json.encode(trouble(error))
+    again = refusal(status(error), msgspec.json.decode(sent, type=Trouble))
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    assert trouble(again) == trouble(error), "with all that is known of it"
+
+
+def test_what_is_not_known_here_keeps_its_sort() -> None:
+    class Odd(InputError):
+        """Of a later version."""
+
+    assert type(refusal(status(Odd("x")), trouble(Odd("x")))) is UsageError
+    assert type(refusal(418, Trouble(problem="x"))) is RemoteError
