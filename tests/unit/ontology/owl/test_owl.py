@@ -258,13 +258,6 @@ def test_what_is_no_such_file_is_told(text: str) -> None:
         read(text, "file", upper())
 
 
-def test_where_rdflib_is_missing_it_is_said_what_to_install() -> None:
-    line = f"{WRITE} sys.modules['rdflib'] = None; export(upper())"
-    said = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True)
-    assert "UsageError: OWL files need rdflib" in said.stderr
-    assert "somrs[api]" in said.stderr
-
-
 def sections(definitions: Iterable[Definition]) -> set[str]:
     return {type(one).__name__ for one in definitions}
 
