@@ -25,7 +25,7 @@ def test_where_rdflib_is_missing_it_is_said_what_to_install() -> None:
     line = f"{WRITE} sys.modules['rdflib'] = None; export(upper())"
     said = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True)
     assert "UsageError: OWL files need rdflib" in said.stderr
-    assert "somrs[gui]" in said.stderr
+    assert "somrs[api]" in said.stderr
 
 
 def test_units_are_loaded_only_when_they_differ() -> None:
