@@ -13,7 +13,6 @@ from msgspec import structs
 
 from somrs.api.affected import User
 from somrs.api.ontology import ImportOntology
-from somrs.api.orders import Blank, Daily, OrderSaved, TemplateSaved
 from somrs.api.remote import LiveApi
 from somrs.cli.editing import alter
 from somrs.client.client import Client, Refused, who
@@ -26,6 +25,7 @@ from somrs.ontology.objects import Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import ObjectType, RelationType
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.knowledge import Define, Definitions, RenameObject, UpdateMap
+from somrs.protocol.messages.orders import Blank, Daily, OrderSaved, TemplateSaved
 from somrs.protocol.messages.people import person
 from tests.support.small_system import Porter, SmallSystem, running
 

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from somrs.api.orders import Blank, Daily, Every, Filled, Once, OrderSaved, Run, RunState, StandingOrder, TemplateSaved
 from somrs.api.remote import LiveApi
 from somrs.client.client import Client
 from somrs.client.refusals import Changed, NotFound
@@ -18,8 +17,9 @@ from somrs.errors import FormulaError, InputError, UsageError
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.frp import Outcome
-from somrs.scheduling.scheduler import _message_id
-from tests.support.small_system import Porter, SmallSystem, desk_at, running
+from somrs.protocol.messages.orders import Blank, Daily, Every, Filled, Once, OrderSaved, Run, RunState, StandingOrder, TemplateSaved
+from somrs.scheduling.execution import message_for
+from tests.support.small_system import Porter, SmallSystem, Time, desk_at, running
 
 MONDAY = datetime(2026, 11, 23, 6, 0).timestamp()
 HOUR, DAY = 3600.0, 86_400.0
@@ -31,60 +31,12 @@ BRING = TemplateSaved(
 )
 
 
-class Time:
-    """A clock that goes when it is told to; whoever sleeps is woken at its time, and let work."""
-
-    def __init__(self, at: float = MONDAY) -> None:
-        self._now = at
-        self._until = 0.0
-        self._woken: asyncio.Future[None] | None = None
-        self._asleep = asyncio.Event()
-
-    def now(self) -> float:
-        return self._now
-
-    async def sleep(self, seconds: float) -> None:
-        self._until, self._woken = self._now + seconds, asyncio.get_running_loop().create_future()
-        self._asleep.set()
-        try:
-            await self._woken
-        finally:
-            self._asleep.clear()
-
-    async def pass_by(self, seconds: float) -> None:
-        at = self._now + seconds
-        while True:
-            await self._asleep.wait()
-            if self._until > at:
-                break
-            self._now = max(self._now, self._until)
-            self._wake()
-        self._now = at
-
-    def add(self, seconds: float) -> None:
-        """While nobody goes by it."""
-        self._now += seconds
-
-    async def jump(self, seconds: float) -> None:
-        """As when the machine was asleep."""
-        await self._asleep.wait()
-        self._now += seconds
-        self._wake()
-        await asyncio.sleep(0)
-        await self._asleep.wait()
-
-    def _wake(self) -> None:
-        assert self._woken is not None
-        self._asleep.clear()
-        self._woken.set_result(None)
-
-
 Scenario = Callable[[SmallSystem, LiveApi, Time], Awaitable[None]]
 
 
 def played(data: Path, scenario: Scenario, *porters: Porter) -> None:
     async def run() -> None:
-        clock = Time()
+        clock = Time(MONDAY)
         async with asyncio.timeout(120), running(data, *porters, clock=clock) as (system, desk):
             await scenario(system, desk, clock)
 
@@ -460,7 +412,7 @@ def test_orders_survive_a_restart_of_the_windows_and_each_time_is_stated_once(tm
             assert (await runs(second, order))[0].state is RunState.SUBMITTING
         await system.start_manager()
         async with Client(system.addresses) as client:  # the message came through, and its answer did not
-            taken = await client.submit(wish("Jar001"), id=_message_id(order.id, MONDAY + DAY + 2 * HOUR))
+            taken = await client.submit(wish("Jar001"), id=message_for(order.id, MONDAY + DAY + 2 * HOUR))
         async with desk() as third:
             run, _ = await settled(third, order, 2)
             assert (run.task, run.state) == (taken, RunState.SUBMITTED)
@@ -484,7 +436,7 @@ def test_orders_survive_a_restart_of_the_windows_and_each_time_is_stated_once(tm
         assert len(system.manager.state.tasks) == 2
 
     async def run() -> None:
-        system, clock = SmallSystem(tmp_path, [porter]), Time()
+        system, clock = SmallSystem(tmp_path, [porter]), Time(MONDAY)
         async with asyncio.timeout(120):
             await system.start()
             try:

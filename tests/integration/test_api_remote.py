@@ -21,7 +21,6 @@ from websockets.exceptions import ConnectionClosed
 
 from somrs.api.formulas import CheckFormula
 from somrs.api.map_news import MapNews
-from somrs.api.orders import TemplateSaved
 from somrs.api.program import served
 from somrs.api.remote import TOPICS, Api, LiveApi, live_api
 from somrs.api.service import desk_of
@@ -36,9 +35,10 @@ from somrs.gui.proxy import Proxy
 from somrs.ontology.objects import Object, ObjectAdded, ValueSet
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.orders import TemplateSaved
 from somrs.runtime.http import QuietServer, bound
 from somrs.runtime.wire import Unanswered
-from tests.support.small_system import HERE, SmallSystem, running
+from tests.support.small_system import HERE, SmallSystem, running, scheduler_at
 
 
 class Program:
@@ -49,8 +49,8 @@ class Program:
         self._stack = AsyncExitStack()
 
     async def start(self) -> str:
+        await self._stack.enter_async_context(scheduler_at(self._system))
         desk = await self._stack.enter_async_context(desk_of(self._system.addresses, self._system.data))
-        await self._stack.enter_async_context(desk.orders.running())
         url = await self._stack.enter_async_context(served(desk, bound(HERE, self._port)))
         self._port = urlsplit(url).port or 0
         return url

@@ -118,7 +118,7 @@ async def context(map: Map, ontology: Ontology, server: Server | None = None) ->
     """What a desk works with, as far as scenes go: the map as it was read, and the simulator."""
     where = None if server is None else f"{server.host}:{server.port}"
     addresses = Addresses(repository="http://r/r", registry="http://r/s", task_manager="http://r/t", simulator=where)
-    listener = Listener("http://d/d", "http://r/r", "http://r/s", Hub())
+    listener = Listener("http://d/d", addresses, Hub())
     listener.replica.map, listener.replica.ontology = map, ontology
     async with Client(addresses) as client:
         yield Context(addresses=addresses, data=Path(), client=client, listener=listener, hub=Hub())

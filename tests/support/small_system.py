@@ -10,22 +10,29 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from somrs.api.program import served
 from somrs.api.remote import LiveApi, live_api
 from somrs.api.service import desk_of
 from somrs.client.client import Addresses
 from somrs.deployment.device import DeviceRunner
 from somrs.deployment.system import free_ports
+from somrs.kernel.component import Rang
 from somrs.ontology.files.loading import load_text
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.clients import ReadRecords
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
+from somrs.runtime.clock import Clock, TimeOfDay
 from somrs.runtime.host import Host
 from somrs.runtime.http import bound
-from somrs.runtime.node import Report
-from somrs.scheduling.scheduler import Clock
+from somrs.runtime.node import Node, Report
+from somrs.scheduling.component import TICK, Scheduler
+from somrs.scheduling.program import put
+from somrs.scheduling.store import FILE as ORDERS
+from somrs.scheduling.store import BookFile
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.storage.archive import FILE
@@ -170,6 +177,60 @@ async def desk_at(system: SmallSystem, clock: Clock | None = None) -> AsyncItera
 
 @asynccontextmanager
 async def api_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[str]:
-    """Where the API is."""
-    async with desk_of(system.addresses, system.data, clock=clock) as desk, desk.orders.running(), served(desk, bound(HERE, 0)) as url:
+    """Where the API is; there is a Scheduler behind it, that goes by the clock."""
+    async with scheduler_at(system, clock), desk_of(system.addresses, system.data) as desk, served(desk, bound(HERE, 0)) as url:
         yield url
+
+
+@asynccontextmanager
+async def scheduler_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[Node]:
+    file = BookFile(system.data / ORDERS)
+    rim = Host(HERE, clock=clock or TimeOfDay())
+    try:
+        await rim.start()
+        node = put(rim, file, system.addresses)
+        if isinstance(clock, Time):
+            clock.drive(node)
+        system.addresses = replace(system.addresses, scheduler=node.address)
+        while isinstance(node.component, Scheduler) and not node.component.replica.ready:
+            await asyncio.sleep(0.01)
+        yield node
+    finally:
+        await rim.stop()
+        file.close()
+
+
+class Time(Clock):
+    """A clock that goes when it is told to; a Scheduler that goes by it is woken when something is due."""
+
+    def __init__(self, at: float) -> None:
+        super().__init__()
+        self._now = at
+        self._node: Node | None = None
+
+    def drive(self, node: Node) -> None:
+        self._node = node
+
+    def now(self) -> float:
+        return self._now
+
+    async def pass_by(self, seconds: float) -> None:
+        at = self._now + seconds
+        assert self._node is not None
+        assert isinstance(self._node.component, Scheduler)
+        while (due := self._node.component.next_due) is not None and due <= at:
+            self._now = max(self._now, due)
+            self._node.feed(Rang(TICK))
+            await asyncio.sleep(0.01)
+        self._now = at
+
+    def add(self, seconds: float) -> None:
+        """While nobody goes by it."""
+        self._now += seconds
+
+    async def jump(self, seconds: float) -> None:
+        """As when the machine was asleep."""
+        self._now += seconds
+        assert self._node is not None
+        self._node.feed(Rang(TICK))
+        await asyncio.sleep(0)

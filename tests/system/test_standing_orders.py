@@ -1,4 +1,4 @@
-"""Standing orders in a system of real processes: the API is killed again and again, and each time is stated once."""
+"""Standing orders in a system of real processes: the Scheduler is killed again and again, and each time is stated once."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from somrs.deployment.system import System, free_ports
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import Outcome
-from somrs.scheduling.recurrence import Every
-from somrs.scheduling.standing_orders import OrderSaved, Run, RunState
+from somrs.protocol.messages.orders import Every, OrderSaved, Run, RunState
 from tests.support.paths import SCENARIO_1
 
 pytestmark = pytest.mark.long
@@ -28,14 +27,14 @@ TIMES = 3
 
 
 async def answered(api: Api, order: str) -> tuple[Run, ...]:
-    """What came of its times, once the API is there."""
+    """What came of its times, once the Scheduler is there."""
     while True:
         with contextlib.suppress(RemoteError):
             return (await api.orders.runs(order)).runs
         await asyncio.sleep(0.2)
 
 
-def test_an_order_is_stated_once_each_time_though_the_api_is_killed(tmp_path: Path) -> None:
+def test_an_order_is_stated_once_each_time_though_the_scheduler_is_killed(tmp_path: Path) -> None:
     async def run() -> None:
         async with System([SCENARIO_1], tmp_path / "run", speed="max") as system, Client(system.addresses) as client:
             keeping = asyncio.create_task(system.keep_running(lambda text: None))
@@ -47,7 +46,7 @@ def test_an_order_is_stated_once_each_time_though_the_api_is_killed(tmp_path: Pa
                 for number in range(TIMES):
                     # Just when the task is stated: before, and a moment after.
                     await asyncio.sleep(max(0.0, order.next + number * PERIOD - time.time() + (-0.05, 0.01, 0.2)[number]))
-                    os.kill(system.programs["api"].process.pid, signal.SIGKILL)
+                    os.kill(system.programs["scheduler"].process.pid, signal.SIGKILL)
                     await asyncio.sleep(0.5)
                     await answered(api, order.id)
                 await asyncio.sleep(PERIOD)
@@ -61,7 +60,7 @@ def test_an_order_is_stated_once_each_time_though_the_api_is_killed(tmp_path: Pa
             stated = [run for run in runs if run.state is RunState.SUBMITTED]
             dues = [round((run.due - order.next) / PERIOD, 3) for run in runs]
             assert dues == [*map(float, reversed(range(len(runs))))], "each time is there once"
-            assert stated, "the API is there most of the time"
+            assert stated, "the Scheduler is there most of the time"
             assert {run.state for run in runs} <= {RunState.SUBMITTED, RunState.MISSED}, (
                 "a time at which nobody was there is told as missed"
             )
@@ -69,6 +68,25 @@ def test_an_order_is_stated_once_each_time_though_the_api_is_killed(tmp_path: Pa
             known = {view.task for view in await client.tasks()}
             assert known == {run.task for run in stated}
             assert len(known) == len(stated)
+
+    asyncio.run(run())
+
+
+def test_orders_are_stated_while_neither_the_api_nor_the_windows_run(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with System([SCENARIO_1], tmp_path / "run", speed="max") as system, Client(system.addresses) as client:
+            async with api_of(system.addresses) as api:
+                wish = Submit(effect="Jar002 isOn ?Shelf: Cupboard")
+                order = await api.orders.add_order(OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=wish))
+            os.kill(system.programs["api"].process.pid, signal.SIGKILL)
+            await system.programs["api"].process.wait()
+            async with asyncio.timeout(60):
+                while len(await client.tasks()) < 2:
+                    await asyncio.sleep(0.2)
+            await system.restart("api")
+            async with api_of(system.addresses) as api:
+                known = {run.task for run in (await api.orders.runs(order.id)).runs if run.state is RunState.SUBMITTED}
+            assert {view.task for view in await client.tasks()} <= known | {None}
 
     asyncio.run(run())
 

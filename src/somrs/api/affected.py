@@ -19,8 +19,7 @@ from somrs.ontology.types import Ontology
 from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import Revision
-from somrs.scheduling.standing_orders import StandingOrder
-from somrs.scheduling.templates import Template, opened
+from somrs.protocol.messages.orders import StandingOrder, Template, opened
 
 
 class User(StrEnum):

@@ -1,4 +1,4 @@
-"""A component that follows the Repository and the Registry, and tells the hub of what changes there."""
+"""A component that follows the Repository, the Registry and the Scheduler, and tells the hub of what changes there."""
 
 from __future__ import annotations
 
@@ -6,16 +6,19 @@ import asyncio
 
 from somrs.api.map_news import MapNews
 from somrs.api.service_presence import Roster
+from somrs.client.client import Addresses
 from somrs.client.hub import Hub
 from somrs.kernel.component import Effect, Input, Rang, Received, Send, Started, Wake
 from somrs.kernel.replica import Replica
+from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import ServicesJoined, ServicesLeft, ServicesSubscribed, SubscribeServices
 from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.orders import OrdersChanged, OrdersSubscribed, SubscribeOrders
 
 LEASE = 30.0
-"""Seconds for which the Registry is asked to send news."""
+"""Seconds for which the Registry and the Scheduler are asked to send news."""
 AGAIN = 10.0
-"""Seconds after which it is asked again."""
+"""Seconds after which they are asked again."""
 RENEWAL = "services"
 """The timer of that."""
 
@@ -23,12 +26,13 @@ RENEWAL = "services"
 class Listener:
     """`replica` is the map and the ontology as far as is known here; `ready` is set once they were read. `roster`: who came and went."""
 
-    def __init__(self, address: str, repository: str, registry: str, hub: Hub) -> None:
+    def __init__(self, address: str, addresses: Addresses, hub: Hub) -> None:
         self.address = address
-        self.replica = Replica(address, repository)
+        self.replica = Replica(address, addresses.repository)
         self.ready = asyncio.Event()
         self.roster = Roster()
-        self._registry = registry
+        self._registry, self._scheduler = addresses.registry, addresses.scheduler
+        self._scheduler_begun: float | None = None
         self._hub = hub
         self._asked = 0
 
@@ -52,11 +56,26 @@ class Listener:
                 self._hub.publish("services", body)
             case Received(Message(body=ServicesSubscribed())):
                 self._hub.publish("services")
+            case Received(Message(body=OrdersChanged(templates=templates, orders=orders))):
+                self._orders_changed(templates=templates, orders=orders)
+            case Received(Message(body=OrdersSubscribed(begun=begun))) if begun != self._scheduler_begun:
+                self._scheduler_begun = begun  # another one than before: what it did meanwhile was not heard
+                self._orders_changed(templates=True, orders=True)
         return []
 
+    def _orders_changed(self, *, templates: bool, orders: bool) -> None:
+        for topic, changed in (("templates", templates), ("orders", orders)):
+            if changed:
+                self._hub.publish(topic)
+
     def _subscribe(self, now: float) -> list[Effect]:
+        effects: list[Effect] = [Wake(RENEWAL, now + AGAIN), self._question(self._registry, SubscribeServices(lease=LEASE), now)]
+        if self._scheduler is not None:
+            effects.append(self._question(self._scheduler, SubscribeOrders(lease=LEASE), now))
+        return effects
+
+    def _question(self, recipient: str, body: Body, now: float) -> Send:
         self._asked += 1
-        identity = message_id(self.address, self._registry, RENEWAL, self._asked, now)
-        header = Header(sender=self.address, recipient=self._registry, message_id=identity, reply_to=self.address)
-        question = Send(Message(header=header, body=SubscribeServices(lease=LEASE)), until=now + AGAIN)
-        return [question, Wake(RENEWAL, now + AGAIN)]
+        identity = message_id(self.address, recipient, RENEWAL, self._asked, now)
+        header = Header(sender=self.address, recipient=recipient, message_id=identity, reply_to=self.address)
+        return Send(Message(header=header, body=body), until=now + AGAIN)

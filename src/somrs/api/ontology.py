@@ -146,7 +146,7 @@ class OntologyDesk:
         if not words:
             return iter(())
         tasks = await self._context.client.tasks(running=True)
-        return affected(words, self._context.ontology, tasks, *self._orders.kept)
+        return affected(words, self._context.ontology, tasks, *await self._orders.kept())
 
     async def _called_back(self, version: int) -> list[Renaming]:
         """What would get its name back if the version were undone."""

@@ -1,133 +1,86 @@
-"""Templates of tasks, and standing orders, as operations. What is kept is in a file of the windows; they have to run for orders to be
-stated."""
+"""Templates of tasks, and standing orders, as operations. The Scheduler keeps them, and states the tasks of orders."""
 
 from __future__ import annotations
 
-import asyncio
-import uuid
-from collections.abc import AsyncIterator, Collection, Mapping
-from contextlib import asynccontextmanager
-from datetime import tzinfo
+from collections.abc import Collection, Mapping
+from typing import TypeVar
 
-from msgspec import structs
+import msgspec
 
 from somrs.api.context import Context
 from somrs.client.client import PATIENCE
 from somrs.client.operations import operation
-from somrs.client.refusals import Changed
-from somrs.errors import RemoteError, UsageError
+from somrs.client.refusals import Trouble, refusal_of
+from somrs.errors import RemoteError
+from somrs.protocol.messages import frp, orders
+from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.clients import Submit, Submitted
 from somrs.protocol.messages.envelope import message_id
-from somrs.scheduling.recurrence import Daily, Every, Once, When, checked
-from somrs.scheduling.scheduler import Clock, Scheduler, WallClock
-from somrs.scheduling.standing_orders import OrderSaved, Run, Runs, RunState, StandingOrder, StandingOrders
-from somrs.scheduling.store import FILE, Book, expect
-from somrs.scheduling.templates import Blank, Filled, Template, Templates, TemplateSaved, check, filled, name_of
+from somrs.protocol.messages.orders import Filled, OrderSaved, Run, StandingOrder, Template, TemplateSaved
 
-__all__ = [
-    "Blank", "Daily", "Every", "Filled", "Once", "OrderSaved", "OrdersDesk", "Run", "RunState", "Runs", "StandingOrder", "StandingOrders",
-    "Template", "TemplateSaved", "Templates", "When",
-]  # fmt: skip
+AWHILE = 10.0
+"""Seconds for which a Scheduler that is started again is waited for by those who read."""
+
+T = TypeVar("T")
+
+
+class Templates(msgspec.Struct, frozen=True, kw_only=True):
+    templates: tuple[Template, ...]
+
+
+class StandingOrders(msgspec.Struct, frozen=True, kw_only=True):
+    orders: tuple[StandingOrder, ...]
+
+
+class Runs(msgspec.Struct, frozen=True, kw_only=True):
+    """The times at which an order was due, the latest first."""
+
+    runs: tuple[Run, ...]
 
 
 class OrdersDesk:
     """News of the topics `templates` and `orders` say that something changed there: read it again."""
 
-    def __init__(self, context: Context, clock: Clock | None = None, zone: tzinfo | None = None) -> None:
+    def __init__(self, context: Context) -> None:
         self._context = context
-        self._clock, self._zone = clock or WallClock(), zone
-        self._open: tuple[Book, Scheduler] | None = None
-
-    @asynccontextmanager
-    async def running(self) -> AsyncIterator[None]:
-        """With the file open, and orders stated when they are due. One process at a time can."""
-        book = Book(self._context.data / FILE)
-        try:
-            scheduler = Scheduler(book, self._context.client, self._task_of, self._tell_orders, self._clock, self._zone)
-            self._open = book, scheduler
-            keeping = asyncio.create_task(scheduler.run())
-            try:
-                yield
-            finally:
-                self._open = None
-                keeping.cancel()
-                await asyncio.gather(keeping, return_exceptions=True)
-        finally:
-            book.close()
 
     # Templates
 
     @operation("GET", "/templates")
     async def templates(self) -> Templates:
         """All templates, by name."""
-        return Templates(templates=tuple(sorted(self._book.templates.values(), key=lambda one: one.name.casefold())))
+        return Templates(templates=tuple(sorted(await self._templates(), key=lambda one: one.name.casefold())))
 
     @operation("GET", "/templates/{name}")
     async def template(self, name: str) -> Template:
         """One template."""
-        return self._book.template(name)
+        return (await self._ask(orders.ReadTemplates(name=name), orders.TemplatesPage, AWHILE)).templates[0]
 
     @operation("PUT", "/templates/{name}")
     async def save_template(self, name: str, body: TemplateSaved) -> Template:
         """Keep a task under a name. Refused when somebody else changed it meanwhile."""
-        name = name_of(name)
-        check(body.task, body.blanks, self._context.listener.replica)
-        async with self._book.changing:
-            before = self._book.templates.get(name)
-            expect(body.expected_version, before.version if before else 0, f"the template {name}", before.changed_by if before else "")
-            made = Template(
-                name=name,
-                task=body.task,
-                blanks=body.blanks,
-                note=body.note,
-                version=before.version + 1 if before else 1,
-                changed_at=self._clock.now(),
-                changed_by=body.by,
-            )
-            await self._book.change(templates={name: made})
-        self._context.hub.publish("templates")
-        return made
+        return (await self._ask(orders.SaveTemplate(name=name, saved=body), orders.TemplateKept)).template
 
     @operation("POST", "/templates/{name}/rename")
     async def rename_template(self, name: str, to: str, expected_version: int | None = None, by: str = "") -> Template:
         """Give a template another name; the orders that use it know it by the new one."""
-        to = name_of(to)
-        async with self._book.changing:
-            before = self._book.template(name)
-            expect(expected_version, before.version, f"the template {name}", before.changed_by)
-            if to != name and to in self._book.templates:
-                raise Changed(f"there is a template {to} already; take another name, or remove that one first")
-            now = self._clock.now()
-            made = structs.replace(before, name=to, version=before.version + 1, changed_at=now, changed_by=by)
-            users = [order for order in self._book.orders.values() if order.template == name]
-            await self._book.change(
-                templates={name: None, to: made},
-                orders={order.id: structs.replace(order, template=to, version=order.version + 1) for order in users},
-            )
-        self._context.hub.publish("templates")
-        self._orders_changed()
-        return made
+        wanted = orders.RenameTemplate(name=name, to=to, expected_version=expected_version, by=by)
+        return (await self._ask(wanted, orders.TemplateKept)).template
 
     @operation("DELETE", "/templates/{name}")
     async def remove_template(self, name: str, expected_version: int | None = None) -> None:
         """Remove a template that no order uses."""
-        async with self._book.changing:
-            before = self._book.template(name)
-            expect(expected_version, before.version, f"the template {name}", before.changed_by)
-            if users := [order.name for order in self._book.orders.values() if order.template == name]:
-                raise Changed(f"the template {name} is used by the order {', '.join(users)}; remove that first, or give it another task")
-            await self._book.change(templates={name: None})
-        self._context.hub.publish("templates")
+        await self._ask(orders.RemoveTemplate(name=name, expected_version=expected_version), orders.NoLongerKept)
 
     @operation("POST", "/templates/{name}/filled")
     async def fill_template(self, name: str, body: Filled) -> Submit:
         """The task that a template is, with its blanks filled in; nothing is stated."""
-        return filled(self._book.template(name), body.values, self._context.listener.replica)
+        return (await self._ask(orders.FillTemplate(name=name, values=body.values), orders.TemplateFilled, AWHILE)).task
 
     @operation("POST", "/templates/{name}/use")
     async def use_template(self, name: str, body: Filled, once: str | None = None) -> Submitted:
         """State the task that a template is, with its blanks filled in. `once`: as for tasks."""
-        task = filled(self._book.template(name), body.values, self._context.listener.replica)
+        task = await self.fill_template(name, body)
         id = message_id("task", "once", once) if once is not None else None
         return Submitted(task=await self._context.client.submit(task, patience=PATIENCE, id=id, by=body.by))
 
@@ -136,122 +89,86 @@ class OrdersDesk:
     @operation("GET", "/orders")
     async def orders(self) -> StandingOrders:
         """All standing orders, by name."""
-        found = sorted(self._book.orders.values(), key=lambda order: (order.name.casefold(), order.id))
-        return StandingOrders(orders=tuple(map(self._scheduler.seen, found)))
+        return StandingOrders(orders=tuple(sorted(await self._orders(), key=lambda order: (order.name.casefold(), order.id))))
 
     @operation("GET", "/orders/{id}")
     async def order(self, id: str) -> StandingOrder:
         """One standing order."""
-        return self._scheduler.seen(self._book.order(id))
+        return (await self._ask(orders.ReadOrders(id=id), orders.OrdersPage, AWHILE)).orders[0]
 
     @operation("GET", "/orders/{id}/runs")
     async def runs(self, id: str, limit: int = 50) -> Runs:
         """When an order was due, and what came of it, the latest first."""
-        self._book.order(id)
-        return Runs(runs=tuple(self._book.runs_of(id)[::-1][: max(limit, 0)]))
+        found: list[Run] = []
+        more = True
+        while more:
+            wanted = orders.ReadRuns(id=id, limit=max(limit, 0) - len(found), before=found[-1].due if found else None)
+            page = await self._ask(wanted, orders.RunsPage, AWHILE)
+            found += page.runs
+            more = page.more
+        return Runs(runs=tuple(found))
 
     @operation("POST", "/orders")
     async def add_order(self, body: OrderSaved) -> StandingOrder:
         """Give a standing order."""
-        return await self._save(uuid.uuid4().hex[:12], body)
+        return (await self._ask(orders.SaveOrder(saved=body), orders.OrderKept)).order
 
     @operation("PUT", "/orders/{id}")
     async def save_order(self, id: str, body: OrderSaved) -> StandingOrder:
         """Change a standing order; its past runs stay known."""
-        self._book.order(id)
-        return await self._save(id, body)
+        return (await self._ask(orders.SaveOrder(id=id, saved=body), orders.OrderKept)).order
 
     @operation("POST", "/orders/{id}/pause")
     async def pause_order(self, id: str, by: str = "") -> StandingOrder:
         """Let an order rest. Its task, if one runs, goes on."""
-        return await self._turned(id, by, enabled=False)
+        return (await self._ask(orders.TurnOrder(id=id, enabled=False, by=by), orders.OrderKept)).order
 
     @operation("POST", "/orders/{id}/resume")
     async def resume_order(self, id: str, by: str = "") -> StandingOrder:
         """Let an order go on: the next time is the first one from now on."""
-        return await self._turned(id, by, enabled=True)
+        return (await self._ask(orders.TurnOrder(id=id, enabled=True, by=by), orders.OrderKept)).order
 
     @operation("DELETE", "/orders/{id}")
     async def remove_order(self, id: str, expected_version: int | None = None) -> None:
         """Take an order back. Its task, if one runs, goes on."""
-        async with self._book.changing:
-            before = self._book.order(id)
-            expect(expected_version, before.version, f"the order {before.name}", before.changed_by)
-            await self._book.change(orders={id: None})
-        self._orders_changed()
+        await self._ask(orders.RemoveOrder(id=id, expected_version=expected_version), orders.NoLongerKept)
 
     # What they are made of
 
-    @property
-    def kept(self) -> tuple[Collection[StandingOrder], Mapping[str, Template]]:
-        """All orders, and the templates by name; none where the windows do not run."""
-        return (self._book.orders.values(), self._book.templates) if self._open is not None else ((), {})
+    async def kept(self) -> tuple[Collection[StandingOrder], Mapping[str, Template]]:
+        """All orders, and the templates by name; none where there is no Scheduler."""
+        if self._context.addresses.scheduler is None:
+            return (), {}
+        return await self._orders(), {one.name: one for one in await self._templates()}
 
-    @property
-    def _book(self) -> Book:
-        return self._opened[0]
+    async def _templates(self) -> list[Template]:
+        found: list[Template] = []
+        more = True
+        while more:
+            wanted = orders.ReadTemplates(after=found[-1].name if found else "")
+            page = await self._ask(wanted, orders.TemplatesPage, AWHILE)
+            found += page.templates
+            more = page.more
+        return found
 
-    @property
-    def _scheduler(self) -> Scheduler:
-        return self._opened[1]
+    async def _orders(self) -> list[StandingOrder]:
+        found: list[StandingOrder] = []
+        more = True
+        while more:
+            page = await self._ask(orders.ReadOrders(after=found[-1].id if found else ""), orders.OrdersPage, AWHILE)
+            found += page.orders
+            more = page.more
+        return found
 
-    @property
-    def _opened(self) -> tuple[Book, Scheduler]:
-        if self._open is None:
-            raise RemoteError("templates and orders are kept by the windows, and they do not run here; ask them, at their /api")
-        return self._open
-
-    async def _save(self, id: str, body: OrderSaved) -> StandingOrder:
-        name, now = name_of(body.name), self._clock.now()
-        async with self._book.changing:
-            before = self._book.orders.get(id)
-            expect(body.expected_version, before.version if before else 0, f"the order {name}", before.changed_by if before else "")
-            when = body.when if before is not None and body.when == before.when else checked(body.when, now)
-            made = StandingOrder(
-                id=id,
-                name=name,
-                when=when,
-                task=body.task,
-                template=body.template,
-                values=body.values,
-                enabled=body.enabled,
-                skip=body.skip,
-                version=before.version + 1 if before else 1,
-                changed_at=now,
-                changed_by=body.by,
-            )
-            self._check(made)
-            await self._book.change(orders={id: made})
-        self._orders_changed()
-        return self._scheduler.seen(made)
-
-    async def _turned(self, id: str, by: str, *, enabled: bool) -> StandingOrder:
-        async with self._book.changing:
-            before, now = self._book.order(id), self._clock.now()
-            made = structs.replace(before, enabled=enabled, version=before.version + 1, changed_at=now, changed_by=by)
-            await self._book.change(orders={id: made})
-        self._orders_changed()
-        return self._scheduler.seen(made)
-
-    def _check(self, order: StandingOrder) -> None:
-        """Raises InputError where it could not be stated even now."""
-        if (order.task is None) is (order.template is None):
-            raise UsageError("an order has either a task of its own, or a template; give one of the two")
-        if order.task is not None:
-            if order.values:
-                raise UsageError("values are for the blanks of a template, and this order has a task of its own")
-            check(order.task, (), self._context.listener.replica)
-        else:
-            self._task_of(order)
-
-    def _task_of(self, order: StandingOrder) -> Submit:
-        if order.task is not None:
-            return order.task
-        return filled(self._book.template(order.template or ""), order.values, self._context.listener.replica)
-
-    def _orders_changed(self) -> None:
-        self._scheduler.changed()
-        self._tell_orders()
-
-    def _tell_orders(self) -> None:
-        self._context.hub.publish("orders")
+    async def _ask(self, body: Body, expected: type[T], patience: float = 0.0) -> T:
+        scheduler = self._context.addresses.scheduler
+        if scheduler is None:
+            raise RemoteError("templates and orders are kept by the Scheduler, and this system has none; `somrs up` starts one")
+        answer: object = await self._context.client.ask(scheduler, body, object, patience=patience)
+        match answer:
+            case orders.OrdersRejected():
+                raise refusal_of(Trouble(**msgspec.structs.asdict(answer)))
+            case frp.Fault(text=text):
+                raise RemoteError(text)
+        assert isinstance(answer, expected), f"a Scheduler does not answer {type(body).__name__} with {type(answer).__name__}"
+        return answer

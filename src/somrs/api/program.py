@@ -26,7 +26,7 @@ PATH = "/api"
 async def run_api(data: Path, addresses: Addresses, host: str, port: int) -> None:
     """Serve the API until this process is to end."""
     listening = bound(host, port)
-    async with desk_of(addresses, data, host) as desk, desk.orders.running(), served(desk, listening) as url:
+    async with desk_of(addresses, data, host) as desk, served(desk, listening) as url:
         say_ready("api", url)
         await until_stopped()
 

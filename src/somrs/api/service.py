@@ -24,7 +24,6 @@ from somrs.client.hub import Hub
 from somrs.client.operations import Operation, operations
 from somrs.errors import RemoteError
 from somrs.runtime.host import Host
-from somrs.scheduling.scheduler import Clock
 
 MAP_TIME = 60.0
 """Seconds that the map is waited for at the start."""
@@ -33,9 +32,9 @@ MAP_TIME = 60.0
 class Desk:
     """Each attribute is a part of the API; its operations are named after it."""
 
-    def __init__(self, context: Context, clock: Clock | None = None) -> None:
+    def __init__(self, context: Context) -> None:
         self.context = context
-        orders = OrdersDesk(context, clock)
+        orders = OrdersDesk(context)
         self.ontology = OwlDesk(context, orders)
         self.map = MapDesk(context)
         self.tasks = TasksDesk(context)
@@ -54,18 +53,17 @@ class Desk:
 
 
 @asynccontextmanager
-async def desk_of(addresses: Addresses, data: Path, host: str = "127.0.0.1", clock: Clock | None = None) -> AsyncIterator[Desk]:
-    """The desk of a running system, once the map was read. Orders are kept while `desk.orders.running()`, by one process at a time;
-    `clock` is what they go by."""
+async def desk_of(addresses: Addresses, data: Path, host: str = "127.0.0.1") -> AsyncIterator[Desk]:
+    """The desk of a running system, once the map was read."""
     hub, rim = Hub(), Host(host)
     await rim.start()
-    listener = Listener(f"{rim.url}/desk", addresses.repository, addresses.registry, hub)
+    listener = Listener(f"{rim.url}/desk", addresses, hub)
     rim.add("/desk", lambda address: listener)
     try:
         async with Client(addresses) as client:
             async with asyncio.timeout(MAP_TIME):
                 await listener.ready.wait()
-            yield Desk(Context(addresses=addresses, data=data, client=client, listener=listener, hub=hub), clock)
+            yield Desk(Context(addresses=addresses, data=data, client=client, listener=listener, hub=hub))
     except TimeoutError:
         raise RemoteError(f"no map came from {addresses.repository} within {MAP_TIME:.0f} s; is the Repository running?") from None
     finally:

@@ -17,12 +17,16 @@ from somrs.ontology.types import ABSTRACT
 from somrs.protocol.messages.clients import ReadTasks, Tasks
 from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.protocol.messages.knowledge import OntologyPage, ReadOntology
+from somrs.protocol.messages.orders import ReadTemplates, TemplatesPage
 
 PATIENCE = 2.0
 """Seconds in which a part has to answer."""
 
 PAST_ALL = 1_000_000
 """More definitions than there are: their page is empty, and quickly read."""
+
+LAST = "\U0010fffd"
+"""Behind all names."""
 
 TICK = 5.0
 """Seconds between two looks at the parts, while somebody follows them."""
@@ -70,6 +74,8 @@ class SystemDesk:
             ("Service Registry", addresses.registry, lambda: context.client.ask(addresses.registry, Discover(provider="-"), Discovered)),
             ("Task Manager", addresses.task_manager, lambda: context.client.ask(addresses.task_manager, ReadTasks(limit=0), Tasks)),
         ]
+        if (scheduler := addresses.scheduler) is not None:
+            asked.append(("Scheduler", scheduler, lambda: context.client.ask(scheduler, ReadTemplates(after=LAST), TemplatesPage)))
         if (stage := addresses.simulator) is not None:
             asked.append(("Simulator", stage, lambda: _clock(stage)))
         parts = await asyncio.gather(*(_seen(*one) for one in asked))

@@ -12,10 +12,9 @@ from somrs.cli.task_commands import do
 from somrs.client import terminal
 from somrs.client.client import Addresses, who
 from somrs.errors import UsageError
+from somrs.protocol.messages.orders import Blank, Daily, Every, Filled, Once, OrderSaved, Run, RunState, StandingOrder, TemplateSaved, When
 from somrs.protocol.messages.people import person
-from somrs.scheduling.recurrence import DAYS, Daily, Every, Once, When, in_words
-from somrs.scheduling.standing_orders import OrderSaved, Run, RunState, StandingOrder
-from somrs.scheduling.templates import Blank, Filled, TemplateSaved
+from somrs.scheduling.recurrence import DAYS, in_words
 
 _SO_LONG = re.compile(r"(\d+(?:\.\d+)?)\s*(m|min|h|d)")
 _MINUTES = {"m": 1, "min": 1, "h": 60, "d": 1440}

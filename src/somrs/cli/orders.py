@@ -9,6 +9,7 @@ import typer
 
 from somrs.cli.options import HERE, Data, Json, awaited, guarded
 from somrs.cli.tasks import PolicyOption
+from somrs.protocol.messages.orders import OrderSaved, TemplateSaved
 
 if TYPE_CHECKING:
     from somrs.protocol.messages.clients import Submit
@@ -64,7 +65,6 @@ def save_template(
     from somrs.cli.order_commands import blank as declared
     from somrs.cli.order_commands import me
     from somrs.cli.order_commands import save_template as run
-    from somrs.scheduling.templates import TemplateSaved
 
     task = _task(formula, precondition, policy, time_value, deadline, priority)
     awaited(run(name, TemplateSaved(task=task, blanks=tuple(map(declared, blank)), note=note, by=me()), data))
@@ -130,7 +130,6 @@ def add_order(
     """Give a standing order."""
     from somrs.cli.order_commands import add_order as run
     from somrs.cli.order_commands import me, values, when
-    from somrs.scheduling.standing_orders import OrderSaved
 
     order = guarded(
         lambda: OrderSaved(

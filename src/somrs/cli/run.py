@@ -76,6 +76,16 @@ def world(
 
 
 @run_app.command()
+def scheduler(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+    """The Scheduler of standing orders."""
+    from somrs.client.client import Addresses
+    from somrs.deployment.programs import run_program
+    from somrs.scheduling.program import run_scheduler
+
+    guarded(lambda: run_program(run_scheduler(data, Addresses.read(data), host, port)))
+
+
+@run_app.command()
 def api(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
     """The API: REST and WebSocket."""
     from somrs.api.program import run_api

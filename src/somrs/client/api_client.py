@@ -111,8 +111,8 @@ def _text(value: object) -> str:
 def _segment(value: object) -> str:
     """One part of a path. Raises UsageError for what cannot be one."""
     text = _text(value)
-    if not text or "/" in text:
-        raise UsageError(f"{text!r} is no name: names are not empty, and have no slash")
+    if not text or "/" in text or not text.isprintable():
+        raise UsageError(f"{text!r} is no name: names are not empty, stand on one line, and have no slash")
     return quote(text, safe="")
 
 

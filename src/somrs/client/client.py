@@ -56,6 +56,8 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     """The windows; a system may do without."""
     api: str | None = None
     """The public API; its operations are below this URL."""
+    scheduler: str | None = None
+    """Who keeps templates and standing orders."""
 
     @classmethod
     def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:

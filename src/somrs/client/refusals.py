@@ -9,7 +9,7 @@ from somrs.errors import FormulaError, InputError, ModelError, Problem, RemoteEr
 from somrs.protocol.messages.knowledge import BrokenRule, Rejected
 from somrs.runtime.wire import Unanswered
 
-__all__ = ["REFUSALS", "Changed", "NotFound", "Refused", "Trouble", "refusal", "status", "trouble"]
+__all__ = ["REFUSALS", "Changed", "NotFound", "Refused", "Trouble", "refusal", "refusal_of", "status", "trouble"]
 
 
 class NotFound(InputError):
@@ -94,3 +94,8 @@ def refusal(code: int, sent: Trouble) -> SomrsError:
         case Trouble(error="Changed"):
             return Changed(sent.problem)
     return {400: UsageError, 404: NotFound, 503: Unanswered}.get(code, RemoteError)(sent.problem)
+
+
+def refusal_of(sent: Trouble) -> SomrsError:
+    """The error again, of what another part of the system said, which has no HTTP status."""
+    return refusal({"NotFound": 404, "RemoteError": 409, "Unanswered": 503}.get(sent.error, 400), sent)

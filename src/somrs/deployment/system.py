@@ -89,13 +89,14 @@ class System:
         if self.fresh and self.data.exists():
             shutil.rmtree(self.data)
         self.data.mkdir(parents=True, exist_ok=True)
-        ports = free_ports(self.host, 6, self._ports_before())
+        ports = free_ports(self.host, 7, self._ports_before())
         self.addresses = Addresses(
             repository=f"http://{self.host}:{ports[0]}/repository",
             registry=f"http://{self.host}:{ports[1]}/registry",
             task_manager=f"http://{self.host}:{ports[2]}/task-manager",
             gui=f"http://{self.host}:{ports[4]}" if self.windows and has_windows() else None,
             api=f"http://{self.host}:{ports[5]}/api",
+            scheduler=f"http://{self.host}:{ports[6]}/scheduler",
         )
         self._check_site()
         site = [argument for path in self.site for argument in ("--site", str(path))]
@@ -116,7 +117,7 @@ class System:
             self._start("world" if bodiless else "simulator", "--port", str(ports[3]), "--speed", self.speed),
         )
         last = [self._start("device", driver, "--name", name, label=name) for name, driver in driven]
-        last.append(self._start("api", "--port", str(ports[5])))
+        last += [self._start("scheduler", "--port", str(ports[6])), self._start("api", "--port", str(ports[5]))]
         if self.addresses.gui is not None:
             last.append(self._start("gui", "--port", str(ports[4])))
         await asyncio.gather(*last)
@@ -130,7 +131,15 @@ class System:
         except UsageError:
             return []
         stage = f"//{before.simulator or before.world}"
-        places = (before.repository, before.registry, before.task_manager, stage, before.gui or "", before.api or "")
+        places = (
+            before.repository,
+            before.registry,
+            before.task_manager,
+            stage,
+            before.gui or "",
+            before.api or "",
+            before.scheduler or "",
+        )
         return [urlsplit(place).port or 0 for place in places]
 
     async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
@@ -175,7 +184,7 @@ class System:
     async def stop(self) -> None:
         """End all programs, devices first, so that they can take their leave."""
         running = [program for program in reversed(self.programs.values()) if program.process.returncode is None]
-        core = {"repository", "registry", "task-manager", "simulator", "world", "api", "gui"}
+        core = {"repository", "registry", "task-manager", "simulator", "world", "scheduler", "api", "gui"}
         for group in ([p for p in running if p.name not in core], [p for p in running if p.name in core]):
             for program in group:
                 with contextlib.suppress(ProcessLookupError):  # it has ended, and nobody noticed yet

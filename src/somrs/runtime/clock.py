@@ -17,3 +17,15 @@ class Clock:
     def not_before(self, at: float) -> None:
         """Go on from there at least: the machine's clock was put back since."""
         self._offset += max(0.0, at - self.now())
+
+
+class TimeOfDay(Clock):
+    """The machine's time of day, also after it was put forward, or the machine slept; while it is put back, it stands still."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._latest = 0.0
+
+    def now(self) -> float:
+        self._latest = max(self._latest, time.time())
+        return self._latest

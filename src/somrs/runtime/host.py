@@ -30,10 +30,11 @@ async def _nothing_to_do(task: object, report: Report) -> object:
 
 
 class Host:
-    """The components of one process behind one port. Binds the loopback address unless told otherwise."""
+    """The components of one process behind one port. Binds the loopback address unless told otherwise. `clock`: what its
+    components go by."""
 
-    def __init__(self, host: str = "127.0.0.1", port: int = 0, watch: Watch | None = None) -> None:
-        self.clock = Clock()
+    def __init__(self, host: str = "127.0.0.1", port: int = 0, watch: Watch | None = None, clock: Clock | None = None) -> None:
+        self.clock = clock if clock is not None else Clock()
         self.wire = Wire()
         self._nodes: dict[str, Node] = {}
         self._server = Server(host, port, {})

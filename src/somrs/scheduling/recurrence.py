@@ -12,34 +12,12 @@ from datetime import datetime, timedelta, tzinfo
 import msgspec
 
 from somrs.errors import UsageError
+from somrs.protocol.messages.orders import Daily, Every, Once, When
 
 LEAST_MINUTES = 0.1
 DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
 _TIME = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)")
-
-
-class Once(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """At this moment: seconds since 1970."""
-
-    at: float
-
-
-class Every(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Every so many minutes, counted from `since` (seconds since 1970), or from when the order was given."""
-
-    minutes: float
-    since: float | None = None
-
-
-class Daily(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """At `hh:mm` by local time, on these days of the week: 0 is Monday, 6 is Sunday; all, if none is said."""
-
-    at: str
-    days: tuple[int, ...] = ()
-
-
-When = Once | Every | Daily
 
 
 def checked(when: When, now: float) -> When:

@@ -6,14 +6,12 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 
-import msgspec
-from msgspec import structs
-
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError, UsageError
 from somrs.kernel.replica import Replica
 from somrs.ontology.check import check as check_formula
 from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.orders import BLANK, Blank, Template, write_into, written
 from somrs.task_manager.context import wrong_with
 
 VALUES = ("number", "text", "truth")
@@ -21,53 +19,8 @@ VALUES = ("number", "text", "truth")
 
 MOST_NAME = 80
 
-_BLANK = re.compile(r"{([^{}]*)}")
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _NUMBER = re.compile(r"-?\d+(\.\d+)?([eE][-+]?\d+)?( *[A-Za-z%°/]+)?")
-
-
-class Blank(msgspec.Struct, frozen=True, kw_only=True):
-    """What is filled in: `{Thing}` in the formulas of the task. `type` is a type of the ontology, or `number`, `text` or `truth`;
-    `default` is taken when nothing is said."""
-
-    name: str
-    type: str = "Object"
-    default: str = ""
-    label: str = ""
-
-
-class Template(msgspec.Struct, frozen=True, kw_only=True):
-    """A task to be stated again and again. `version` counts its changes."""
-
-    name: str
-    task: Submit
-    blanks: tuple[Blank, ...] = ()
-    note: str = ""
-    version: int = 0
-    changed_at: float = 0.0
-    changed_by: str = ""
-
-
-class Templates(msgspec.Struct, frozen=True, kw_only=True):
-    templates: tuple[Template, ...]
-
-
-class TemplateSaved(msgspec.Struct, frozen=True, kw_only=True):
-    """What is to be kept under a name. `expected_version`: the version that one saw (0: there was none of this name); if it is another by
-    now, somebody else changed it, and nothing is saved. None: whatever there is."""
-
-    task: Submit
-    blanks: tuple[Blank, ...] = ()
-    note: str = ""
-    by: str = ""
-    expected_version: int | None = None
-
-
-class Filled(msgspec.Struct, frozen=True, kw_only=True):
-    """What is written in the blanks, by their names. `by`: who states the task."""
-
-    values: dict[str, str] = {}
-    by: str | None = None
 
 
 def name_of(text: str) -> str:
@@ -96,18 +49,18 @@ def check(task: Submit, blanks: tuple[Blank, ...], replica: Replica) -> None:
     for formula in (task.effect, task.precondition):
         if formula is not None:
             _check_formula(formula, examples, replica)
-    if (wrong := wrong_with(_written(task, examples), replica)) is not None:
+    if (wrong := wrong_with(written(task, examples), replica)) is not None:
         raise UsageError(wrong)
 
 
 def _check_formula(formula: str, examples: Mapping[str, str], replica: Replica) -> None:
     """Raises FormulaError, which says where in the formula as it was written, with its blanks."""
-    written = _write(formula, examples)
+    written = write_into(formula, examples)
     try:
         check_formula(written, replica.ontology, replica.map)
     except FormulaError as error:
         position = error.position
-        for found in _BLANK.finditer(formula):
+        for found in BLANK.finditer(formula):
             if found.start() >= position:
                 break
             example = examples[found[1].strip()]
@@ -123,7 +76,7 @@ def filled(template: Template, values: Mapping[str, str], replica: Replica) -> S
         if name not in named:
             hint = nearest(name, named) or (f"it has {', '.join(named)}" if named else "it has none at all")
             raise UsageError(f"{template.name} has no blank {name}; {hint}")
-    return _written(template.task, {name: _value(blank, values.get(name, ""), replica) for name, blank in named.items()})
+    return written(template.task, {name: _value(blank, values.get(name, ""), replica) for name, blank in named.items()})
 
 
 def _value(blank: Blank, text: str, replica: Replica) -> str:
@@ -178,11 +131,6 @@ def _objects(type: str, replica: Replica) -> list[str]:
     return [name for name, object in replica.map.objects.items() if replica.ontology.is_a(object.type, type)]
 
 
-def opened(template: Template) -> Submit:
-    """The task with a variable in the place of each blank: as far as its formulas are known before it is filled in."""
-    return _written(template.task, {blank.name: f"?{blank.name}" for blank in template.blanks})
-
-
 def _formulas(task: Submit) -> Iterator[str]:
     yield from (task.effect, task.precondition or "")
     for handler in task.handlers:
@@ -191,28 +139,8 @@ def _formulas(task: Submit) -> Iterator[str]:
 
 def _used(task: Submit) -> Iterator[str]:
     for formula in _formulas(task):
-        for found in _BLANK.finditer(formula):
+        for found in BLANK.finditer(formula):
             name = found[1].strip()
             if _WORD.fullmatch(name) is None:
                 raise FormulaError(formula, found.start(), "a blank is a name in braces", "such as {Thing}")
             yield name
-
-
-def _written(task: Submit, values: Mapping[str, str]) -> Submit:
-    """The task with these texts in place of its blanks."""
-
-    def write(formula: str | None) -> str | None:
-        return _write(formula, values) if formula is not None else None
-
-    return structs.replace(
-        task,
-        effect=_write(task.effect, values),
-        precondition=write(task.precondition),
-        handlers=tuple(
-            structs.replace(handler, effect=_write(handler.effect, values), when=write(handler.when)) for handler in task.handlers
-        ),
-    )
-
-
-def _write(formula: str, values: Mapping[str, str]) -> str:
-    return _BLANK.sub(lambda found: values.get(found[1].strip(), found[0]), formula)

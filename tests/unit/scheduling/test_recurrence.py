@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.errors import UsageError
-from somrs.scheduling.recurrence import Daily, Every, Once, When, checked, due_after, due_between, in_words
+from somrs.protocol.messages.orders import Daily, Every, Once, When
+from somrs.scheduling.recurrence import checked, due_after, due_between, in_words
 
 WARSAW = ZoneInfo("Europe/Warsaw")
 MINUTE = 60.0

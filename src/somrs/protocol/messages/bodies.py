@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from somrs.protocol.messages import clients, directory, frp, knowledge
+from somrs.protocol.messages import clients, directory, frp, knowledge, orders
 
 FrpBody = (
     frp.Arrange | frp.Terms | frp.Refuse | frp.Accept | frp.Cancel | frp.Execute | frp.Progress | frp.Completed
@@ -26,7 +26,13 @@ ClientBody = (
     | clients.ReadTasks | clients.Tasks | clients.WatchTask | clients.TaskNews | clients.Preview | clients.Previewed
     | clients.ReadRecords | clients.Records | clients.WatchTasks | clients.TasksNews | clients.ReadMessages | clients.Messages
 )  # fmt: skip
-Body = FrpBody | DirectoryBody | KnowledgeBody | ClientBody
+OrderBody = (
+    orders.ReadTemplates | orders.TemplatesPage | orders.SaveTemplate | orders.RenameTemplate | orders.RemoveTemplate | orders.TemplateKept
+    | orders.FillTemplate | orders.TemplateFilled | orders.ReadOrders | orders.OrdersPage | orders.SaveOrder | orders.TurnOrder
+    | orders.RemoveOrder | orders.OrderKept | orders.NoLongerKept | orders.ReadRuns | orders.RunsPage | orders.OrdersRejected
+    | orders.SubscribeOrders | orders.OrdersSubscribed | orders.OrdersChanged
+)  # fmt: skip
+Body = FrpBody | DirectoryBody | KnowledgeBody | ClientBody | OrderBody
 
 REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     directory.Publish: (directory.Published,),
@@ -53,6 +59,17 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     clients.ReadRecords: (clients.Records,),
     clients.WatchTasks: (clients.TasksNews,),
     clients.ReadMessages: (clients.Messages,),
+    orders.ReadTemplates: (orders.TemplatesPage, orders.OrdersRejected),
+    orders.SaveTemplate: (orders.TemplateKept, orders.OrdersRejected),
+    orders.RenameTemplate: (orders.TemplateKept, orders.OrdersRejected),
+    orders.RemoveTemplate: (orders.NoLongerKept, orders.OrdersRejected),
+    orders.FillTemplate: (orders.TemplateFilled, orders.OrdersRejected),
+    orders.ReadOrders: (orders.OrdersPage, orders.OrdersRejected),
+    orders.SaveOrder: (orders.OrderKept, orders.OrdersRejected),
+    orders.TurnOrder: (orders.OrderKept, orders.OrdersRejected),
+    orders.RemoveOrder: (orders.NoLongerKept, orders.OrdersRejected),
+    orders.ReadRuns: (orders.RunsPage, orders.OrdersRejected),
+    orders.SubscribeOrders: (orders.OrdersSubscribed,),
     frp.Query: (frp.Status,),
 }
 """What is always answered, and by what; a Fault besides. All else is one-way."""

@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from somrs.errors import WireError
 from somrs.protocol.messages import clients, frp, knowledge
-from somrs.protocol.messages.bodies import REQUESTS, ClientBody, DirectoryBody, FrpBody, KnowledgeBody
+from somrs.protocol.messages.bodies import REQUESTS, ClientBody, DirectoryBody, FrpBody, KnowledgeBody, OrderBody
 from somrs.protocol.messages.envelope import ANONYMOUS, VERSION, Header, Message, message_id, normalised_id
 from somrs.protocol.soap.document import MOST_BYTES, SENDER, parse
 from somrs.protocol.soap.xml import PREFIX, Element, escaped, escaped_attribute, fields_writer, struct_reader, union_of
@@ -26,6 +26,7 @@ FRP = "urn:so-mrs:frp:1.0"
 DIRECTORY = "urn:so-mrs:directory:1.0"
 KNOWLEDGE = "urn:so-mrs:knowledge:1.0"
 CLIENTS = "urn:so-mrs:clients:1.0"
+ORDERS = "urn:so-mrs:orders:1.0"
 XML = "http://www.w3.org/XML/1998/namespace"
 
 MOST_REASON = 4000
@@ -48,6 +49,7 @@ NAMESPACES: dict[str, tuple[type[Struct], ...]] = {
     DIRECTORY: union_of(DirectoryBody),
     KNOWLEDGE: union_of(KnowledgeBody),
     CLIENTS: union_of(ClientBody),
+    ORDERS: union_of(OrderBody),
 }
 """The namespace of each protocol, with its bodies. A Fault is SOAP's own."""
 

@@ -12,7 +12,7 @@ from msgspec import Struct
 from somrs.protocol.frp.session import CoordinatorBody, ParticipantBody
 from somrs.protocol.messages import directory, frp, knowledge
 from somrs.protocol.messages.bodies import REQUESTS
-from somrs.protocol.soap.soap import CLIENTS, DIRECTORY, FRP, KNOWLEDGE, NAMESPACES, action, namespace_of
+from somrs.protocol.soap.soap import CLIENTS, DIRECTORY, FRP, KNOWLEDGE, NAMESPACES, ORDERS, action, namespace_of
 from somrs.protocol.soap.xml import Element, union_of
 from somrs.protocol.soap.xsd import XS, schema_of
 
@@ -26,7 +26,7 @@ HTTP = "http://schemas.xmlsoap.org/soap/http"
 Kinds = tuple[type[Struct], ...]
 
 _ANSWERS: dict[type[Struct], Kinds] = {request: tuple(answers) for request, answers in REQUESTS.items()}
-_SCHEMAS = {"frp": FRP, "directory": DIRECTORY, "knowledge": KNOWLEDGE, "clients": CLIENTS}
+_SCHEMAS = {"frp": FRP, "directory": DIRECTORY, "knowledge": KNOWLEDGE, "clients": CLIENTS, "orders": ORDERS}
 _FOLLOWS_MAP: Kinds = (knowledge.MapChanged, knowledge.OntologyChanged)
 
 
@@ -45,6 +45,7 @@ COMPONENTS: dict[str, tuple[str, Kinds]] = {
         "TaskManager",
         (*_requests(CLIENTS), *_without_fault(ParticipantBody), directory.ServicesJoined, directory.ServicesLeft, *_FOLLOWS_MAP),
     ),
+    "scheduler": ("Scheduler", (*_requests(ORDERS), *_FOLLOWS_MAP)),
     "devices": ("ServiceManager", _without_fault(CoordinatorBody)),
     "simulator": ("Simulator", _FOLLOWS_MAP),
 }

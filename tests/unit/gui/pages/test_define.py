@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.api.orders import StandingOrder
 from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
 from somrs.errors import UsageError
@@ -25,8 +24,8 @@ from somrs.ontology.objects import Map, Object
 from somrs.ontology.services import Handler, Occasion
 from somrs.ontology.types import Kind
 from somrs.protocol.messages.clients import Policy, Submit
-from somrs.scheduling.recurrence import Daily, Every, Once
-from somrs.scheduling.templates import Blank, Template, check, filled
+from somrs.protocol.messages.orders import Blank, Daily, Every, Once, StandingOrder, Template
+from somrs.scheduling.templates import check, filled
 from tests.support.small import ONTOLOGY, formulas
 
 MAP = Map(

@@ -9,7 +9,6 @@ from typing import Any
 
 from nicegui import ui
 
-from somrs.api.orders import OrderSaved, Run, RunState, StandingOrder
 from somrs.errors import SomrsError, UsageError
 from somrs.gui.icons import OUTCOMES, Badge, Sign, clock
 from somrs.gui.news import follow
@@ -19,8 +18,8 @@ from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.task_words import path
 from somrs.gui.panel import panel
 from somrs.gui.shell import author, guarded, tell
-from somrs.scheduling.recurrence import Daily, Every, Once, When, in_words
-from somrs.scheduling.templates import Filled
+from somrs.protocol.messages.orders import Daily, Every, Filled, Once, OrderSaved, Run, RunState, StandingOrder, When
+from somrs.scheduling.recurrence import in_words
 
 RUNS = {
     RunState.SUBMITTING: Sign("hourglass_empty", "Is being stated", "busy"),

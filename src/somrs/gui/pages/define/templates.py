@@ -13,7 +13,7 @@ from somrs.gui.pages.define.blanks import blanked, named, proposed, types_of
 from somrs.gui.pages.define.confirm_dialog import sure
 from somrs.gui.pages.define.form import Form
 from somrs.gui.shell import author, guarded, tell
-from somrs.scheduling.templates import Blank, Filled, Template, TemplateSaved
+from somrs.protocol.messages.orders import Blank, Filled, Template, TemplateSaved
 
 
 class TemplateMenu:
