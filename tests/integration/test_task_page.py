@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from somrs.client.task_report import view
 from somrs.gui.pages.task import asked_about
+from somrs.gui.pages.task_chapters import Chapter, failures, summary
 from somrs.gui.pages.task_ending import consequences
-from somrs.gui.pages.task_story import Chapter, failures, story, summary
+from somrs.gui.pages.task_story import story
 from somrs.gui.pages.task_words import gist
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.messages.clients import CancelTask, TaskRecord
