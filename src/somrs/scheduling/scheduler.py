@@ -16,6 +16,7 @@ from typing import Protocol
 from msgspec import structs
 
 from somrs.client.client import PATIENCE, Client
+from somrs.client.task_report import reasons
 from somrs.errors import InputError, RemoteError
 from somrs.protocol.messages.clients import Phase, ReadRecords, Submit, TaskView, WatchTask
 from somrs.protocol.messages.envelope import message_id
@@ -203,7 +204,7 @@ class Scheduler:
                 told = "nothing is known of its task any more"
                 await self._note(id, structs.replace(run, ended_at=self._clock.now(), note=told))
                 return
-        why = seen.explanation.partition("; ")[0]
+        why = next(iter(reasons(seen)), "")
         await self._note(id, structs.replace(run, outcome=seen.outcome, ended_at=seen.ended_at or self._clock.now(), note=why))
 
     async def _patiently(self, run: Run, wait: float) -> TaskView | None:
@@ -234,6 +235,7 @@ class Scheduler:
             outcome=kept.outcome,
             ended_at=kept.ended_at,
             explanation=kept.explanation,
+            reasons=kept.reasons,
         )
 
     async def _note(self, id: str, run: Run) -> None:

@@ -7,6 +7,7 @@ import time
 from nicegui import ui
 
 from somrs.api.service import Desk
+from somrs.client.task_report import reasons
 from somrs.gui.icons import Badge, clock, lasted
 from somrs.gui.pages.task_ending import Ending
 from somrs.gui.pages.task_words import PHASES, counted, due, gist, key, sign
@@ -42,7 +43,7 @@ class Head:
                     _fact("From").set_text(view.precondition)
                 _fact("Id").set_text(key(view.task)[:8])
             self._why = ui.element("ul").classes("somrs-task-why").props('role="status"')
-        self._told: str | None = None
+        self._told: tuple[str, ...] | None = None
         self._clock = ui.timer(1.0, self._tick)
         self.show(view)
 
@@ -68,14 +69,15 @@ class Head:
         self._fill.style(f"background: var(--{tone})")
         self._cancel.visible = not over
         self._record.props(f'href="/api/{"records" if over else "tasks"}/{view.task}"')
-        if view.explanation != self._told:
-            self._told = view.explanation
+        why = reasons(view)
+        if why != self._told:
+            self._told = why
             self._why.clear()
             with self._why:
-                for reason in [part for part in view.explanation.split("; ") if part]:
+                for reason in why:
                     with ui.element("li"):
                         ui.label(gist(reason[:1].upper() + reason[1:])).tooltip(reason)
-        self._why.visible = bool(view.explanation)
+        self._why.visible = bool(why)
         if over:
             self._clock.deactivate()
         self._tick()

@@ -14,6 +14,7 @@ from somrs.api.hub import News
 from somrs.api.questions import OpenQuestions
 from somrs.api.service import Desk
 from somrs.api.tasks import TasksChanged
+from somrs.client.task_report import reasons
 from somrs.errors import SomrsError
 from somrs.gui.icons import clock, lasted, listed
 from somrs.gui.news import follow
@@ -190,6 +191,5 @@ def _notes(row: TaskRow, asked: frozenset[str]) -> Iterator[str]:
     working = [name for name in dict.fromkeys(device(service) for service in row.services) if name not in asked]
     if row.outcome is None and working:
         yield f"{listed(working)} at work"
-    if row.explanation:
-        reason = gist(row.explanation.partition("; ")[0])
-        yield reason[:1].upper() + reason[1:]
+    for reason in reasons(row)[:1]:
+        yield gist(reason[:1].upper() + reason[1:])
