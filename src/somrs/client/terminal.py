@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from somrs.client.message_chart import SETBACKS, said
+from somrs.client.state_labels import OUTCOMES, task_state
 from somrs.client.task_report import reasons
 from somrs.client.trace import Line
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
@@ -146,10 +147,10 @@ def outcome(view: TaskView) -> Text:
 def how(view: TaskView) -> Text:
     """How far a task is, or how it ended."""
     if view.outcome is None:
-        return Text(view.phase.value, style="bold")
+        return Text(task_state(view.phase, None).lower(), style="bold")
     sign, colour = MARKS[view.outcome]
     seconds = f" in {view.ended_at - view.submitted_at:.1f} s" if view.ended_at is not None else ""
-    return Text(f"{sign} {view.outcome.value}{seconds}", style=colour)
+    return Text(f"{sign} {task_state(view.phase, view.outcome).lower()}{seconds}", style=colour)
 
 
 def ending(view: TaskView) -> Group:
@@ -210,7 +211,7 @@ def events(happened: Iterable[TaskEvent]) -> Table:
         colour = COLOURS.get(one.kind, "bold cyan")
         kind = Text("" if one.kind is EventKind.NEWS else one.kind.value, style=colour)
         step = f"{one.step}: " if one.step else ""
-        text = one.event.outcome.value if isinstance(one.event, TaskEnded) else one.text
+        text = OUTCOMES[one.event.outcome].lower() if isinstance(one.event, TaskEnded) else one.text
         made.add_row(clock(one.at), kind, Text.assemble((step, "bold"), text))
     return made
 

@@ -76,7 +76,7 @@ class Head:
             with self._why:
                 for reason in why:
                     with ui.element("li"):
-                        ui.label(gist(reason[:1].upper() + reason[1:])).tooltip(reason)
+                        ui.label(item(reason)).tooltip(reason)
         self._why.visible = bool(why)
         if over:
             self._clock.deactivate()
@@ -88,6 +88,11 @@ class Head:
         took = lasted(max(0.0, until - view.submitted_at))
         self._took.set_text(f"{took}, until {clock(view.ended_at)}" if view.ended_at is not None else f"{took} so far")
         self._due.set_text(due(view.submitted_at, view.deadline, view.outcome is not None, now))
+
+
+def item(reason: str) -> str:
+    """A reason as it stands in the list."""
+    return gist(reason[:1].upper() + reason[1:])
 
 
 def progress(view: TaskView) -> tuple[int, float]:

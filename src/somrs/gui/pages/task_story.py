@@ -6,11 +6,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 
+from somrs.client import state_labels
 from somrs.client.task_report import reasons
 from somrs.gui.pages.task_chapters import ANSWERS, LABELS, Chapter, Line
 from somrs.gui.pages.task_words import counted, gist
 from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import TaskEvent, TaskView
+from somrs.protocol.messages.clients import Phase, TaskEvent, TaskView
 from somrs.protocol.messages.event_text import failure
 from somrs.protocol.messages.events import Event, EventKind, kind_of
 from somrs.protocol.messages.frp import Outcome, State
@@ -19,9 +20,9 @@ from somrs.protocol.messages.people import person
 LOST = (State.FAILED, State.STOPPED, State.UNREACHABLE)
 
 ENDINGS = {
-    Outcome.ACCOMPLISHED: ("Accomplished", "good", "The task was accomplished all the same."),
-    Outcome.FAILED: ("Failed", "bad", "Nothing helped: rung 4, the task was given up."),
-    Outcome.CANCELLED: ("Cancelled", "plain", "The task was cancelled before anything came of it."),
+    Outcome.ACCOMPLISHED: (state_labels.OUTCOMES[Outcome.ACCOMPLISHED], "good", "The task was accomplished all the same."),
+    Outcome.FAILED: (state_labels.OUTCOMES[Outcome.FAILED], "bad", "Nothing helped: rung 4, the task was given up."),
+    Outcome.CANCELLED: (state_labels.OUTCOMES[Outcome.CANCELLED], "plain", "The task was cancelled before anything came of it."),
 }
 """For each outcome the title of the last chapter, its tone, and what came of failures that were not answered until then."""
 
@@ -217,7 +218,7 @@ class _Story:
             self._add(told, "schema", _capital(told.text), "plain")
 
     def end(self, told: TaskEvent, outcome: Outcome | None, why: Sequence[str]) -> None:
-        title, tone, result = ENDINGS[outcome] if outcome is not None else ("Over", "plain", "")
+        title, tone, result = ENDINGS[outcome] if outcome is not None else (state_labels.PHASES[Phase.ENDED], "plain", "")
         for chapter in [*self._open]:
             self._close(chapter, result, tone, told.at)
         last = self._add(told, "flag", title, tone)

@@ -14,6 +14,7 @@ from somrs.api.hub import News
 from somrs.api.questions import OpenQuestions
 from somrs.api.service import Desk
 from somrs.api.tasks import TasksChanged
+from somrs.client.state_labels import OUTCOMES
 from somrs.client.task_report import reasons
 from somrs.errors import SomrsError
 from somrs.gui.icons import clock, lasted, listed
@@ -144,7 +145,7 @@ class _Tasks:
             {
                 ALL: f"All {len(rows)}",
                 RUNNING: f"Under way {count[RUNNING]}",
-                **{outcome: f"{outcome.capitalize()} {count[outcome]}" for outcome in ("accomplished", "failed", "cancelled")},
+                **{outcome.value: f"{label} {count[outcome.value]}" for outcome, label in OUTCOMES.items()},
             },
             value=self._which.value,
         )
