@@ -221,6 +221,8 @@ class ContractView(Struct, frozen=True, kw_only=True):
     finish: float | None = None
     number: int = 0
     """In the order in which they were asked."""
+    refused: bool | None = None
+    """Whether it answered that it does not do the step; SO-MRS 0.1 did not keep that."""
 
 
 class WatchTask(Struct, frozen=True, kw_only=True, tag=True):

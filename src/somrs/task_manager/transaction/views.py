@@ -159,6 +159,7 @@ def contract_view(member: Member) -> ContractView:
         step=member.label,
         state=member.left_in or session.state,
         accepted="Accept" in session.said,
+        refused="Refuse" in session.heard,
         price=terms.price if terms is not None else None,
         currency=terms.currency if terms is not None else "EUR",
         duration=terms.duration if terms is not None else None,
