@@ -71,7 +71,7 @@ def test_every_device_is_there_with_what_it_offers(system: Running, window: Open
 def test_the_command_line_shows_the_same(system: Running) -> None:
     line = [sys.executable, "-m", "somrs.cli.main", "fleet", "--data", str(system.data)]
     said = subprocess.run(line, capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "120"}).stdout
-    for words in ("Robot1", "Robot2", "on offer", "battery 100 %", "TransferObject, 25 EUR"):
+    for words in ("Robot1", "Robot2", "ready", "battery 100 %", "TransferObject, 25 EUR"):
         assert words in said
     found = json.loads(subprocess.run([*line, "--json"], capture_output=True, text=True, check=True).stdout)
     assert [one["name"] for one in found["devices"]] == sorted(fleet(system))
@@ -110,12 +110,14 @@ def test_a_fault_is_made_and_mended_by_keyboard_and_both_windows_see_it(system: 
     one.keyboard.press("Enter")
     for page in (one, other):
         expect(device(page, "Robot2").get_by_text("Gripper stuck")).to_be_visible()
-        expect(page.get_by_role("status").first).to_contain_text("1 with a fault")
+        expect(device(page, "Robot2").get_by_text("Not working", exact=True)).to_be_visible()
+        expect(page.get_by_role("status").first).to_contain_text("1 not working")
     assert fleet(system)["Robot2"]["simulated"]["faults"] == ["gripper"]
     menu.click()
     one.get_by_text("Free the gripper").click()
     for page in (one, other):
         expect(device(page, "Robot2").get_by_text("Gripper stuck")).to_have_count(0)
+        expect(device(page, "Robot2").get_by_text("Ready", exact=True)).to_be_visible()
     assert fleet(system)["Robot2"]["simulated"]["faults"] == []
 
 

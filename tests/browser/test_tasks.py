@@ -50,7 +50,8 @@ def over(seen: dict[str, Any]) -> bool:
 
 
 def carries(seen: dict[str, Any]) -> bool:
-    return any("carries" in event["text"] for event in seen["events"])
+    notes = (event["event"]["note"] for event in seen["events"] if event["event"]["type"] == "ProgressNoted")
+    return any("carries" in note for note in notes)
 
 
 def holds(system: Running, formula: str) -> bool:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from typing import get_args
+from urllib.request import urlopen
 
+import msgspec
 import pytest
 
 from somrs.api.remote import LiveApi
@@ -15,6 +19,7 @@ from somrs.client.hub import News
 from somrs.client.refusals import NotFound
 from somrs.errors import UsageError
 from somrs.protocol.messages.clients import ContractView, MessageView, Phase, Submit
+from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager import manager
 from tests.support.small_system import Porter, SmallSystem, running
@@ -236,3 +241,29 @@ def test_the_command_line_shows_bids_and_messages_of_a_task_that_runs(tmp_path: 
         assert "Execute" in capsys.readouterr().out
 
     played(tmp_path, scenario, Porter("Robot1", price=10, seconds=5), Porter("Robot2", price=20))
+
+
+def test_an_event_comes_as_a_struct_for_programs_and_as_a_sentence_for_people(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi) -> None:
+        task = (await desk.tasks.submit(Submit(effect=WISH))).task
+        await ended(desk, task)
+        events = msgspec.to_builtins(await desk.tasks.read(task))["events"]
+        done = next(event for event in events if event["event"]["type"] == "StepCompleted")
+        assert done["event"] == {"type": "StepCompleted", "service": "Robot1.TransferObject", "situation": WISH}
+        assert done["text"] == f"Robot1.TransferObject completed: {WISH}"
+        assert events[-1]["event"] == {"type": "TaskEnded", "outcome": "accomplished"}
+
+    played(tmp_path, scenario, Porter("Robot1"))
+
+
+def test_the_description_of_the_api_has_every_kind_of_event(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, desk: LiveApi) -> None:
+        described_at = f"{desk.client.url}/openapi.json"
+        schemas = json.loads(await asyncio.to_thread(lambda: urlopen(described_at).read()))["components"]["schemas"]
+        described, _ = schemas["TaskEvent"]["properties"]["event"]["anyOf"]  # or null, in records of SO-MRS 0.1
+        names = {kind.__name__ for kind in get_args(Event)}
+        assert {one["$ref"].rpartition("/")[2] for one in described["anyOf"]} == names
+        assert set(described["discriminator"]["mapping"]) == names
+        assert schemas["StepFailed"]["properties"]["type"] == {"enum": ["StepFailed"]}
+
+    played(tmp_path, scenario, Porter("Robot1"))

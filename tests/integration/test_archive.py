@@ -214,6 +214,8 @@ def test_csv_tables_have_a_row_for_each_thing(stopped: Path, recovered: TaskReco
         assert set(rows[table][0]) == set(columns(table))
     assert json.loads(rows[Table.WORK][0]["inputs"])["Object"] == "Jar002"
     assert {row["accepted"] for row in rows[Table.CONTRACTS]} == {"true", "false"}
+    assert json.loads(first["reasons"]) == [*recovered.reasons]
+    assert {json.loads(row["event"])["type"] for row in rows[Table.EVENTS]} >= {"TaskStated", "StepCompleted", "TaskEnded"}
     assert all(row["at"].endswith("Z") for row in rows[Table.MESSAGES])
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from msgspec import structs
+
 from somrs.client.task_report import view
 from somrs.gui.pages.task import asked_about
+from somrs.gui.pages.task_chapters import Chapter, failures, summary
 from somrs.gui.pages.task_ending import consequences
-from somrs.gui.pages.task_story import Chapter, failures, story, summary
+from somrs.gui.pages.task_story import story
+from somrs.gui.pages.task_terms import verdict
 from somrs.gui.pages.task_words import gist
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.messages.clients import CancelTask, TaskRecord
@@ -123,3 +127,18 @@ def test_figures_are_left_out_where_more_is_said_than_they_say() -> None:
     robot = "Robot2.PositionX = 7.3 AND Robot2.PositionY = 2.9 AND Robot2.RotationZ = -0.4"
     assert gist(f"Jar002 isOn Platform001 AND {figures} AND {robot}") == "Jar002 isOn Platform001"
     assert gist(f"it left {figures} AND {robot}") == "it left Jar002 at 7.9, 2.56 m"
+
+
+def test_what_became_of_each_bid_is_known_without_reading_why() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60), Robot("Robot2", 25, 60), Robot("Robot3", 5, 60, refuses="it rains"))
+    system.finish(system.submit(WISH))
+    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
+    steps = [contract.step for contract in record.contracts if contract.accepted]
+    bids = {contract.service: verdict(contract, steps).text for contract in record.contracts}
+    assert bids == {
+        "Robot1.TransferObject": "Chosen, done",
+        "Robot2.TransferObject": "Not chosen",
+        "Robot3.TransferObject": "Refused",
+    }
+    before = [structs.replace(contract, refused=None) for contract in record.contracts if contract.refused]
+    assert [verdict(contract, steps).text for contract in before] == ["Let go"]

@@ -86,7 +86,7 @@ def test_a_failure_is_told_once_with_what_it_left(stranded: TaskRecord) -> None:
     text = shown(Story.of(stranded))
     assert "! Stranded" in text
     assert text.count("could not be undone, and it left") == 1
-    assert stranded.explanation.split("; ")[0][:40] in text
+    assert stranded.reasons[0][:40] in text
 
 
 def test_messages_are_told_from_the_task_managers_side_without_every_heartbeat(looked_at: TaskRecord) -> None:

@@ -232,7 +232,7 @@ class Witness:
             if not holds(parse(seen.effect), manager.state.replica.map, manager.state.replica.ontology):
                 raise Violation(Property.MAP, f"{task.id} ended accomplished, and {seen.effect} is not so on the map")
             return
-        if not seen.explanation:
+        if not seen.reasons:
             raise Violation(Property.SILENCE, f"{task.id} ended {seen.outcome}, and nothing says why")
         for work in seen.work:
             self._accounted(work, seen)
@@ -243,7 +243,7 @@ class Witness:
         if work.state is State.EXECUTING:
             raise Violation(Property.SILENCE, f"{seen.task} ended {seen.outcome}, and {work.service} is still at work for it")
         left = work.situation or "nothing is known"
-        if work.state is State.STRANDED and not (work.service in seen.explanation and left in seen.explanation):
+        if work.state is State.STRANDED and not any(work.service in reason and left in reason for reason in seen.reasons):
             raise Violation(Property.SILENCE, f"{work.service} left {work.situation}, and is not in the explanation: {seen.explanation}")
 
     def _nothing_left(self, task: TaskState, seen: TaskView) -> None:

@@ -11,6 +11,7 @@ from enum import StrEnum
 import msgspec
 
 from somrs.api.context import Context
+from somrs.api.device_state import DeviceState, is_working, state_of
 from somrs.api.reliability_stats import WINDOW, Experience, Tally, device_of
 from somrs.api.service_presence import Coming
 from somrs.api.simulator_gateway import Simulated, break_or_mend, robots
@@ -94,8 +95,10 @@ class DeviceSeen(msgspec.Struct, frozen=True, kw_only=True):
     type: str
     lineage: tuple[str, ...]
     presence: Presence
+    state: DeviceState
     label: str | None = None
     working: bool = True
+    """Whether nothing of it is broken, as far as is known."""
     position: tuple[float, ...] | None = None
     place: str | None = None
     """The storey that it is on."""
@@ -175,13 +178,21 @@ class FleetDesk:
         offered = [self._service(offer) for offer in offers]
         if not offered and going is not None:
             offered = [self._former(service) for service in going.services]
+        working = is_working(value_of(name, WORKING, map, ontology) is not False, state.faults if state is not None else None)
         return DeviceSeen(
             name=name,
             type=type_name,
             lineage=ontology.ancestors(type_name),
             presence=Presence.OFFERS if offers else Presence.SILENT if object is not None else Presence.GONE,
             label=_text(value_of(name, "Label", map, ontology)),
-            working=value_of(name, WORKING, map, ontology) is not False,
+            working=working,
+            state=state_of(
+                on_map=object is not None,
+                offers=bool(offers),
+                working=working,
+                busy=any(one.state in BUSY for one in doing),
+                booked=bool(doing),
+            ),
             position=self._position(name),
             place=self._place(name),
             holding=tuple(arguments[0] for arguments in map.facts_with(HELD_BY, 1, name)),

@@ -8,7 +8,8 @@ from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
-from somrs.api.fleet import BUSY, Devices, DeviceSeen, Presence
+from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
+from somrs.api.fleet import BUSY, Devices, DeviceSeen
 from somrs.api.service import desk_of
 from somrs.client import terminal
 from somrs.client.client import Addresses
@@ -16,6 +17,16 @@ from somrs.client.refusals import Trouble
 
 SHOWN = 5
 """Comings and goings that are shown."""
+
+SIGNS = {
+    DeviceState.READY: ("✔", "green"),
+    DeviceState.BUSY: ("▶", "green"),
+    DeviceState.BOOKED: ("▷", "green"),
+    DeviceState.NOT_WORKING: ("✘", "red"),
+    DeviceState.NOTHING_ON_OFFER: ("", "yellow"),
+    DeviceState.GONE: ("", "dim"),
+}
+"""A sign and a colour for each state; colour is never the only sign."""
 
 
 async def fleet(data: Path, *, follow: bool, json: bool) -> None:
@@ -52,19 +63,13 @@ def seen(found: Devices) -> Group:
 
 
 def _state(device: DeviceSeen) -> Text:
-    if device.presence is Presence.GONE:
-        state = Text("gone", style="dim")
-    elif not device.working:
-        state = Text("✘ not working", style="red")
-    elif device.presence is Presence.SILENT:
-        state = Text("nothing on offer", style="yellow")
-    else:
-        state = Text("✔ on offer", style="green")
+    sign, colour = SIGNS.get(device.state, ("", ""))
+    state = Text(f"{sign} {LABELS[device.state].lower()}".strip(), style=colour)
     state.append(f"\nload {100 * device.load:.0f} %", style="dim")
     if device.charge is not None:
         state.append(f"\nbattery {device.charge:.0f} %", style="dim")
     for fault in device.simulated.faults if device.simulated is not None else ():
-        state.append(f"\n! fault: {fault}", style="red")
+        state.append(f"\n! {FAULT_LABELS[fault]}", style="red")
     return state
 
 

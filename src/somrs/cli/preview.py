@@ -10,6 +10,7 @@ from rich.text import Text
 
 from somrs.client import terminal
 from somrs.client.client import Addresses, Client
+from somrs.client.task_report import reasons
 from somrs.protocol.messages.clients import Preview, Previewed, Quotation
 
 
@@ -20,10 +21,10 @@ async def plan(wanted: Preview, data: Path, *, json: bool) -> int:
     if json:
         terminal.print_json(found)
     elif not found.steps:
-        print(found.explanation)
+        print("\n".join(reasons(found)))
     else:
         terminal.console().print(preview(found, quoted=wanted.quotes))
-    return 0 if found.steps or found.explanation.startswith("nothing to do") else 1
+    return 0 if found.steps or not found.reasons else 1
 
 
 def preview(found: Previewed, *, quoted: bool) -> Group:

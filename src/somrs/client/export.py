@@ -49,8 +49,8 @@ class Format(StrEnum):
 
 
 TASK_COLUMNS = (
-    "task", "effect", "outcome", "explanation", "submitted_at", "ended_at", "seconds", "client", "precondition", "policy", "deadline",
-    "priority", "steps", "work", "completed", "compensated", "stranded", "setbacks", "price", "currency",
+    "task", "effect", "outcome", "explanation", "reasons", "submitted_at", "ended_at", "seconds", "client", "precondition", "policy",
+    "deadline", "priority", "steps", "work", "completed", "compensated", "stranded", "setbacks", "price", "currency",
 )  # fmt: skip
 TIMES = frozenset(("at", "began", "ended", "valid_until", "submitted_at", "ended_at"))
 """Columns that are moments, written as ISO 8601 in UTC."""
@@ -183,6 +183,6 @@ def _cell(name: str, value: object) -> Cell:
         return "true" if value else "false"
     if isinstance(value, Enum):
         return str(value.value)
-    if isinstance(value, dict):
-        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, dict | tuple | msgspec.Struct):
+        return json.dumps(msgspec.to_builtins(value), ensure_ascii=False)
     return value if isinstance(value, str | float | int) else None

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from somrs.protocol.messages.clients import ContractView, Phase, TaskEvent, TaskRecord, TaskView
+from somrs.protocol.messages.clients import ContractView, Phase, Previewed, TaskEvent, TaskRecord, TaskRow, TaskView
 
 
 class Story(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,3 +38,8 @@ def builtins(story: Story) -> dict[str, Any]:
 def is_named(id: str, name: str) -> bool:
     """Whether the name is the task's id, or the beginning of it."""
     return bool(name) and (id == name or id.rpartition(":")[2].startswith(name.rpartition(":")[2].lower()))
+
+
+def reasons(of: TaskView | TaskRow | TaskRecord | Previewed) -> tuple[str, ...]:
+    """Why it is so, each reason by itself; what SO-MRS 0.1 kept has the whole explanation only."""
+    return of.reasons or ((of.explanation,) if of.explanation else ())

@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import datetime
 
 import msgspec
-from msgspec import structs
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group
 from rich.padding import Padding
@@ -16,11 +15,13 @@ from rich.table import Table
 from rich.text import Text
 
 from somrs.client.message_chart import SETBACKS, said
+from somrs.client.state_labels import OUTCOMES, task_state
+from somrs.client.task_report import reasons
 from somrs.client.trace import Line
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.protocol.messages.clients import StepView, TaskEvent, TaskView, WorkView
 from somrs.protocol.messages.directory import Offer
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.events import EventKind, TaskEnded
 from somrs.protocol.messages.frp import Outcome, State
 
 MARKS = {Outcome.ACCOMPLISHED: ("✔", "green"), Outcome.FAILED: ("✘", "red"), Outcome.CANCELLED: ("■", "yellow")}
@@ -139,18 +140,22 @@ def plan(found: Sequence[StepView]) -> Table:
 
 def outcome(view: TaskView) -> Text:
     """How far a task is, or how it ended, and the first reason for that."""
+    why = "".join(f": {reason}" for reason in reasons(view)[:1])
+    return how(view).append(why, style="not bold" if view.outcome is None else None)
+
+
+def how(view: TaskView) -> Text:
+    """How far a task is, or how it ended."""
     if view.outcome is None:
-        return Text(view.phase.value, style="bold").append(f": {view.explanation}" if view.explanation else "", style="not bold")
+        return Text(task_state(view.phase, None).lower(), style="bold")
     sign, colour = MARKS[view.outcome]
     seconds = f" in {view.ended_at - view.submitted_at:.1f} s" if view.ended_at is not None else ""
-    said = Text(f"{sign} {view.outcome.value}{seconds}", style=colour)
-    return said.append(f": {view.explanation.partition('; ')[0]}") if view.explanation else said
+    return Text(f"{sign} {task_state(view.phase, view.outcome).lower()}{seconds}", style=colour)
 
 
 def ending(view: TaskView) -> Group:
     """How far a task is, or how it ended and why, a reason a line."""
-    reasons = [Padding(Text(reason), (0, 0, 0, 2)) for reason in view.explanation.split("; ") if reason]
-    return Group(outcome(structs.replace(view, explanation="")), *reasons)
+    return Group(how(view), *(Padding(Text(reason), (0, 0, 0, 2)) for reason in reasons(view)))
 
 
 def tasks(found: Sequence[TaskView]) -> Table:
@@ -206,7 +211,7 @@ def events(happened: Iterable[TaskEvent]) -> Table:
         colour = COLOURS.get(one.kind, "bold cyan")
         kind = Text("" if one.kind is EventKind.NEWS else one.kind.value, style=colour)
         step = f"{one.step}: " if one.step else ""
-        text = one.text.partition(":")[0] if one.kind is EventKind.END else one.text
+        text = OUTCOMES[one.event.outcome].lower() if isinstance(one.event, TaskEnded) else one.text
         made.add_row(clock(one.at), kind, Text.assemble((step, "bold"), text))
     return made
 

@@ -7,6 +7,7 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
+from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
 from somrs.api.fleet import BUSY, DeviceSeen, Doing, Presence, ServiceSeen
 from somrs.devices.simulator.link.commands import Fault
 from somrs.gui.icons import Badge, Gauge, Sign, clock, listed
@@ -22,12 +23,22 @@ ICONS = {
 """By type; that of the nearest type above counts."""
 
 FAULTS = {
-    Fault.DRIVE: ("Drive broken", "Break the drive", "Mend the drive"),
-    Fault.GRIPPER: ("Gripper stuck", "Jam the gripper", "Free the gripper"),
-    Fault.SILENT: ("Silent", "Make it silent", "Let it speak again"),
-    Fault.LINK: ("Link cut", "Cut the link", "Mend the link"),
+    Fault.DRIVE: ("Break the drive", "Mend the drive"),
+    Fault.GRIPPER: ("Jam the gripper", "Free the gripper"),
+    Fault.SILENT: ("Make it silent", "Let it speak again"),
+    Fault.LINK: ("Cut the link", "Mend the link"),
 }
-"""What a fault is called, how it is made, and how it is mended."""
+"""How a fault is made, and how it is mended."""
+
+SIGNS = {
+    DeviceState.READY: ("check_circle", "good"),
+    DeviceState.BUSY: ("play_circle", "busy"),
+    DeviceState.BOOKED: ("event", "busy"),
+    DeviceState.NOT_WORKING: ("error", "bad"),
+    DeviceState.NOTHING_ON_OFFER: ("cloud_off", "busy"),
+    DeviceState.GONE: ("logout", "plain"),
+}
+"""The icon and the tone of each state."""
 
 LEAVING = {"expired": "fell silent", "retracted": "withdrew its services"}
 """The Registry's words for going, as people say it."""
@@ -44,17 +55,8 @@ def icon(device: DeviceSeen) -> str:
 
 def state(device: DeviceSeen) -> Sign:
     """The one word that says most of a device."""
-    if device.presence is Presence.GONE:
-        return Sign("logout", "Gone", "plain")
-    if not device.working:
-        return Sign("error", "Not working", "bad")
-    if device.presence is Presence.SILENT:
-        return Sign("cloud_off", "Nothing on offer", "busy")
-    if any(one.state in BUSY for one in device.doing):
-        return Sign("play_circle", "Busy", "busy")
-    if device.doing:
-        return Sign("event", "Booked", "busy")
-    return Sign("check_circle", "Ready", "good")
+    icon, tone = SIGNS[device.state]
+    return Sign(icon, LABELS[device.state], tone)
 
 
 class DeviceCard:
@@ -119,7 +121,7 @@ class DeviceCard:
             button.classes("somrs-turn")
             ui.tooltip("Break or mend something of this simulated robot").props('anchor="top middle" self="bottom middle"')
             with ui.menu():
-                for fault, (_, breaks, mends) in FAULTS.items():
+                for fault, (breaks, mends) in FAULTS.items():
                     broken = fault in faults
                     with ui.menu_item(on_click=lambda fault=fault, broken=broken: self._break(self.device.name, fault, broken)):
                         ui.icon("build" if broken else "flash_on").classes("somrs-menu-icon").props('aria-hidden="true"')
@@ -130,7 +132,7 @@ class DeviceCard:
         self._faults.visible = bool(faults)
         with self._faults:
             for fault in faults:
-                Badge(Sign("warning", FAULTS[fault][0], "bad"))
+                Badge(Sign("warning", FAULT_LABELS[fault].capitalize(), "bad"))
 
     def _fill_doing(self) -> None:
         self._doing.clear()

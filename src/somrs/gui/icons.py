@@ -8,6 +8,7 @@ from datetime import datetime
 
 from nicegui import ui
 
+from somrs.client import state_labels
 from somrs.protocol.messages.frp import Outcome
 
 
@@ -21,9 +22,9 @@ class Sign:
 
 
 OUTCOMES = {
-    Outcome.ACCOMPLISHED: Sign("check_circle", "Accomplished", "good"),
-    Outcome.FAILED: Sign("cancel", "Failed", "bad"),
-    Outcome.CANCELLED: Sign("stop_circle", "Cancelled", "plain"),
+    Outcome.ACCOMPLISHED: Sign("check_circle", state_labels.OUTCOMES[Outcome.ACCOMPLISHED], "good"),
+    Outcome.FAILED: Sign("cancel", state_labels.OUTCOMES[Outcome.FAILED], "bad"),
+    Outcome.CANCELLED: Sign("stop_circle", state_labels.OUTCOMES[Outcome.CANCELLED], "plain"),
 }
 
 

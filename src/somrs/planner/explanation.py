@@ -14,7 +14,7 @@ from somrs.ontology.truth import bindings, holds
 from somrs.planner.grounding.grounding import Grounding, TooLarge
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.model.operators import Inexpressible, goal_operators
-from somrs.planner.model.plan import NoPlan
+from somrs.planner.model.plan import NoPlan, Obstacle
 from somrs.planner.model.problem import Available, Lost, Problem
 from somrs.planner.model.world import World
 from somrs.planner.search.conflict import impossible, smallest, torn
@@ -30,7 +30,11 @@ def unmet_precondition(problem: Problem) -> NoPlan | None:
     parts = conjuncts(problem.precondition)
     denied = [part for part in parts if not holds(part, problem.map, problem.ontology)] or parts
     said = " and ".join(map(str, denied))
-    return NoPlan(explanation=f"the task starts from {said}, which does not hold on the map", missing=tuple(map(str, denied)))
+    return NoPlan(
+        explanation=f"the task starts from {said}, which does not hold on the map",
+        missing=tuple(map(str, denied)),
+        obstacles=(Obstacle.PRECONDITION,),
+    )
 
 
 def why_not(problem: Problem, world: World, guessed: bool = False) -> NoPlan:
@@ -54,6 +58,8 @@ def why_not(problem: Problem, world: World, guessed: bool = False) -> NoPlan:
         unoffered=tuple(best.unoffered),
         undecided=guessed or bool(left_out),
         said=tuple(best.said),
+        obstacles=tuple(obstacle for obstacle in Obstacle if obstacle in best.obstacles),
+        lost=tuple(best.lost),
     )
 
 
@@ -67,6 +73,8 @@ class _Reasons:
     missing: dict[str, None] = field(default_factory=dict)
     unoffered: dict[str, None] = field(default_factory=dict)
     said: dict[str, None] = field(default_factory=dict)
+    obstacles: set[Obstacle] = field(default_factory=set)
+    lost: dict[str, None] = field(default_factory=dict)
 
     def explain_all(self, parts: Sequence[Literal]) -> None:
         """Why the parts of the goal cannot come about: each that cannot, else as few as possible that cannot together."""
@@ -83,6 +91,7 @@ class _Reasons:
             self.explain(together[0], DEPTH)
             return
         thing = torn(together, self.world)
+        self.obstacles.update([Obstacle.TWO_PLACES] * (thing is not None))
         because = f": {thing} would be in two places at a time" if thing is not None else ", in no order of services"
         self.said[f"{' and '.join(map(_wish, together))} can each be brought about, but not all together{because}"] = None
 
@@ -115,10 +124,12 @@ class _Reasons:
     def _unknown_objects(self, literal: Literal) -> bool:
         unknown = [name for name in self._objects(literal) if name not in self.problem.map.objects]
         for name in unknown:
+            self.obstacles.add(Obstacle.NO_OBJECT)
             hint = nearest(name, self.problem.map.objects)
             self.said[f"{literal}: there is no object {name} on the map" + (f"; {hint}" if hint else "")] = None
         kept = [name for name in names(literal) if name in self.problem.excluded]
         for name in kept:
+            self.obstacles.add(Obstacle.PROMISED)
             self.said[f"{literal}: {not_usable(name)}"] = None
         return bool(unknown or kept)
 
@@ -141,15 +152,19 @@ class _Reasons:
         nobody = [name for name, services in lost.items() if not services]
         self.unoffered.update(dict.fromkeys(nobody))
         for name, providers in busy.items():
+            self.obstacles.add(Obstacle.PROMISED)
             why = f"{' and '.join(providers)} are promised to other tasks, or nobody knows what state they are in"
             why = not_usable(providers[0]) if len(providers) == 1 else why
             self.said[f"{_wish(literal)} could be brought about by {name}, but {why}"] = None
         for name, services in lost.items():
             if services:
+                self.lost.update((one.service, None) for one in services)
                 self.said[f"{_wish(literal)} could be brought about by {name}, but nobody is left to do it ({_each(services)})"] = None
         if nobody:
+            self.obstacles.add(Obstacle.NOT_OFFERED)
             self.said[f"{_wish(literal)} could be brought about by {' or '.join(nobody)}, which nobody offers now"] = None
         if not absent:
+            self.obstacles.add(Obstacle.NO_SERVICE_TYPE)
             self.missing[_wish(literal)] = None
             unfit = next((f": {said}" for service in known.values() for said in self._unfit(service, literal)), "")
             self.said[f"{_wish(literal)} does not hold on the map, and no service type brings it about{unfit}"] = None

@@ -16,7 +16,7 @@ from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.model.choice import opened
 from somrs.planner.model.operators import Inexpressible, Operator, goal_operators
-from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.plan import NoPlan, Obstacle, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.quality import best
 from somrs.planner.model.world import World
@@ -110,7 +110,9 @@ def _said(problem: Problem) -> Plan | NoPlan | None:
     if not holds(problem.goal, problem.map, problem.ontology):
         return None
     doubtful = [name for name in names(problem.goal) if name in problem.excluded]
-    return NoPlan(explanation=f"{problem.goal}: {not_usable(doubtful[0])}") if doubtful else Plan()
+    if doubtful:
+        return NoPlan(explanation=f"{problem.goal}: {not_usable(doubtful[0])}", obstacles=(Obstacle.PROMISED,))
+    return Plan()
 
 
 def _stated(problem: Problem) -> tuple[World, list[Operator]]:

@@ -6,10 +6,11 @@ after a restart, and is one task.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from msgspec import Struct, structs
 
+from somrs.client.task_report import reasons
 from somrs.errors import InputError
 from somrs.kernel.component import Effect, Send
 from somrs.protocol.messages.bodies import Body
@@ -119,10 +120,10 @@ class Execution:
             case Fault(text=why) if isinstance(question.body, Submit):
                 return self._refused(question.order, run, why)
             case TaskNews(view=view):
-                return self._seen(question.order, run, view.phase, view.outcome, view.ended_at, view.explanation, now)
+                return self._seen(question.order, run, view.phase, view.outcome, view.ended_at, reasons(view), now)
             case Records(records=records) if records:
                 kept = records[0]
-                return self._seen(question.order, run, Phase.ENDED, kept.outcome, kept.ended_at, kept.explanation, now)
+                return self._seen(question.order, run, Phase.ENDED, kept.outcome, kept.ended_at, reasons(kept), now)
             case Records():
                 return self._unknown(question.order, run, now)
             case _ if isinstance(question.body, ReadRecords):
@@ -176,11 +177,10 @@ class Execution:
         return next((run for run in self._book.runs_of(question.order) if run.due == question.due and run.open), None)
 
     def _seen(
-        self, order: str, run: Run, phase: Phase, outcome: Outcome | None, ended_at: float | None, explanation: str, now: float
+        self, order: str, run: Run, phase: Phase, outcome: Outcome | None, ended_at: float | None, why: Sequence[str], now: float
     ) -> list[Effect]:
         if phase is Phase.ENDED:
-            why = explanation.partition("; ")[0]
-            over = structs.replace(run, state=RunState.SUBMITTED, outcome=outcome, ended_at=ended_at or now, note=why)
+            over = structs.replace(run, state=RunState.SUBMITTED, outcome=outcome, ended_at=ended_at or now, note=why[0] if why else "")
             return self._note(order, over)
         if run.state is RunState.SUBMITTED:
             return self._follow(order, run, now)

@@ -9,7 +9,7 @@ from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
-from somrs.planner.model.plan import NoPlan
+from somrs.planner.model.plan import NoPlan, Obstacle
 from somrs.planner.model.problem import Available, Problem
 from somrs.planner.planning import plan, quick
 from tests.integration.test_planner_engine import tower
@@ -58,6 +58,7 @@ def test_of_a_long_wish_the_two_parts_that_exclude_each_other_are_named() -> Non
     found = refused(problem(wish, TRANSFER, WASH))
     assert set(found.unreachable) == {"Jar001 isOn Shelf2", "Jar001 isOn Platform001"}
     assert "Jar001 would be in two places at a time" in found.explanation
+    assert found.obstacles == (Obstacle.TWO_PLACES,)
     assert not found.undecided
 
 
@@ -80,6 +81,7 @@ def test_a_provider_that_is_taken_is_named() -> None:
     found = refused(cellar("Lamp1.Lit = TRUE", ("Robot1", "Robot2"), frozenset({"Robot1", "Robot2"})))
     assert "could be brought about by LightLamp, but Robot1 and Robot2 are promised to other tasks" in found.explanation
     assert found.unoffered == ()
+    assert found.obstacles == (Obstacle.PROMISED,)
 
 
 def test_what_is_too_large_is_not_said_to_be_impossible(monkeypatch: pytest.MonkeyPatch) -> None:

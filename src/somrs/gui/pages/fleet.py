@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from nicegui import ui
 
+from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
 from somrs.api.fleet import BUSY, Devices, DeviceSeen, Presence
 from somrs.api.remote import LiveApi
 from somrs.api.service_presence import Coming
@@ -11,7 +12,7 @@ from somrs.client.hub import News
 from somrs.client.refusals import Trouble, trouble
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import SomrsError
-from somrs.gui.device_card import FAULTS, LEAVING, DeviceCard
+from somrs.gui.device_card import LEAVING, DeviceCard
 from somrs.gui.icons import clock, listed
 from somrs.gui.news import follow
 from somrs.gui.question_panel import Asked
@@ -100,8 +101,8 @@ class _Fleet:
 
     async def _break(self, robot: str, fault: Fault, repair: bool) -> None:
         await self._desk.fleet.fault(robot, fault, repair)
-        name, _, _ = FAULTS[fault]
-        tell(f"{robot}: mended ({name.lower()})" if repair else f"{robot}: {name.lower()}")
+        name = FAULT_LABELS[fault]
+        tell(f"{robot}: mended ({name})" if repair else f"{robot}: {name}")
         await self.read()
 
 
@@ -110,13 +111,13 @@ def _summary(devices: tuple[DeviceSeen, ...]) -> str:
         return [f"{count} {text}"] if count else []
 
     here = [device for device in devices if device.presence is not Presence.GONE]
-    faults = sum(bool(device.simulated and device.simulated.faults) or not device.working for device in here)
+    broken = sum(device.state is DeviceState.NOT_WORKING for device in here)
     return " · ".join(
         [
             f"{len(here)} device{'s' if len(here) != 1 else ''}",
             *some(sum(device.presence is Presence.OFFERS for device in here), "on offer"),
             *some(sum(any(one.state in BUSY for one in device.doing) for device in here), "busy"),
-            *some(faults, "with a fault"),
+            *some(broken, LABELS[DeviceState.NOT_WORKING].lower()),
             *some(len(devices) - len(here), "gone lately"),
         ]
     )

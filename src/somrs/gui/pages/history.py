@@ -13,6 +13,7 @@ from somrs.api.reliability_stats import device_of
 from somrs.api.remote import LiveApi
 from somrs.api.task_feed import TasksChanged
 from somrs.client.hub import News
+from somrs.client.task_report import reasons
 from somrs.gui.icons import OUTCOMES, clock, lasted
 from somrs.gui.news import follow
 from somrs.gui.shell import guarded, page
@@ -230,7 +231,7 @@ def _row(record: TaskRecord) -> dict[str, object]:
     sign = OUTCOMES[record.outcome]
     devices = list(dict.fromkeys(device_of(work.service) for work in record.work))
     failed = sum(work.result in (State.FAILED, State.UNREACHABLE) for work in record.work)
-    reason = record.explanation.partition("; ")[0] if record.outcome is not Outcome.ACCOMPLISHED else ""
+    reason = next(iter(reasons(record)), "") if record.outcome is not Outcome.ACCOMPLISHED else ""
     recovered = f"{failed} step{'s' if failed != 1 else ''} failed on the way" if failed and not reason else ""
     return {
         "task": record.task,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from somrs.api.fleet import Devices, Presence
+from somrs.api.fleet import Devices
 from somrs.api.remote import LiveApi
 from somrs.api.system import PartSeen, SystemSeen
 from somrs.client.hub import News
+from somrs.gui.device_card import state
 from somrs.gui.icons import Badge, Sign
 from somrs.gui.news import follow
+from somrs.gui.pages.task_words import sign
 from somrs.gui.shell import PLACES, page
 
 MOST_TASKS = 6
@@ -57,7 +59,7 @@ def register(desk: LiveApi) -> None:
             with tasks:
                 for task in found.rows:
                     with ui.link(target=f"/tasks/{task.task}").classes("somrs-start-row"):
-                        Badge(Sign("pending", task.phase.value.capitalize(), "busy"))
+                        Badge(sign(task.phase, task.outcome))
                         ui.label(task.effect).classes("somrs-formula")
                 if not found.rows:
                     ui.label("No task is under way.").classes("somrs-soft")
@@ -68,12 +70,7 @@ def register(desk: LiveApi) -> None:
             with fleet:
                 for device in seen.devices:
                     with ui.element("div").classes("somrs-start-row"):
-                        if not device.working:
-                            Badge(Sign("error", "Broken", "bad"))
-                        elif device.presence is Presence.OFFERS:
-                            Badge(Sign("play_circle", "Busy", "busy") if device.doing else Sign("check_circle", "Ready", "good"))
-                        else:
-                            Badge(Sign("link_off", device.presence.value.capitalize(), "plain"))
+                        Badge(state(device))
                         ui.label(device.name)
                         ui.label(", ".join(dict.fromkeys(one.type for one in device.services))).classes("somrs-soft")
                 if not seen.devices:

@@ -7,6 +7,7 @@ import time
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
+from somrs.client.task_report import reasons
 from somrs.gui.icons import Badge, clock, lasted
 from somrs.gui.pages.task_ending import Ending
 from somrs.gui.pages.task_words import PHASES, counted, due, gist, key, sign
@@ -42,7 +43,7 @@ class Head:
                     _fact("From").set_text(view.precondition)
                 _fact("Id").set_text(key(view.task)[:8])
             self._why = ui.element("ul").classes("somrs-task-why").props('role="status"')
-        self._told: str | None = None
+        self._told: tuple[str, ...] | None = None
         self._clock = ui.timer(1.0, self._tick)
         self.show(view)
 
@@ -68,14 +69,15 @@ class Head:
         self._fill.style(f"background: var(--{tone})")
         self._cancel.visible = not over
         self._record.props(f'href="/api/{"records" if over else "tasks"}/{view.task}"')
-        if view.explanation != self._told:
-            self._told = view.explanation
+        why = reasons(view)
+        if why != self._told:
+            self._told = why
             self._why.clear()
             with self._why:
-                for reason in [part for part in view.explanation.split("; ") if part]:
+                for reason in why:
                     with ui.element("li"):
-                        ui.label(gist(reason[:1].upper() + reason[1:])).tooltip(reason)
-        self._why.visible = bool(view.explanation)
+                        ui.label(item(reason)).tooltip(reason)
+        self._why.visible = bool(why)
         if over:
             self._clock.deactivate()
         self._tick()
@@ -86,6 +88,11 @@ class Head:
         took = lasted(max(0.0, until - view.submitted_at))
         self._took.set_text(f"{took}, until {clock(view.ended_at)}" if view.ended_at is not None else f"{took} so far")
         self._due.set_text(due(view.submitted_at, view.deadline, view.outcome is not None, now))
+
+
+def item(reason: str) -> str:
+    """A reason as it stands in the list."""
+    return gist(reason[:1].upper() + reason[1:])
 
 
 def progress(view: TaskView) -> tuple[int, float]:

@@ -1,70 +1,35 @@
-"""The story of a task, told from its events: what was begun, each failure with what was done about it and what came of that, what was
-undone, and the end. How it looks is `task_telling.py`."""
+"""The story of a task, made of its events: what was begun, each failure with what was done about it and what came of that, what was
+undone, and the end. Its parts are in `task_chapters.py`, how it looks in `task_telling.py`."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from itertools import groupby
 
+from somrs.client import state_labels
+from somrs.client.task_report import reasons
+from somrs.gui.pages.task_chapters import ANSWERS, LABELS, Chapter, Line
 from somrs.gui.pages.task_words import counted, gist
-from somrs.protocol.messages.clients import TaskEvent, TaskView
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages import events
+from somrs.protocol.messages.clients import Phase, TaskEvent, TaskView
+from somrs.protocol.messages.event_text import failure
+from somrs.protocol.messages.events import Event, EventKind, kind_of
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.people import person
 
-RUNGS = {
-    EventKind.HANDLER: "As laid down",
-    EventKind.LOOK: "Look",
-    EventKind.REPLACE: "Rung 1: replace",
-    EventKind.REPLAN: "Rung 2: plan anew",
-    EventKind.UNDO: "Rung 3: undo",
-}
-"""What the rungs of the ladder are called (docs/recovery.md), and what goes before them."""
-
 LOST = (State.FAILED, State.STOPPED, State.UNREACHABLE)
-OTHERS = "others are to restore"
-PURSUED = (OTHERS, "undoing it by what was laid down")
-"""How undoing is told of for which there is a plan."""
-BLOCKED = "undoing what failed"
-UNDOING = re.compile("could not undo it|could not be undone|is not undone")
-TURN = "waiting for its turn"
-SILENT = "is silent; asking for its state"
+
+ENDINGS = {
+    Outcome.ACCOMPLISHED: (state_labels.OUTCOMES[Outcome.ACCOMPLISHED], "good", "The task was accomplished all the same."),
+    Outcome.FAILED: (state_labels.OUTCOMES[Outcome.FAILED], "bad", "Nothing helped: rung 4, the task was given up."),
+    Outcome.CANCELLED: (state_labels.OUTCOMES[Outcome.CANCELLED], "plain", "The task was cancelled before anything came of it."),
+}
+"""For each outcome the title of the last chapter, its tone, and what came of failures that were not answered until then."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
-    """Something that was done about a failure. `rung`: its name, for the first line of each."""
+class _Story:
+    """Takes a task's events one by one. `told` in its methods is an event as it was noted, `event` what happened."""
 
-    at: float
-    text: str
-    rung: str = ""
-
-
-@dataclass(slots=True, kw_only=True)
-class Chapter:
-    """A part of the story. `tone`: good, bad, busy or plain. Of a failure, `number` counts from 1, `left` is the situation that it left,
-    `lines` are what was done about it, and `result` what came of that."""
-
-    at: float
-    icon: str
-    title: str
-    tone: str = "plain"
-    text: str = ""
-    step: str | None = None
-    number: int | None = None
-    left: str = ""
-    lines: list[Line] = field(default_factory=list)
-    result: str = ""
-    result_tone: str = "busy"
-    ended: float | None = None
-
-    def close(self, result: str, tone: str, at: float) -> None:
-        if not self.result:
-            self.result, self.result_tone, self.ended = result, tone, at
-
-
-class _Teller:
     def __init__(self, view: TaskView) -> None:
         self._view = view
         self.chapters: list[Chapter] = []
@@ -77,199 +42,220 @@ class _Teller:
         self._plans_aside = False
         """The next plan is for that, or for undoing, and not the task's."""
 
-    def hear(self, event: TaskEvent) -> None:
-        match event.kind:
-            case EventKind.SETBACK:
-                self._setback(event)
-            case EventKind.HANDLER | EventKind.LOOK | EventKind.REPLACE | EventKind.REPLAN | EventKind.UNDO:
-                self._answer(event)
-            case EventKind.WAIT if event.text.startswith(TURN):
+    def take(self, told: TaskEvent, event: Event) -> None:
+        match event:
+            case events.WaitsForDevice():
                 pass  # it is said of every second step, and means that devices are busy
-            case EventKind.WAIT:
-                waits = event.text.startswith("waiting")
-                self._add(event, "hourglass_empty", "It waits" if waits else "It goes on", "busy", event.text)
-            case EventKind.END:
-                self._end(event)
-            case EventKind.NEWS:
-                self._news(event)
+            case events.WaitsForTasks():
+                self._add(told, "hourglass_empty", "It waits", "busy", told.text)
+            case events.GoesOn():
+                self._add(told, "hourglass_empty", "It goes on", "busy", told.text)
+            case events.TaskEnded(outcome=outcome, reasons=why):
+                self.end(told, outcome, why)
+            case events.Planned(steps=steps):
+                self._planned(told, steps)
+            case _ if kind_of(event) is EventKind.SETBACK:
+                self._setback(told, event)
+            case _ if kind_of(event) in ANSWERS:
+                self._answer(told, event)
+            case _:
+                self._news(told, event)
+
+    def take_text(self, told: Sequence[TaskEvent]) -> None:
+        """Events of which a record has the sentences only."""
+        chapter = self._add(told[0], "history", "What was kept of it", "plain")
+        for event in told:
+            chapter.lines.append(Line(at=event.at, text=_of_step(event), kind=event.kind if event.kind in LABELS else None))
 
     # Failures
 
-    def _setback(self, event: TaskEvent) -> None:
+    def _setback(self, told: TaskEvent, event: Event) -> None:
         if self._undoing is not None:
-            self._undo(event)
+            self._undo(told)
             self._undoing.tone = "bad"
             return
-        failure = self._concerned(event)
-        if failure is not None:
-            failure.lines.append(Line(at=event.at, text=event.text))
-            failure.step = failure.step or event.step
-            failure.left = failure.left or self._left(event)
+        known = self._part_of(event)
+        if known is not None:
+            known.add(told.at, told.text)
+            known.step = known.step or told.step
+            known.left = known.left or self._left(told, event)
             return
-        for earlier in [one for one in self._open if one.step == event.step and event.step is not None]:
-            self._close(earlier, "It failed again.", "bad", event.at)
-        number = sum(one.number is not None for one in self.chapters) + 1
-        service, _, told = event.text.partition(" ")
-        title, text = (f"Failure {number}: {service}", told) if "." in service else (f"Failure {number}", event.text)
-        made = self._add(event, "error", title, "bad", text)
-        made.number, made.left = number, self._left(event)
-        self._open.append(made)
+        for earlier in [chapter for chapter in self._open if chapter.step == told.step and told.step is not None]:
+            self._close(earlier, "It failed again.", "bad", told.at)
+        self._open.append(self._failure(told, event))
 
-    def _concerned(self, event: TaskEvent) -> Chapter | None:
+    def _failure(self, told: TaskEvent, event: Event) -> Chapter:
+        number = sum(chapter.number is not None for chapter in self.chapters) + 1
+        if isinstance(event, events.ServiceFailure):
+            chapter = self._add(told, "error", f"Failure {number}: {event.service}", "bad", failure(event))
+            chapter.service, chapter.silent = event.service, isinstance(event, events.ServiceSilent)
+        else:
+            chapter = self._add(told, "error", f"Failure {number}", "bad", told.text)
+        chapter.number, chapter.left = number, self._left(told, event)
+        return chapter
+
+    def _part_of(self, event: Event) -> Chapter | None:
         """The failure that the setback is part of: one more sign of it, or that what was tried about it did not help."""
-        if (named := re.match(r"(?:look|handler|undo) for (\S+):", event.text)) is not None:
-            return next((one for one in reversed(self._open) if one.step == named[1]), None)
-        if UNDOING.search(event.text) is not None:
-            return self._open[-1] if self._open else None
-        return self._silent(event)
+        match event:
+            case events.GoalFailed(step=step):
+                return next((chapter for chapter in reversed(self._open) if chapter.step == step), None)
+            case events.CompensationFailed() | events.WorkStranded() | events.ServiceOverdue(undoing=True):
+                return self._open[-1] if self._open else None
+            case _ if isinstance(event, events.ServiceFailure):
+                return self._silence(event.service)
+        return None
 
-    def _silent(self, event: TaskEvent) -> Chapter | None:
-        """The failure that was only a silence so far, of the service of which the event tells."""
-        service = event.text.partition(" ")[0]
-        return next((one for one in self._open if one.text == SILENT and not one.step and one.title.endswith(f" {service}")), None)
+    def _silence(self, service: str) -> Chapter | None:
+        """The failure that was only a silence of the service so far."""
+        return next((chapter for chapter in self._open if chapter.silent and not chapter.step and chapter.service == service), None)
 
-    def _left(self, event: TaskEvent) -> str:
-        works = [
-            work for work in self._view.work if work.step == event.step and work.began <= event.at and (work.result or work.state) in LOST
-        ]
-        work = next((work for work in reversed(works) if event.text.startswith(work.service)), None)
-        return gist(work.situation) if work is not None and work.situation and work.state is not State.UNREACHABLE else ""
+    def _left(self, told: TaskEvent, event: Event) -> str:
+        """What the service that failed left, if it is known."""
+        if not isinstance(event, events.ServiceFailure):
+            return ""
+        for work in reversed(self._view.work):
+            is_lost = work.step == told.step and work.began <= told.at and (work.result or work.state) in LOST
+            if is_lost and work.service == event.service:
+                return gist(work.situation) if work.situation and work.state is not State.UNREACHABLE else ""
+        return ""
 
-    def _answer(self, event: TaskEvent) -> None:
-        self._plans_aside = self._plans_aside or event.kind is EventKind.HANDLER or event.text.startswith(PURSUED)
-        if event.kind is EventKind.UNDO and not self._to_go_on(event):
-            self._undo(event)
+    # What is done about them
+
+    def _answer(self, told: TaskEvent, event: Event) -> None:
+        kind = kind_of(event)
+        self._plans_aside |= isinstance(event, events.HandlerBegun | events.UndoneByHandler | events.UndoneByOthers)
+        if kind is EventKind.UNDO and not self._is_to_go_on(event):
+            self._undo(told)
             return
-        about = [one for one in self._open if event.step is None or one.step == event.step]
-        if not about and self._open and event.kind is EventKind.UNDO:
+        for chapter in self._answered(told, kind):
+            text = gist(told.text) if told.step == chapter.step else _of_step(told)
+            chapter.add(told.at, text, kind)
+            chapter.unblocking |= isinstance(event, events.FailuresUndone)
+            if kind in (EventKind.HANDLER, EventKind.LOOK):
+                self._aside = chapter
+
+    def _answered(self, told: TaskEvent, kind: EventKind) -> list[Chapter]:
+        """The failures about which this is done; if there is none, a chapter for it."""
+        about = [chapter for chapter in self._open if told.step is None or chapter.step == told.step]
+        if not about and self._open and kind is EventKind.UNDO:
             about = self._open[-1:]  # what stands in the way may be of another step
         if not about:
-            about = [self._add(event, "alt_route" if event.kind is EventKind.REPLAN else "sync", _capital(RUNGS[event.kind]), "busy")]
-            about[0].step = event.step
+            about = [self._add(told, "alt_route" if kind is EventKind.REPLAN else "sync", LABELS[kind], "busy")]
             self._open += about
-        for failure in about:
-            rung = RUNGS[event.kind]
-            last = next((line.rung for line in reversed(failure.lines) if line.rung), "")
-            said = "" if last == rung else rung
-            failure.lines.append(Line(at=event.at, text=_said(event).removeprefix(f"{failure.step}: "), rung=said))
-            if event.kind in (EventKind.HANDLER, EventKind.LOOK):
-                self._aside = failure
+        return about
 
-    def _to_go_on(self, event: TaskEvent) -> bool:
+    def _is_to_go_on(self, event: Event) -> bool:
         """Whether a failure is undone so that the task can go on, and not because it ends."""
-        begun = any(BLOCKED in line.text for one in self._open for line in one.lines)
-        return self._undoing is None and (BLOCKED in event.text or (begun and not event.text.startswith(OTHERS)))
+        if self._undoing is not None:
+            return False
+        begun = any(chapter.unblocking for chapter in self._open)
+        return isinstance(event, events.FailuresUndone) or (begun and not isinstance(event, events.UndoneByOthers))
 
-    def _undo(self, event: TaskEvent) -> None:
+    def _undo(self, told: TaskEvent) -> None:
         if self._undoing is None:
-            self._undoing = self._add(event, "undo", "Undoing what was done", "busy")
-        self._undoing.lines.append(Line(at=event.at, text=_said(event)))
+            self._undoing = self._add(told, "undo", "Undoing what was done", "busy")
+        self._undoing.add(told.at, _of_step(told))
 
-    def _close(self, failure: Chapter, result: str, tone: str, at: float) -> None:
-        failure.close(result, tone, at)
-        self._open.remove(failure)
+    def _close(self, chapter: Chapter, result: str, tone: str, at: float) -> None:
+        chapter.close(result, tone, at)
+        self._open.remove(chapter)
 
     # All else
 
-    def _news(self, event: TaskEvent) -> None:
-        if event.text.startswith(("planned: ", "nothing to do")):
-            self._planned(event)
-            return
-        beside = event.step is not None and "." in event.step
-        about = [one for one in self._open if one.step == event.step and one.lines]
-        if beside and not about and self._aside is not None:
-            about = [self._aside]
-        service, _, rest = event.text.partition(" ")
-        if (silent := self._silent(event)) is not None:
-            self._close(silent, "It was heard again.", "good", event.at)
-        if rest.startswith("does it for"):
-            for failure in about:
-                failure.lines.append(Line(at=event.at, text=event.text))
-        elif rest.startswith("completed: ") and beside and self._undoing is not None:
-            self._undo(event)
-        elif rest.startswith("completed: "):
-            done = gist(rest.removeprefix("completed: "))
-            if not beside:
-                for failure in [one for one in about if one in self._open]:
-                    self._close(failure, f"{service} did it: {done}", "good", event.at)
-            elif about:
-                about[0].lines.append(Line(at=event.at, text=f"{service}: {done}"))
-            if not about:
-                self._add(event, "check_circle", f"{event.step} is done", "good", f"by {service}: {done}")
-        elif event.text == "what it was to bring about is so":
-            for failure in [one for one in self._open if one.step == event.step]:
-                self._close(failure, "It was done after all.", "good", event.at)
-        elif event.text.startswith(("there is no plan without", "nobody else can do it")) or rest.startswith(("refuses", "stopped")):
-            for failure in about:
-                failure.lines.append(Line(at=event.at, text=event.text))
-            if not about and rest.startswith("stopped"):
-                self._add(event, "stop_circle", f"{service} stopped", "plain", event.step or "")
+    def _news(self, told: TaskEvent, event: Event) -> None:
+        match event:
+            case (
+                events.TermsOffered(service=service)
+                | events.ServiceRefused(service=service)
+                | events.ProgressNoted(service=service)
+                | events.StepCompleted(service=service)
+                | events.StepStopped(service=service)
+            ) if (silence := self._silence(service)) is not None:
+                self._close(silence, "It was heard again.", "good", told.at)
+        about = self._concerned(told)
+        match event:
+            case events.StepCompleted():
+                self._completed(told, event, about)
+            case events.FoundSo():
+                for chapter in [chapter for chapter in self._open if chapter.step == told.step]:
+                    self._close(chapter, "It was done after all.", "good", told.at)
+            case events.StepStopped(service=service) if not about:
+                self._add(told, "stop_circle", f"{service} stopped", "plain", told.step or "")
+            case events.ServiceChosen() | events.MayTryAgain() | events.ServiceRefused() | events.StepStopped():
+                for chapter in about:
+                    chapter.add(told.at, told.text)
 
-    def _planned(self, event: TaskEvent) -> None:
+    def _concerned(self, told: TaskEvent) -> list[Chapter]:
+        """The failures that are being answered, of which this news is."""
+        about = [chapter for chapter in self._open if chapter.step == told.step and chapter.lines]
+        return [self._aside] if not about and _is_aside(told) and self._aside is not None else about
+
+    def _completed(self, told: TaskEvent, event: events.StepCompleted, about: Sequence[Chapter]) -> None:
+        done = gist(event.situation)
+        if _is_aside(told):
+            if self._undoing is not None:
+                self._undo(told)
+                return
+            if about:
+                about[0].add(told.at, f"{event.service}: {done}")
+        else:
+            for chapter in [chapter for chapter in about if chapter in self._open]:
+                self._close(chapter, f"{event.service} did it: {done}", "good", told.at)
+        if not about:
+            self._add(told, "check_circle", f"{told.step} is done", "good", f"by {event.service}: {done}")
+
+    def _planned(self, told: TaskEvent, steps: int) -> None:
         if self._plans_aside:
             self._plans_aside = False
             return
-        again = [one for one in self._open if any(line.rung in (RUNGS[EventKind.REPLAN], RUNGS[EventKind.UNDO]) for line in one.lines)]
-        steps = event.text.removeprefix("planned: ")
-        for failure in again:
-            result = (
-                "The task goes on by a new plan" if event.text.startswith("planned") else "There is nothing left to do: it is so already"
-            )
-            self._close(failure, f"{result}{f' of {steps}' if steps != event.text else ''}.", "good", event.at)
+        again = [chapter for chapter in self._open if chapter.is_answered_by(EventKind.REPLAN, EventKind.UNDO)]
+        result = (
+            f"The task goes on by a new plan of {counted(steps, 'step')}." if steps else "There is nothing left to do: it is so already."
+        )
+        for chapter in again:
+            self._close(chapter, result, "good", told.at)
         if not again:
-            self._add(event, "schema", _capital(event.text), "plain")
+            self._add(told, "schema", _capital(told.text), "plain")
 
-    def _end(self, event: TaskEvent) -> None:
-        outcome = self._view.outcome
-        result, tone = {
-            Outcome.ACCOMPLISHED: ("The task was accomplished all the same.", "good"),
-            Outcome.FAILED: ("Nothing helped: rung 4, the task was given up.", "bad"),
-            Outcome.CANCELLED: ("The task was cancelled before anything came of it.", "plain"),
-        }.get(outcome or Outcome.ACCOMPLISHED, ("", "plain"))
-        for failure in [*self._open]:
-            self._close(failure, result, tone, event.at)
-        icon, title, tone = {
-            Outcome.ACCOMPLISHED: ("flag", "Accomplished", "good"),
-            Outcome.FAILED: ("flag", "Failed", "bad"),
-            Outcome.CANCELLED: ("flag", "Cancelled", "plain"),
-        }.get(outcome or Outcome.ACCOMPLISHED, ("flag", "Over", "plain"))
-        made = self._add(event, icon, title, tone)
-        _, _, why = event.text.partition(": ")
-        made.lines = [Line(at=event.at, text=gist(_capital(reason))) for reason in why.split("; ") if reason]
+    def end(self, told: TaskEvent, outcome: Outcome | None, why: Sequence[str]) -> None:
+        title, tone, result = ENDINGS[outcome] if outcome is not None else (state_labels.PHASES[Phase.ENDED], "plain", "")
+        for chapter in [*self._open]:
+            self._close(chapter, result, tone, told.at)
+        last = self._add(told, "flag", title, tone)
+        last.lines = [Line(at=told.at, text=gist(_capital(reason))) for reason in why]
         if self._undoing is not None and self._undoing.tone != "bad":
             self._undoing.tone = "plain"
 
-    def _add(self, event: TaskEvent, icon: str, title: str, tone: str, text: str = "") -> Chapter:
-        made = Chapter(at=event.at, icon=icon, title=title, tone=tone, text=text, step=event.step)
-        self.chapters.append(made)
-        return made
+    def _add(self, told: TaskEvent, icon: str, title: str, tone: str, text: str = "") -> Chapter:
+        chapter = Chapter(at=told.at, icon=icon, title=title, tone=tone, text=text, step=told.step)
+        self.chapters.append(chapter)
+        return chapter
 
 
-def story(view: TaskView, events: Sequence[TaskEvent]) -> list[Chapter]:
+def story(view: TaskView, happened: Sequence[TaskEvent]) -> list[Chapter]:
     """The chapters in the order in which they began."""
-    teller = _Teller(view)
-    for event in events[1:]:
-        teller.hear(event)
+    made = _Story(view)
+    for is_text, group in groupby(happened[1:], lambda told: told.event is None and told.kind is not EventKind.END):
+        if is_text:
+            made.take_text([*group])
+            continue
+        for told in group:
+            if told.event is not None:
+                made.take(told, told.event)
+            else:
+                made.end(told, view.outcome, reasons(view))
     began = Chapter(at=view.submitted_at, icon="add_task", title=f"{person(view.client)} stated the task", text=view.effect)
-    return [began, *teller.chapters]
+    return [began, *made.chapters]
 
 
-def failures(chapters: Sequence[Chapter]) -> Iterator[Chapter]:
-    return (one for one in chapters if one.number is not None)
+def _is_aside(told: TaskEvent) -> bool:
+    """Whether it is of a step that is not of the task's own plan."""
+    return told.step is not None and "." in told.step
 
 
-def summary(chapters: Sequence[Chapter]) -> str:
-    """In a line: how much went wrong, and how that was answered."""
-    found = [*failures(chapters)]
-    if not found:
-        return "no failures"
-    rungs = dict.fromkeys(line.rung.partition(": ")[2] or line.rung.lower() for one in found for line in one.lines if line.rung)
-    return counted(len(found), "failure") + (f", answered by: {', '.join(rungs)}" if rungs else "")
-
-
-def _said(event: TaskEvent) -> str:
-    """What an event says, with the gist of a situation in it."""
-    return f"{event.step}: {gist(event.text)}" if event.step else gist(event.text)
+def _of_step(told: TaskEvent) -> str:
+    """The event with its step, and the gist of a situation in it."""
+    return f"{told.step}: {gist(told.text)}" if told.step else gist(told.text)
 
 
 def _capital(text: str) -> str:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from somrs.gui.components.task.story import Part, StoryBook, Told
 from somrs.gui.icons import clock, lasted
-from somrs.gui.pages.task_story import Chapter, story, summary
+from somrs.gui.pages.task_chapters import Chapter, summary
+from somrs.gui.pages.task_story import story
 from somrs.gui.panel import Panel
 from somrs.protocol.messages.clients import TaskEvent, TaskView
 

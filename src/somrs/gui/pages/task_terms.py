@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from somrs.gui.components.task.terms import Bid, TermsTable
 from somrs.gui.icons import Sign, clock, lasted
@@ -32,12 +32,10 @@ REFUSED = Sign("block", "Refused", "bad")
 LET_GO = Sign("logout", "Let go", "plain")
 
 NONE = "–"
-CHOSEN = "another service was chosen"
-NO_ANSWER = ("did not answer", "no answer in time")
 
 
-def verdict(contract: ContractView) -> Sign:
-    """What became of a bid."""
+def verdict(contract: ContractView, chosen: Collection[str]) -> Sign:
+    """What became of a bid. `chosen`: the steps for which terms were accepted."""
     if contract.accepted:
         return WORDS.get(contract.state, LET_GO)
     match contract.state:
@@ -45,11 +43,11 @@ def verdict(contract: ContractView) -> Sign:
             return ASKED
         case State.OFFERED:
             return OFFERS
-    if contract.reason.startswith(NO_ANSWER):
-        return SILENT
-    if contract.reason.startswith(CHOSEN):
-        return LOST
-    return LET_GO if contract.price is not None else REFUSED
+    if contract.refused:
+        return REFUSED
+    if contract.price is None:
+        return LET_GO if contract.refused is None else SILENT
+    return LOST if contract.step in chosen else LET_GO
 
 
 def why(contract: ContractView) -> str:
@@ -64,13 +62,13 @@ class Terms:
         self._table = TermsTable()
 
     def show(self, contracts: Sequence[ContractView], start: float) -> None:
-        chosen = sum(contract.accepted for contract in contracts)
-        self._panel.note.set_text(f"{len(contracts)} asked, {chosen} chosen" if contracts else "")
-        self._table.show([_bid(contract, start) for contract in contracts])
+        accepted = [contract.step for contract in contracts if contract.accepted]
+        self._panel.note.set_text(f"{len(contracts)} asked, {len(accepted)} chosen" if contracts else "")
+        self._table.show([_bid(contract, accepted, start) for contract in contracts])
 
 
-def _bid(contract: ContractView, start: float) -> Bid:
-    found = verdict(contract)
+def _bid(contract: ContractView, chosen: Collection[str], start: float) -> Bid:
+    found = verdict(contract, chosen)
     return Bid(
         key=contract.participant,
         step=contract.step,

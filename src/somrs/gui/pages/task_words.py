@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import re
 
+from somrs.client import state_labels
 from somrs.gui.icons import OUTCOMES, Sign, lasted
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.frp import Outcome
 
 PHASES = {
-    Phase.PLANNING: Sign("schema", "Planning", "busy"),
-    Phase.WAITING: Sign("hourglass_empty", "Waiting", "plain"),
-    Phase.ARRANGING: Sign("handshake", "Arranging", "busy"),
-    Phase.EXECUTING: Sign("play_circle", "At work", "busy"),
-    Phase.RECOVERING: Sign("healing", "Recovering", "bad"),
-    Phase.COMPENSATING: Sign("undo", "Undoing", "bad"),
-    Phase.ENDED: Sign("flag", "Over", "plain"),
+    Phase.PLANNING: Sign("schema", state_labels.PHASES[Phase.PLANNING], "busy"),
+    Phase.WAITING: Sign("hourglass_empty", state_labels.PHASES[Phase.WAITING], "plain"),
+    Phase.ARRANGING: Sign("handshake", state_labels.PHASES[Phase.ARRANGING], "busy"),
+    Phase.EXECUTING: Sign("play_circle", state_labels.PHASES[Phase.EXECUTING], "busy"),
+    Phase.RECOVERING: Sign("healing", state_labels.PHASES[Phase.RECOVERING], "bad"),
+    Phase.COMPENSATING: Sign("undo", state_labels.PHASES[Phase.COMPENSATING], "bad"),
+    Phase.ENDED: Sign("flag", state_labels.PHASES[Phase.ENDED], "plain"),
 }
 
 PLACE = re.compile(r"(\w+)\.PositionX = (\S+) AND \1\.PositionY = (\S+)(?: AND \1\.PositionZ = \S+)?")

@@ -14,6 +14,8 @@ from somrs.api.questions import OpenQuestions
 from somrs.api.remote import LiveApi
 from somrs.api.tasks import TasksChanged
 from somrs.client.hub import News
+from somrs.client.state_labels import OUTCOMES
+from somrs.client.task_report import reasons
 from somrs.errors import SomrsError
 from somrs.gui.components.task.list import TaskList
 from somrs.gui.icons import clock, lasted, listed
@@ -116,7 +118,7 @@ class _Tasks:
             {
                 ALL: f"All {len(rows)}",
                 RUNNING: f"Under way {count[RUNNING]}",
-                **{outcome: f"{outcome.capitalize()} {count[outcome]}" for outcome in ("accomplished", "failed", "cancelled")},
+                **{outcome.value: f"{label} {count[outcome.value]}" for outcome, label in OUTCOMES.items()},
             },
             value=self._which.value,
         )
@@ -163,6 +165,5 @@ def _notes(row: TaskRow, asked: frozenset[str]) -> Iterator[str]:
     working = [name for name in dict.fromkeys(device(service) for service in row.services) if name not in asked]
     if row.outcome is None and working:
         yield f"{listed(working)} at work"
-    if row.explanation:
-        reason = gist(row.explanation.partition("; ")[0])
-        yield reason[:1].upper() + reason[1:]
+    for reason in reasons(row)[:1]:
+        yield gist(reason[:1].upper() + reason[1:])

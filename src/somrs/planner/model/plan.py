@@ -6,6 +6,7 @@ An abstract plan is a directed acyclic graph. How plans are found is in `plannin
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from enum import StrEnum
 from functools import cached_property
 from heapq import heappop, heappush
 
@@ -122,6 +123,23 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
         return "\n".join(map(line, self.steps)) if self.steps else "nothing to do"
 
 
+class Obstacle(StrEnum):
+    """What stands in the way of a plan, as clients know it (`protocol/messages/clients.py`)."""
+
+    NO_SERVICE_TYPE = "no-service-type"
+    """No service type that is known brings it about."""
+    NOT_OFFERED = "not-offered"
+    """Nobody offers a service that would bring it about."""
+    PROMISED = "promised"
+    """Who, or what, it takes is promised to other tasks, or nobody knows what state it is in."""
+    PRECONDITION = "precondition"
+    """The map denies what the client says of the beginning."""
+    NO_OBJECT = "no-object"
+    """There is no object of such a name on the map."""
+    TWO_PLACES = "two-places"
+    """Something would be in two places at a time."""
+
+
 class NoPlan(Struct, frozen=True, tag=True):
     """Why there is no plan.
 
@@ -137,6 +155,10 @@ class NoPlan(Struct, frozen=True, tag=True):
     """Whether there may be a plan all the same: it was too much to look through, or cannot be expressed."""
     said: tuple[str, ...] = ()
     """The reasons that the explanation is made of, if there are several."""
+    obstacles: tuple[Obstacle, ...] = ()
+    """What the reasons come to."""
+    lost: tuple[str, ...] = ()
+    """The services of which the reasons say why they cannot do it any more."""
 
     @property
     def reasons(self) -> tuple[str, ...]:

@@ -221,6 +221,8 @@ class ContractView(Struct, frozen=True, kw_only=True):
     finish: float | None = None
     number: int = 0
     """In the order in which they were asked."""
+    refused: bool | None = None
+    """Whether it answered that it does not do the step; SO-MRS 0.1 did not keep that."""
 
 
 class WatchTask(Struct, frozen=True, kw_only=True, tag=True):
@@ -279,15 +281,35 @@ class Quotation(Struct, frozen=True, kw_only=True):
     reason: str = ""
 
 
+class Obstacle(StrEnum):
+    """What stands in the way of a plan."""
+
+    NO_SERVICE_TYPE = "no-service-type"
+    """No service type that is known brings it about."""
+    NOT_OFFERED = "not-offered"
+    """Nobody offers a service that would bring it about."""
+    PROMISED = "promised"
+    """Who, or what, it takes is promised to other tasks, or nobody knows what state it is in."""
+    PRECONDITION = "precondition"
+    """The map denies what the client says of the beginning."""
+    NO_OBJECT = "no-object"
+    """There is no object of such a name on the map."""
+    TWO_PLACES = "two-places"
+    """Something would be in two places at a time."""
+
+
 class Previewed(Struct, frozen=True, kw_only=True, tag=True):
-    """The steps of the plan; or none, and why there is none. `waits`: a task would wait for others first, and for whom. With quotes: what
-    services answered, in the order of the steps; the `price` of all steps together, and in how many `seconds` the last of them would be
-    done; None where nobody offers a step (`unserved`: which, and why), or in several currencies."""
+    """The steps of the plan; or none, and why there is none: no steps and no `reasons` mean that it is so already. `waits`: a task would
+    wait for others first, and for whom. With quotes: what services answered, in the order of the steps; the `price` of all steps together,
+    and in how many `seconds` the last of them would be done; None where nobody offers a step (`unserved`: which, and why), or in several
+    currencies."""
 
     steps: tuple[StepView, ...]
     explanation: str = ""
     reasons: tuple[str, ...] = ()
     """The explanation, each reason by itself."""
+    obstacles: tuple[Obstacle, ...] = ()
+    """What the reasons come to, for programs, as far as they are of these kinds."""
     waits: str = ""
     quotations: tuple[Quotation, ...] = ()
     price: float | None = None

@@ -72,26 +72,39 @@ def _of_step(event: Event) -> str:
 
 def _of_failure(event: Event) -> str:
     match event:
-        case events.NotBegun(service=service, description=description):
-            return f"{service} did not begin: {description}"
-        case events.StepFailed(service=service, description=description):
-            return f"{service} failed: {description}"
         case events.ServiceFaulted(service=service, text=text):
             return f"{service}: {text}"
-        case events.ContractForgotten(service=service):
-            return f"{service} has forgotten its contract"
-        case events.ServiceSilent(service=service):
-            return f"{service} is silent; asking for its state"
-        case events.ServiceOverdue(service=service, undoing=True):
-            return f"{service} takes far longer to undo it than it said; sending it home"
-        case events.ServiceOverdue(service=service):
-            return f"{service} takes far longer than it said; stopping it"
-        case events.ServiceLost(service=service):
-            return f"{service} {lost(event)}; nothing is known of what it left"
         case events.ReportRejected(service=service, problems=problems):
             return f"the Repository rejects what {service} reports: {joined(problems)}"
+        case _ if isinstance(event, events.ServiceFailure):
+            return f"{event.service} {failure(event)}"
         case _:
             return _of_recovery(event)
+
+
+def failure(event: events.ServiceFailure) -> str:
+    """What went wrong with a service, for a place where its name stands already."""
+    match event:
+        case events.NotBegun(description=description):
+            return f"did not begin: {description}"
+        case events.StepFailed(description=description):
+            return f"failed: {description}"
+        case events.ServiceFaulted(text=text):
+            return text
+        case events.ContractForgotten():
+            return "has forgotten its contract"
+        case events.ServiceSilent():
+            return "is silent; asking for its state"
+        case events.ServiceOverdue(undoing=True):
+            return "takes far longer to undo it than it said; sending it home"
+        case events.ServiceOverdue():
+            return "takes far longer than it said; stopping it"
+        case events.ServiceLost():
+            return f"{lost(event)}; nothing is known of what it left"
+        case events.ReportRejected(problems=problems):
+            return f"the Repository rejects what it reports: {joined(problems)}"
+        case events.CompensationFailed(description=description):
+            return f"could not undo it: {description}"
 
 
 def lost(event: events.ServiceLost) -> str:
@@ -129,8 +142,6 @@ def _of_recovery(event: Event) -> str:
             return f"others are to restore {situation}"
         case events.Compensated(service=service, situation=situation):
             return f"{service} compensated: {situation}"
-        case events.CompensationFailed(service=service, description=description):
-            return f"{service} could not undo it: {description}"
         case events.WorkUndone():
             return "is undone"
         case events.WorkStranded(taken=True):

@@ -333,6 +333,12 @@ Event = (
     | Stopping | TaskEnded
 )  # fmt: skip
 
+ServiceFailure = (
+    NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | ServiceLost | ReportRejected
+    | CompensationFailed
+)  # fmt: skip
+"""What goes wrong with a service."""
+
 KINDS: dict[type[Event], EventKind] = {
     **dict.fromkeys((WaitsForTasks, GoesOn, WaitsForDevice), EventKind.WAIT),
     **dict.fromkeys((Replanned, TriedOnceMore), EventKind.REPLAN),

@@ -124,7 +124,7 @@ class GoalPursuit:
                 return (yield from self._fail((f"other tasks have {', '.join(found.objects)}",), now))
             case NoPlan():
                 broken = self._services.broken
-                lost = (f"{service}: {why}" for service, why in broken.items() if service not in found.explanation)
+                lost = (f"{service}: {why}" for service, why in broken.items() if service not in found.lost)
                 return NoPlanFound((f"no plan: {found.reasons[0]}", *found.reasons[1:], *lost))
             case str(why):
                 return (yield from self._fail((why,), now))

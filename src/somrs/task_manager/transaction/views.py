@@ -8,7 +8,7 @@ from msgspec import structs
 from somrs.errors import FormulaError
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.protocol.frp.states import WORKING
-from somrs.protocol.messages.clients import ContractView, MessageView, Previewed, StepView, TaskEvent, TaskRow, TaskView, WorkView
+from somrs.protocol.messages.clients import ContractView, MessageView, Obstacle, Previewed, StepView, TaskEvent, TaskRow, TaskView, WorkView
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import joined, sentence, waiting
 from somrs.protocol.messages.frp import Outcome, State
@@ -138,13 +138,15 @@ def previewed(found: object) -> Previewed:
             steps = tuple(step_view(step, found) for step in found.topological())
             return Previewed(steps=steps, explanation="" if found.steps else "nothing to do: it is so already")
         case NoPlan():
-            return Previewed(steps=(), explanation=found.explanation, reasons=found.reasons)
+            obstacles = tuple(Obstacle(one.value) for one in found.obstacles)
+            return Previewed(steps=(), explanation=found.explanation, reasons=found.reasons, obstacles=obstacles)
         case FormulaError():
-            return Previewed(steps=(), explanation=str(found))
+            return Previewed(steps=(), explanation=str(found), reasons=(str(found),))
         case str(why):
             return Previewed(steps=(), explanation=why, reasons=(why,))
         case _:
-            return Previewed(steps=(), explanation=f"planning failed: {found}")
+            why = f"planning failed: {found}"
+            return Previewed(steps=(), explanation=why, reasons=(why,))
 
 
 def contract_view(member: Member) -> ContractView:
@@ -157,6 +159,7 @@ def contract_view(member: Member) -> ContractView:
         step=member.label,
         state=member.left_in or session.state,
         accepted="Accept" in session.said,
+        refused="Refuse" in session.heard,
         price=terms.price if terms is not None else None,
         currency=terms.currency if terms is not None else "EUR",
         duration=terms.duration if terms is not None else None,

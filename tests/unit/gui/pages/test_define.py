@@ -17,7 +17,6 @@ from somrs.gui.pages.define.blanks import blanked, named, proposed
 from somrs.gui.pages.define.draft import Draft, Procedure, Repeat
 from somrs.gui.pages.define.lines import Line, lines_of, moved, same, text_of
 from somrs.gui.pages.define.orders import repeat_of, when_of
-from somrs.gui.pages.define.preview import reasons_of
 from somrs.kernel.replica import Replica
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
@@ -166,11 +165,3 @@ def test_the_time_of_an_order_on_the_page_is_its_time(when: Every | Daily | Once
 def test_an_order_without_a_time_is_none() -> None:
     with pytest.raises(UsageError, match="say the day"):
         when_of(Repeat(how="once", time=""))
-
-
-# Why not
-
-
-def test_hints_stay_with_their_reasons() -> None:
-    told = "Jar9 isOn Table1: there is no object Jar9 on the map; did you mean Jar1?; Table1 is far"
-    assert reasons_of(told) == ["Jar9 isOn Table1: there is no object Jar9 on the map; did you mean Jar1?", "Table1 is far"]

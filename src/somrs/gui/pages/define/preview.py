@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import re
 import time
 from collections.abc import Sequence
 
@@ -16,18 +15,18 @@ from somrs.gui.icons import lasted
 from somrs.gui.pages.define.draft import Draft
 from somrs.gui.pages.define.form import Form
 from somrs.gui.panel import panel
+from somrs.protocol.messages.clients import Obstacle, Previewed, Quotation, StepView
 from somrs.protocol.messages.clients import Preview as Wanted
-from somrs.protocol.messages.clients import Previewed, Quotation, StepView
 
-ADVICE = (
-    ("no service type brings it about", "Nothing that this system knows of can do this. Wish for something that a service brings about:"),
-    ("which nobody offers now", "Start a device that offers it, or wait until one joins; the Fleet page shows who is there."),
-    ("promised to other tasks", "Wait until the other tasks are done, or state this one with a higher priority."),
-    ("the task starts from", "Change the situation that it begins from, or leave it out, under How, Beginning."),
-    ("there is no object", "Write the name of a thing that is on the map; the Map page shows them all."),
-    ("in two places at a time", "Wish for less at once: what cannot be so at one moment takes several tasks, one after the other."),
-)
-"""What can be done about a reason for which there is no plan."""
+ADVICE = {
+    Obstacle.NO_SERVICE_TYPE: "Nothing that this system knows of can do this. Wish for something that a service brings about:",
+    Obstacle.NOT_OFFERED: "Start a device that offers it, or wait until one joins; the Fleet page shows who is there.",
+    Obstacle.PROMISED: "Wait until the other tasks are done, or state this one with a higher priority.",
+    Obstacle.PRECONDITION: "Change the situation that it begins from, or leave it out, under How, Beginning.",
+    Obstacle.NO_OBJECT: "Write the name of a thing that is on the map; the Map page shows them all.",
+    Obstacle.TWO_PLACES: "Wish for less at once: what cannot be so at one moment takes several tasks, one after the other.",
+}
+"""What can be done about what stands in the way of a plan."""
 OTHERWISE = "Wish for less at once, or for another thing or place; the Map page shows how things are."
 
 
@@ -96,8 +95,8 @@ class Preview:
     # What was found
 
     async def _show(self, found: Previewed) -> None:
-        if not found.steps and found.explanation:
-            await self._impossible(found.explanation)
+        if not found.steps and found.reasons:
+            await self._impossible(found)
             return
         self._found.clear()
         with self._found:
@@ -128,12 +127,11 @@ class Preview:
         known = [price] * (found.price is not None) + [f"done in {took}"] * (found.seconds is not None)
         self._panel.note.set_text(", ".join([count, *known]))
 
-    async def _impossible(self, explanation: str) -> None:
-        reasons = reasons_of(explanation)
-        advice = [text for sign, text in ADVICE if sign in explanation] or [OTHERWISE]
-        if ADVICE[0][1] in advice:
-            advice[advice.index(ADVICE[0][1])] += f" {await self._brought_about()}"
-        self._refused("There is no way to do this now", reasons, advice)
+    async def _impossible(self, found: Previewed) -> None:
+        advice = [ADVICE[obstacle] for obstacle in found.obstacles] or [OTHERWISE]
+        if Obstacle.NO_SERVICE_TYPE in found.obstacles:
+            advice[found.obstacles.index(Obstacle.NO_SERVICE_TYPE)] += f" {await self._brought_about()}"
+        self._refused("There is no way to do this now", found.reasons, advice)
 
     async def _brought_about(self) -> str:
         """What the services that are on offer now bring about."""
@@ -159,17 +157,6 @@ class Preview:
             return self._form.draft.preview()
         except SomrsError:
             return None
-
-
-def reasons_of(explanation: str) -> list[str]:
-    """The reasons one by one; a hint stays with what it is a hint about."""
-    found: list[str] = []
-    for part in re.split(r";\s+", explanation):
-        if found and part.startswith(("did you mean", "expected", "one of")):
-            found[-1] += f"; {part}"
-        elif part.strip():
-            found.append(part)
-    return found
 
 
 def _same(draft: Draft, wanted: Wanted) -> bool:

@@ -72,7 +72,7 @@ def _value(path: str, value: Value | None, ontology: Ontology) -> str:
     if path == UNKNOWN:
         return "is unknown: nobody knows where and how it is" if value is True else "is known again"
     if path == WORKING and isinstance(value, bool):
-        return "works" if value else "does not work"
+        return "works" if value else "is not working"
     attribute = ontology.attributes.get(path.rpartition(".")[2])
     return f"{path} taken away" if value is None else f"{path} set to {shown(value, attribute)}"
 

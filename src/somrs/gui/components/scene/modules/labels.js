@@ -13,7 +13,7 @@ const PLACES = {
   place: [[-0.5, 0]],
   other: [[-0.5, -1], [-0.2, -1], [-0.8, -1], [0.08, -0.3], [-1.08, -0.3]],
 };
-const FAULTS = { drive: "drive dead", gripper: "gripper stuck", silent: "silent", link: "link cut" };
+const FAULTS = { drive: "drive broken", gripper: "gripper stuck", silent: "silent", link: "link cut" };
 
 export function faultText(work) {
   return (work?.faults ?? []).map((fault) => FAULTS[fault] ?? fault).join(", ");
