@@ -23,6 +23,7 @@ from somrs.ontology.files.loading import load_text
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.clients import ReadRecords
+from somrs.protocol.messages.orders import RunState
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.runtime.clock import Clock, TimeOfDay
@@ -221,8 +222,16 @@ class Time(Clock):
         while (due := self._node.component.next_due) is not None and due <= at:
             self._now = max(self._now, due)
             self._node.feed(Rang(TICK))
-            await asyncio.sleep(0.01)
+            await self._heard(self._node.component)
         self._now = at
+
+    async def _heard(self, scheduler: Scheduler) -> None:
+        """Until the Task Manager has answered, if it is there: a message that is on its way must not be late by hours."""
+        until = asyncio.get_running_loop().time() + 5.0
+        while asyncio.get_running_loop().time() < until:
+            await asyncio.sleep(0.01)
+            if not any(run.state is RunState.SUBMITTING for runs in scheduler.book.runs.values() for run in runs):
+                return
 
     def add(self, seconds: float) -> None:
         """While nobody goes by it."""
