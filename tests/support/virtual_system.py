@@ -14,6 +14,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.clients import Submit, Submitted, TaskRejected, TaskView
 from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
@@ -139,7 +140,7 @@ class VirtualSystem:
         self.registry = Registry("registry", loaded.ontology, "repository")
         self.client = Client()
         self.world.add("repository", self.repository)
-        self.world.add("registry", self.registry)
+        self.world.add("registry", self.registry, journaled=REGISTRY)
         self.world.add("client", self.client)
         for robot in robots:
             self.join(robot)

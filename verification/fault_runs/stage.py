@@ -17,6 +17,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents, Handled, Subscription
@@ -92,7 +93,7 @@ class Stage:
         self.managers = [f"tm{number}" for number in range(1, story.managers + 1)]
         self._map = map_of(story)
         self.world.add("repository", Repository("repository", Contents(ontology=ontology(), map=self._map)))
-        self.world.add("registry", self._registry())
+        self.world.add("registry", self._registry(), journaled=REGISTRY)
         self.world.add("client", self.client)
         self._scenes: list[tuple[float, Callable[[], None]]] = []
         for character in story.devices:
@@ -285,6 +286,8 @@ class Stage:
                 different = difference(before.state, after.state, leave_out=(Replica,))
                 if different is None and _copy(before) != _copy(after):
                     different = "the copies of the map"
+            case Registry(), Registry():
+                different = difference(before.state, after.state, leave_out=(Replica,))
             case Repository(), Repository():
                 different = difference(before.contents, after.contents)
             case DeviceManager(), DeviceManager():
