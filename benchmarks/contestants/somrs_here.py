@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, map_of, one_step, site_loaded
-from somrs.deployment.device import DeviceJournal
+from contestants.somrs_parts import CARRIERS, Carrier, Lines, map_of, one_step, site_loaded
+from somrs.deployment.device import device_journal
 from somrs.planner.model.problem import Problem
 from somrs.protocol.messages.bodies import Body
 from somrs.registry.component import Registry
@@ -37,12 +37,11 @@ class Here:
             "/repository", lambda address: Repository(address, contents), carry_out=store.carry_out, keep=store.keep, disk=store.disk
         ).address
         registry = host.add("/registry", lambda address: Registry(address, loaded.ontology, repository)).address
-        self._kept = DeviceJournal(folder(data, "devices") / "all.sqlite")
+        self._kept = device_journal(data, "all")
         for name in CARRIERS:
-            journal = self._kept.shared_with(name)
             device = Carrier(name)
             manager = ServiceManager(device.profile(), repository=repository, registry=registry)
-            host.add(f"/devices/{name}", _given(manager), carry_out=_work(device), keep=journal.keep, disk=journal.disk)
+            host.add_journaled(f"/devices/{name}", _given(manager), self._kept.beside(name), carry_out=_work(device))
         self._journal = Journal(data / "task-manager.sqlite", SCHEMA)
         task_manager = host.add_journaled(
             "/task-manager",

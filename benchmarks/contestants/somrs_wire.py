@@ -13,7 +13,7 @@ from contestants.contest import BIDDERS
 from contestants.programs import Programs, free_port, ready, until_told
 from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, one_step, site
 from somrs.client.client import Addresses
-from somrs.deployment.device import DeviceJournal, DeviceRunner
+from somrs.deployment.device import DeviceRunner, device_journal
 from somrs.deployment.programs import run_program, run_registry, run_repository, until_stopped
 from somrs.planner.model.problem import Problem
 from somrs.protocol.messages.envelope import Message
@@ -86,12 +86,10 @@ async def _task_manager(data: Path, port: int) -> None:
 
 async def _devices(data: Path, first: int) -> None:
     addresses = Addresses.read(data)
-    kept = DeviceJournal(data / "devices" / f"{first}.sqlite")
+    kept = device_journal(data, str(first))
     host = Host(HOST)
     await host.start()
-    runners = [
-        DeviceRunner(Carrier(name), addresses, data, host, journal=kept.shared_with(name)) for name in CARRIERS[first : first + GROUP]
-    ]
+    runners = [DeviceRunner(Carrier(name), addresses, data, host, journal=kept.beside(name)) for name in CARRIERS[first : first + GROUP]]
     for runner in runners:
         await runner.start()
     ready()

@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 import asyncio
+import sqlite3
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from somrs.client.client import Addresses
-from somrs.deployment.device import DeviceJournal, DeviceRunner, load
+from somrs.deployment.device import DeviceRunner, device_journal, load
 from somrs.errors import DeviceError, UsageError
-from somrs.kernel.component import Effect, Input, Rang, Received, Send
+from somrs.kernel.component import Effect, Input, Rang, Received, Send, Started
+from somrs.kernel.pending import Journaled
 from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, ParticipantSession
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.knowledge import Definitions
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.runtime.host import Host
-from somrs.service_manager.participant.participant import REMEMBERED
+from somrs.service_manager.participant.job import REMEMBERED, Job, Jobs
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.participant.state import ServiceManagerState
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
-from somrs.service_manager.sdk.orders import Kept
+from somrs.storage.journal import Journal
 from tests.support.lab import contents
 
 
@@ -72,7 +78,7 @@ class Desk:
         return self.last.body
 
 
-async def _scenario(data: Path) -> tuple[object, object, list[Kept]]:
+async def _scenario(data: Path) -> tuple[object, object, ServiceManagerState]:
     rim = Host()
     await rim.start()
     repository = rim.add("/repository", lambda address: Repository(address, contents()), keep=lambda entry: None)
@@ -109,62 +115,103 @@ async def _scenario(data: Path) -> tuple[object, object, list[Kept]]:
     stopped = await tm.until(State.STOPPED)
     await runner.stop()
     await rim.stop()
-    journal = DeviceJournal(data / "devices" / "Robot1.sqlite")
-    kept = journal.load()
+    return completed, stopped, state_of(data, peer)
+
+
+def state_of(data: Path, address: str) -> ServiceManagerState:
+    """What is in the journal of Robot1, at this address."""
+    journal = device_journal(data, "Robot1")
+    journaled, again = journal.begin(address, lambda address: pytest.fail("there is a journal"))
+    assert again
     journal.close()
-    return completed, stopped, kept
+    assert isinstance(journaled.component, ServiceManager)
+    return journaled.component.state
 
 
 def test_a_device_at_work(tmp_path: Path) -> None:
-    completed, stopped, kept = asyncio.run(_scenario(tmp_path))
+    completed, stopped, state = asyncio.run(_scenario(tmp_path))
     assert completed == frp.Completed(situation="Jar1 isOn Table2")
     assert stopped == frp.Stopped(situation="Jar1 isOn Floor1")
-    assert [(one.session.participant, one.session.state) for one in kept] == [
+    assert [(job.session.participant, job.session.state) for job in state.jobs] == [
         ("Robot1.TransferObject#s1", State.COMPLETED),
         ("Robot1.TransferObject#s2", State.STOPPED),
     ]
 
 
-def test_the_journal_gives_the_latest_of_each_participant(tmp_path: Path) -> None:
-    path = tmp_path / "devices" / "Robot1.sqlite"
-    journal = DeviceJournal(path)
-    one, two = (ParticipantSession(transaction="t", participant=name, me="m", peer="p") for name in ("A#1", "B#1"))
-    for session in (one, two, one):
-        session.number += 1
-        journal.keep(Kept(session=session.kept()))
-    with pytest.raises(UsageError, match="another program of the same device"):
-        DeviceJournal(path)
+def arranged(device: str, step: str) -> Received:
+    header = Header(
+        sender="desk",
+        recipient=device,
+        message_id=f"{device} {step}",
+        reply_to="desk",
+        transaction="t",
+        participant=f"{device}.TransferObject#{step}",
+    )
+    order = frp.Arrange(service_type="TransferObject", inputs={"Object": "Jar1", "Destination": "Table2"}, effect="Jar1 isOn Table2")
+    return Received(Message(header=header, body=order))
+
+
+def participants(journaled: Journaled) -> list[str]:
+    assert isinstance(journaled.component, ServiceManager)
+    return [job.session.participant for job in journaled.component.state.jobs]
+
+
+def made(name: str) -> Callable[[str], ServiceManager]:
+    return lambda address: ServiceManager(Carrier(name).profile(), repository="repository", registry="registry")
+
+
+def handled(journal: Journal, journaled: Journaled, event: Input) -> None:
+    entry = journaled.entry(event, 1.0)
+    journal.append(entry)
+    journaled.handle(entry)
+
+
+def test_a_device_has_its_file_for_itself(tmp_path: Path) -> None:
+    journal = device_journal(tmp_path, "Robot1")
+    with pytest.raises(UsageError, match="in use by another process"):
+        device_journal(tmp_path, "Robot1")
     journal.close()
-    again = DeviceJournal(path)
-    assert [(kept.session.participant, kept.session.number) for kept in again.load()] == [("B#1", 1), ("A#1", 2)]
-    again.close()
 
 
 def test_devices_that_share_a_file_get_their_own_back(tmp_path: Path) -> None:
-    path = tmp_path / "devices.sqlite"
-    journal = DeviceJournal(path, "Robot1")
-    sessions = [ParticipantSession(transaction="t", participant=name, me="m", peer="p") for name in ("A#1", "B#1", "A#1")]
-    for device, session in zip(("Robot1", "Robot1", "Robot2"), sessions, strict=True):
-        session.me = device
-        journal.shared_with(device).keep(Kept(session=session))
-    journal.close()
-    again = DeviceJournal(path, "Robot1")
-    assert [(kept.session.participant, kept.session.me) for kept in again.load()] == [("A#1", "Robot1"), ("B#1", "Robot1")]
-    assert [(kept.session.participant, kept.session.me) for kept in again.shared_with("Robot2").load()] == [("A#1", "Robot2")]
-    again.close()
+    shared = device_journal(tmp_path, "all")
+    for device, steps in (("Robot1", ("s1", "s2")), ("Robot2", ("s1",))):
+        journal = shared.beside(device)
+        journaled, again = journal.begin(device, made(device))
+        assert not again
+        handled(journal, journaled, Started(device))
+        for step in steps:
+            handled(journal, journaled, arranged(device, step))
+        if device == "Robot1":
+            journal.snapshot(journaled)
+    shared.close()
+    shared = device_journal(tmp_path, "all")
+    first, again = shared.beside("Robot1").begin("Robot1", made("Robot1"))
+    assert again
+    assert participants(first) == ["Robot1.TransferObject#s1", "Robot1.TransferObject#s2"]
+    second, again = shared.beside("Robot2").begin("elsewhere", made("Robot2"))
+    assert again, "a device goes on at another address"
+    assert participants(second) == ["Robot2.TransferObject#s1"]
+    shared.close()
 
 
-def test_of_each_device_the_latest_participants_are_remembered(tmp_path: Path) -> None:
-    journal = DeviceJournal(tmp_path / "devices.sqlite", "Robot1")
-    other = journal.shared_with("Robot2")
+def test_of_those_that_are_over_the_latest_are_remembered() -> None:
+    jobs = Jobs()
     for number in range(REMEMBERED + 2):
-        kept = Kept(session=ParticipantSession(transaction="t", participant=f"A#{number}", me="m", peer="p"))
-        journal.keep(kept)
-        if number < 5:
-            other.keep(kept)
-    assert [kept.session.participant for kept in journal.load()] == [f"A#{number}" for number in range(2, REMEMBERED + 2)]
-    assert len(other.load()) == 5
+        session = ParticipantSession(transaction="t", participant=f"A#{number}", me="m", peer="p", state=State.ENDED)
+        jobs.put(Job(session=session))
+    assert [job.session.participant for job in jobs.all()] == [f"A#{number}" for number in range(2, REMEMBERED + 2)]
+
+
+def test_a_file_of_records_becomes_a_journal(tmp_path: Path) -> None:
+    (tmp_path / "devices").mkdir()
+    with sqlite3.connect(tmp_path / "devices" / "Robot1.sqlite") as db:
+        db.executescript("CREATE TABLE kept (number INTEGER); PRAGMA application_id=0x534F4D44; PRAGMA user_version=2;")
+    db.close()
+    journal = device_journal(tmp_path, "Robot1")
+    assert journal.begin("Robot1", made("Robot1"))[1] is False
     journal.close()
+    device_journal(tmp_path, "Robot1").close()
 
 
 def test_a_driver_is_found_in_a_module_or_a_file(tmp_path: Path) -> None:
@@ -191,4 +238,4 @@ def test_what_a_device_brings_has_to_be_well_made() -> None:
     with pytest.raises(DeviceError, match="AttributeType Neat"):
         Odd("Odd1").profile()
     Odd.types = (AttributeType(name="Neat", kind="truth"),)  # type: ignore[arg-type]  # the text of a kind is as good as the kind
-    assert Odd("Odd1").profile().definitions == (AttributeType(name="Neat", kind=Kind.TRUTH),)
+    assert Odd("Odd1").profile().definitions == Definitions(attributes=(AttributeType(name="Neat", kind=Kind.TRUTH),))

@@ -124,7 +124,7 @@ def test_every_other_input_is_read_as_it_was_written() -> None:
 
 
 def test_an_exception_is_kept_as_what_it_says() -> None:
-    journaled = Journaled(Ledger())
+    journaled = Journaled(Ledger(), SCHEMA)
     entry = journaled.entry(Answered("q", ZeroDivisionError("division by zero")), 1.0)
     ledgers = Written(SCHEMA)
     assert ledgers.entries(ledgers.batch([ledgers.entry(entry)]))[0].event == Answered("q", Trouble("division by zero"))
@@ -290,7 +290,7 @@ def test_an_interrupted_snapshot_leaves_the_one_before(shelf: Shelf) -> None:
 
     def torn(db: sqlite3.Connection) -> None:
         db.execute("DELETE FROM snapshot")
-        db.execute("INSERT INTO snapshot VALUES (9, 9, 9, x'00')")
+        db.execute("INSERT INTO snapshot VALUES ('', 9, 9, 9, x'00')")
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -495,7 +495,7 @@ steps = st.lists(st.one_of(st.integers(-9, 9), st.sampled_from(("answer", "ring"
 @given(steps)
 def test_restarts_change_nothing(script: list[int | str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        shelf, plain = Shelf(Path(folder) / "ledger.sqlite"), Journaled(Ledger(address=ADDRESS))
+        shelf, plain = Shelf(Path(folder) / "ledger.sqlite"), Journaled(Ledger(address=ADDRESS), SCHEMA)
 
         def both(event: Input) -> None:
             shelf.feed(event)

@@ -49,7 +49,7 @@ def test_a_late_execute_is_not_obeyed_after_its_step_went_to_another() -> None:
     assert view.outcome is Outcome.ACCOMPLISHED
     system.world.run(100)
     assert first.orders == []
-    assert system.devices["Robot1"].state(task, "Robot1.TransferObject#step1") is State.ENDED
+    assert system.device("Robot1").state_of(task, "Robot1.TransferObject#step1") is State.ENDED
 
 
 def test_who_was_not_reached_in_time_is_told_anew() -> None:

@@ -216,7 +216,7 @@ def test_a_full_disk_stops_its_component_and_senders_go_on_repeating(tmp_path: P
         journal = Journal(tmp_path / "ledger.sqlite", SCHEMA)
         node = rim.add_journaled("/ledger", lambda address: Ledger(sink_at, address), journal, carry_out=double)
         journal.disk.do(lambda db: db.execute("PRAGMA max_page_count = 1").fetchone())
-        journal.disk.write(lambda db: db.execute("INSERT INTO entries VALUES (-1, zeroblob(100000))"))
+        journal.disk.write(lambda db: db.execute("INSERT INTO entries VALUES ('', -1, zeroblob(100000))"))
         message = told(1, 5, node.address, CLIENT, "http://x")
         for _ in range(2):
             with pytest.raises(RemoteError, match=r"HTTP 503.*takes nothing more, because it could not keep .* database or dis"):

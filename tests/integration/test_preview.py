@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Policy, Preview, Previewed, TaskRecord
+from somrs.protocol.messages.envelope import Header
 from somrs.protocol.messages.frp import Outcome, State
 from tests.integration.test_task_manager import WISH
 from tests.support.examples import examples
@@ -29,10 +30,11 @@ def at_home(system: VirtualSystem) -> bool:
     system.world.run(2)
     asked = [message.header for message in system.world.messages if isinstance(message.body, frp.Arrange)]
     assert asked
-    managers = {f"devices/{name}": manager for name, manager in system.devices.items()}
-    return all(
-        managers[header.recipient].state(header.transaction or "", header.participant or "") in (State.ENDED, State.NEW) for header in asked
-    )
+
+    def state(header: Header) -> State:
+        return system.device(header.recipient.removeprefix("devices/")).state_of(header.transaction or "", header.participant or "")
+
+    return all(state(header) in (State.ENDED, State.NEW) for header in asked)
 
 
 def test_services_are_asked_and_the_policy_chooses() -> None:
@@ -61,7 +63,7 @@ def test_nobody_is_committed_and_nothing_is_left_of_it() -> None:
     }
     assert said == {"Arrange", "Cancel"}
     assert at_home(system)
-    assert system.devices["Robot1"].calendar(system.world.now) == []
+    assert system.device("Robot1").calendar(system.world.now) == []
     assert system.manager.state.tasks == {}
     assert system.manager.state.previews == {}
     assert not [one for one in system.world.records["tm"] if isinstance(one, TaskRecord)]
@@ -161,8 +163,8 @@ def test_who_never_said_anything_is_not_guessed_at() -> None:
 
 def test_it_takes_a_few_seconds_however_long_the_plan_is_and_however_slow_the_services() -> None:
     relay = Relay(couriers=10, parcels=1)
-    for name in relay.devices:
-        relay.world.cut_off(f"devices/{name}")
+    for address in [address for address in relay.world.components if address.startswith("devices/")]:
+        relay.world.cut_off(address)
     began = relay.world.now
     found = preview(relay, relay.goal)
     assert relay.world.now - began < 7

@@ -140,8 +140,9 @@ def test_nobody_takes_over_from_a_robot_that_may_still_be_undoing() -> None:
 
     robot = Robot("Robot1", 10, 5, undoes=never)
     system = patrolled("Platform001", robot, Robot("Robot2", 25, 5))
+    manager = system.device("Robot1")
     system.world.remove("devices/Robot1")
-    system.world.add("devices/Robot1", system.devices["Robot1"], carries)
+    system.world.add("devices/Robot1", manager, carries)
     task = system.submit(BOTH)
     until_one_is_done(system, task)
     system.ask(CancelTask(task=task))
@@ -374,7 +375,7 @@ def test_one_that_comes_back_has_stopped_before_another_takes_its_step() -> None
     system.restart(robot1)
     assert system.world.run(200, lambda: ("Execute", "Robot2") in system.said(task))
     assert ("Stop", "Robot1") in system.said(task)
-    assert system.devices["Robot1"].idle
+    assert system.device("Robot1").idle
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
 
@@ -463,7 +464,7 @@ def test_what_a_robot_lays_down_that_comes_back_when_all_is_over_comes_to_the_ma
     assert view.outcome is Outcome.FAILED
     system.restart(robot)
     system.world.run(30)
-    assert system.devices["Robot1"].state(task, "Robot1.TransferObject#step1") is State.ENDED
+    assert system.device("Robot1").state_of(task, "Robot1.TransferObject#step1") is State.ENDED
     assert system.map.holds("isOn", ("Jar002", "Floor001"))
 
 

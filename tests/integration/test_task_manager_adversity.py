@@ -93,7 +93,7 @@ def test_what_a_robot_did_that_had_been_given_up_comes_to_the_map() -> None:
     system.world.run(60)
     assert system.map.holds("isHeldBy", ("Jar002", "Robot1"))
     assert "Unknown" not in system.map.objects["Jar002"].values
-    assert system.devices["Robot1"].idle
+    assert system.device("Robot1").idle
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_work_for_a_task_manager_that_was_restarted_is_sent_home() -> None:
     system.world.add("tm", TaskManager("tm", repository="repository", registry="registry"))
     system.world.run(30)
     assert system.said(task)[-1] == ("End", "Robot1")
-    assert system.devices["Robot1"].idle
+    assert system.device("Robot1").idle
 
 
 def test_without_a_repository_clients_hear_what_is_wrong() -> None:

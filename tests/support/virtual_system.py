@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 from somrs.kernel.component import Answered, Effect, Input, Started
 from somrs.ontology.files.loading import load_text
@@ -13,12 +14,14 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.clients import Submit, Submitted, TaskRejected, TaskView
 from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
 from somrs.runtime.virtual import Medium, Watch, Work, World, promptly
+from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
-from somrs.service_manager.sdk.orders import Capability, Done, Halt, Kept, Order, Perform, Profile, Quote, Quoted, Refusal, Undo
+from somrs.service_manager.sdk.orders import Capability, Done, Halt, Order, Perform, Profile, Quote, Quoted, Refusal, Undo
 from somrs.task_manager.manager import SCHEMA, TaskManager
 from somrs.task_manager.transaction.views import view
 
@@ -133,12 +136,11 @@ class VirtualSystem:
         loaded = load_text(site, "site.yaml")
         assert loaded.map is not None
         self.world = World(medium=medium, watch=watch)
-        self.devices: dict[str, ServiceManager] = {}
         self.repository = Repository("repository", Contents(ontology=loaded.ontology, map=loaded.map))
         self.registry = Registry("registry", loaded.ontology, "repository")
         self.client = Client()
         self.world.add("repository", self.repository)
-        self.world.add("registry", self.registry)
+        self.world.add("registry", self.registry, journaled=REGISTRY)
         self.world.add("client", self.client)
         for robot in robots:
             self.join(robot)
@@ -152,18 +154,24 @@ class VirtualSystem:
         capability = Capability(type=service, method="work", stoppable=True, undoable=robot.undoes is not None)
         self._join(robot, Profile(name=robot.name, type=type, capabilities=(capability,), valid_for=robot.valid_for, lease=3600))
 
-    def restart(self, robot: Robot) -> None:
-        """The robot's Service Manager comes up again, with nothing but its journal."""
+    def restart(self, robot: Robot, *, snapshot: bool = False) -> None:
+        """The robot's Service Manager is killed, and comes up again with its journal; with a snapshot in it, if that is wanted."""
         address = f"devices/{robot.name}"
-        kept = [entry for entry in self.world.records[address] if isinstance(entry, Kept)]
-        profile = self.devices[robot.name].profile
-        self.world.remove(address)
-        self._join(robot, profile, kept)
-        self.world.records[address][:0] = kept
+        if snapshot:
+            self.world.snapshot(address)
+        self.world.revive(address, partial(self._new_device, self.device(robot.name).profile))
 
-    def _join(self, robot: Robot, profile: Profile, kept: list[Kept] | None = None) -> None:
-        manager = self.devices[robot.name] = ServiceManager(profile, repository="repository", registry="registry", kept=kept or [])
-        self.world.add(f"devices/{robot.name}", manager, robot.carry_out)
+    def device(self, name: str) -> ServiceManager:
+        manager = self.world.components[f"devices/{name}"]
+        assert isinstance(manager, ServiceManager)
+        return manager
+
+    def _join(self, robot: Robot, profile: Profile) -> None:
+        self.world.add(f"devices/{robot.name}", self._new_device(profile), robot.carry_out, journaled=SERVICE_MANAGER)
+
+    @staticmethod
+    def _new_device(profile: Profile) -> ServiceManager:
+        return ServiceManager(profile, repository="repository", registry="registry")
 
     @staticmethod
     def _new_manager() -> TaskManager:

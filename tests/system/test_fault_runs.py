@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import pytest
 
-from somrs.kernel.component import Component, Effect, Input, Rang, Received
+from somrs.kernel.component import Component, Effect, Effects, Input, Rang, Received
 from somrs.protocol.messages.clients import CancelTask, Policy
 from somrs.protocol.messages.frp import Accept, Outcome
 from somrs.runtime.virtual import Moment, World
-from somrs.service_manager.sdk.orders import Kept, Profile
+from somrs.service_manager.participant.timers import TermsDue
 from somrs.task_manager.execution.execution_log import ExecutionLog
 from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.execution.reports import Reports
@@ -22,7 +22,7 @@ from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.reservations import Reservations
 from tests.support.paths import ROOT
 from verification.fault_runs.draw import draw
-from verification.fault_runs.hands import DeviceManager, Hands
+from verification.fault_runs.hands import DeviceManager
 from verification.fault_runs.likeness import difference
 from verification.fault_runs.properties import Property
 from verification.fault_runs.result import Result, played, run
@@ -128,10 +128,7 @@ class Devices(Parts):
     """Parts with other Service Managers."""
 
     def __init__(self, kind: type[DeviceManager]) -> None:
-        self.kind = kind
-
-    def service_manager(self, profile: Profile, hands: Hands, kept: list[Kept], saw: Callable[[str, Input], None]) -> DeviceManager:
-        return self.kind(profile, hands, kept, saw)
+        self.device_manager = kind
 
 
 class Managers(Parts):
@@ -149,8 +146,8 @@ CUT_OFF = story(Cut(at=2.0, target=AT_WORK, seconds=100.0), devices=(carrier(1, 
 
 def test_a_device_that_goes_on_when_it_is_cut_off_is_noticed() -> None:
     class Careless(DeviceManager):
-        def _undelivered(self, message: object, now: float) -> None:
-            pass
+        def _undelivered(self, message: object, now: float) -> Effects:
+            yield from ()
 
     assert noticed(CUT_OFF) is None
     assert noticed(CUT_OFF, Devices(Careless)) is Property.HANDS
@@ -166,7 +163,7 @@ def test_who_was_not_heard_to_begin_may_have_begun_late() -> None:
 def test_a_device_that_works_on_terms_that_ran_out_is_noticed() -> None:
     class Generous(DeviceManager):
         def handle(self, event: Input, now: float) -> list[Effect]:
-            if isinstance(event, Rang) and str(event.timer).startswith("expire"):
+            if isinstance(event, Rang) and isinstance(event.timer, TermsDue):
                 return []
             accepted = isinstance(event, Received) and isinstance(event.message.body, Accept)
             return super().handle(event, now - 60.0 if accepted else now)
@@ -235,10 +232,12 @@ def test_a_journal_that_loses_what_came_last_is_noticed(snapshot: bool) -> None:
     assert noticed(killed, Forgetful()) is Property.RESTART
 
 
-def test_a_service_manager_whose_records_are_lost_is_noticed() -> None:
+def test_a_service_manager_whose_journal_is_lost_is_noticed() -> None:
     class Blank(Parts):
-        def service_manager(self, profile: Profile, hands: Hands, kept: list[Kept], saw: Callable[[str, Input], None]) -> DeviceManager:
-            return super().service_manager(profile, hands, [], saw)
+        def revive(self, world: World, address: str, make: Callable[[], Component]) -> None:
+            if address.startswith("devices/"):
+                world._places[address].entries.clear()
+            super().revive(world, address, make)
 
     killed = story(Kill(at=4.0, target=AT_WORK))
     assert noticed(killed) is None

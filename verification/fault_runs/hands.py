@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
+from typing import Self
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Answered, Ask, Effect, Input, Withdraw
-from somrs.runtime.virtual import Work
+from somrs.kernel.component import Effect, Input, Withdraw
+from somrs.runtime.virtual import QUIET, Work
 from somrs.service_manager.participant.participant import ServiceManager
-from somrs.service_manager.sdk.orders import Advance, Done, Halt, Kept, Order, Perform, Profile, Quote, Quoted, Refusal, ServiceFailed, Undo
+from somrs.service_manager.participant.timers import Activity, WorkWanted
+from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
 from verification.fault_runs.site import FLOOR, LOOKING
 from verification.fault_runs.story import Act, Character
 from verification.fault_runs.story import Undo as Undoing
@@ -18,22 +20,24 @@ from verification.fault_runs.truth import Place, Reality, parts
 NEVER = 1e7
 """Seconds."""
 
-
-class Silence:
-    """Time passed in which the device said nothing."""
-
-
-SILENCE = Silence()
+Saw = Callable[[str, Input], None]
+"""Sees each input of a device's Service Manager, and whose it is, before it is handled."""
 
 
 @dataclass(frozen=True, slots=True)
 class Labour:
     """Work that a device really does, from its first move until it is done or interrupted. Looking moves nothing."""
 
-    transaction: str
-    participant: str
-    kind: str
+    activity: Activity
     order: Order
+
+    @property
+    def transaction(self) -> str:
+        return self.order.transaction
+
+    @property
+    def participant(self) -> str:
+        return self.order.participant
 
     @property
     def object(self) -> str:
@@ -51,11 +55,10 @@ class Hands:
     now: Callable[[], float]
     began: Callable[[Hands, Labour], None]
     dies: Callable[[Character], None]
-    labours: dict[str, Labour] = field(default_factory=dict)
+    labours: dict[Hashable, Labour] = field(default_factory=dict)
     """What it does now."""
     _left: dict[str, Place | bool] = field(default_factory=dict)
     """Where it put what it worked on last."""
-    _questions: dict[int, tuple[object, str]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -63,10 +66,7 @@ class Hands:
 
     # What its Service Manager tells it
 
-    def asked(self, question: str, task: object) -> None:
-        self._questions[id(task)] = task, question
-
-    def interrupted(self, question: str) -> None:
+    def interrupted(self, question: Hashable) -> None:
         """It stops moving."""
         self.labours.pop(question, None)
 
@@ -75,20 +75,17 @@ class Hands:
         if self.character.drops:
             self.reality.drop_all(self.name, self.now(), [labour.object for labour in self.labours.values()])
         self.labours.clear()
-        self._questions.clear()
 
     def carry_out(self, task: object) -> Work:
-        _, question = self._questions.pop(id(task), (None, ""))
-        transaction = question.rpartition(" ")[2]
         match task:
             case Quote():
                 return self._quote()
             case Perform(order):
-                return self._perform(order, question, transaction)
+                return self._perform(order)
             case Undo(order, situation):
-                return self._undo(order, situation, question, transaction)
+                return self._undo(order, situation)
             case Halt(order):
-                return self._halt(order, transaction)
+                return self._halt(order)
             case _:
                 return iter(((0.0, None),))
 
@@ -102,34 +99,35 @@ class Hands:
         else:
             yield 0.1, Quoted(price=self.character.price, duration=self.character.duration)
 
-    def _perform(self, order: Order, question: str, transaction: str) -> Work:
+    def _perform(self, order: Order) -> Work:
         act = self.misdeeds()
-        work = self._look(order, act) if order.method == LOOKING else self._work(order, act, transaction)
-        yield from self._laboured("Perform", order, question, transaction, work)
+        work = self._look(order, act) if order.method == LOOKING else self._work(order, act)
+        yield from self._laboured(Activity.PERFORM, order, work)
 
-    def _laboured(self, kind: str, order: Order, question: str, transaction: str, work: Work) -> Work:
+    def _laboured(self, activity: Activity, order: Order, work: Work) -> Work:
         """The work, which is real until its end is reported."""
-        labour = Labour(transaction, order.participant, kind, order)
+        labour = Labour(activity, order)
+        question = WorkWanted(order.transaction, order.participant, activity)
         if order.method != LOOKING:
             self.labours[question] = labour
         self.began(self, labour)
         for seconds, value in work:
-            if not isinstance(value, Silence | Advance):
+            if value is not QUIET and not isinstance(value, Advance):
                 self.labours.pop(question, None)
                 yield seconds, value
                 return
             yield seconds, value
 
-    def _work(self, order: Order, act: Act | None, transaction: str) -> Work:
+    def _work(self, order: Order, act: Act | None) -> Work:
         seconds = self.character.duration * (15 if act is Act.SLOW else 1)
         moves, spent = [*self._moves(order)], 0.0
         for number, (share, object, to) in enumerate(moves, 1):
-            yield (share - spent) * seconds, SILENCE
+            yield (share - spent) * seconds, QUIET
             spent = share
             if number == len(moves) and act is not None and act not in (Act.SLOW, Act.CARRY):
-                yield from self._goes_wrong(act, order, object, to, transaction)
+                yield from self._goes_wrong(act, order, object, to)
                 return
-            if (failed := self._move(order, object, to, transaction)) is not None:
+            if (failed := self._move(order, object, to)) is not None:
                 yield 0.0, failed
                 return
             if number < len(moves) and act is Act.CARRY:
@@ -138,11 +136,11 @@ class Hands:
 
     def _look(self, order: Order, act: Act | None) -> Work:
         """Cognitive services tell the truth, or nothing."""
-        yield self.character.duration, SILENCE
+        yield self.character.duration, QUIET
         if act is Act.DIE:
             self.dies(self.character)
         if act in (Act.DIE, Act.HANG):
-            yield NEVER, SILENCE
+            yield NEVER, QUIET
         if act is not None:
             yield 0.0, ServiceFailed("it sees nothing", None)
         object = order.inputs["Object"]
@@ -158,10 +156,10 @@ class Hands:
     def _promised(self, order: Order) -> str:
         return order.effect.replace("?Provider", self.name)
 
-    def _move(self, order: Order, object: str, to: Place | bool, transaction: str) -> ServiceFailed | None:
+    def _move(self, order: Order, object: str, to: Place | bool) -> ServiceFailed | None:
         """Bring the object there; what it says when that cannot be done."""
         if isinstance(to, bool):
-            self._put(object, to, transaction)
+            self._put(object, to, order.transaction)
             return None
         reality = self.reality
         mine = reality.where[object] == ("isHeldBy", self.name)
@@ -172,18 +170,18 @@ class Hands:
         elif not mine:
             return ServiceFailed(f"{object} is gone from the gripper", None)
         elif not reality.reachable(to[1]):
-            self._put(object, ("isOn", FLOOR), transaction)
+            self._put(object, ("isOn", FLOOR), order.transaction)
             return ServiceFailed("the door is closed", f"{reality.said(object)} AND {reality.said(reality.behind[to[1]])}")
-        self._put(object, to, transaction)
+        self._put(object, to, order.transaction)
         return None
 
-    def _goes_wrong(self, act: Act, order: Order, object: str, to: Place | bool, transaction: str) -> Work:
+    def _goes_wrong(self, act: Act, order: Order, object: str, to: Place | bool) -> Work:
         """What happens instead of the last move."""
         reality, mine = self.reality, self.reality.state(object) == ("isHeldBy", self.name)
         match act:
             case Act.DROP | Act.MISPUT:
                 if mine:
-                    self._put(object, ("isOn", FLOOR), transaction)
+                    self._put(object, ("isOn", FLOOR), order.transaction)
                 said = reality.said(object)
                 yield 0.0, ServiceFailed("it slipped", said) if act is Act.DROP else Done(situation=said)
             case Act.FAIL:
@@ -194,38 +192,38 @@ class Hands:
                 reality.doubtful.add(object)
                 yield 0.0, Done(situation=self._promised(order))
             case Act.RAVE:
-                failed = self._move(order, object, to, transaction)
+                failed = self._move(order, object, to)
                 yield 0.0, failed or Done(situation=f"{object} isOn Nowhere")
             case Act.DIE:
                 self.dies(self.character)
-        yield NEVER, SILENCE
+        yield NEVER, QUIET
 
-    def _undo(self, order: Order, situation: str, question: str, transaction: str) -> Work:
-        yield from self._laboured("Undo", order, question, transaction, self._restore(order, situation, transaction))
+    def _undo(self, order: Order, situation: str) -> Work:
+        yield from self._laboured(Activity.UNDO, order, self._restore(order, situation))
 
-    def _restore(self, order: Order, situation: str, transaction: str) -> Work:
+    def _restore(self, order: Order, situation: str) -> Work:
         reality, wanted = self.reality, [*parts(parse(situation))]
-        yield self.character.duration, SILENCE
+        yield self.character.duration, QUIET
         if self.character.undo is Undoing.HANG:
-            yield NEVER, SILENCE
+            yield NEVER, QUIET
         for object, to in wanted:
             there = reality.state(object)
             known = there in (to, ("isHeldBy", self.name), self._left.get(object))
             if self.character.undo is Undoing.FAIL or not known or not self._can_bring(to):
                 yield 0.0, ServiceFailed("it cannot be undone", reality.said(object) if known else None)
-            self._put(object, to, transaction)
+            self._put(object, to, order.transaction)
         yield 0.0, Done(situation=" AND ".join(reality.said(object) for object, _ in wanted) or situation)
 
     def _can_bring(self, to: Place | bool) -> bool:
         return isinstance(to, bool) or (self.reality.reachable(to[1]) if to[0] == "isOn" else to[1] == self.name)
 
-    def _halt(self, order: Order, transaction: str) -> Work:
+    def _halt(self, order: Order) -> Work:
         """Reach a safe state, and say what is known of the thing."""
-        yield self.character.halts, SILENCE
+        yield self.character.halts, QUIET
         object = next(iter(order.inputs.values()))
         mine = self.reality.state(object) == ("isHeldBy", self.name)
         if mine and self.character.lays_down:
-            self._put(object, ("isOn", FLOOR), transaction)
+            self._put(object, ("isOn", FLOOR), order.transaction)
         known = mine or self.reality.state(object) == self._left.get(object)
         yield 0.0, Done(situation=self.reality.said(object) if known else None)
 
@@ -235,29 +233,19 @@ class Hands:
 
 
 class DeviceManager(ServiceManager):
-    """A Service Manager whose device is told what it is asked, and is not bothered with the device's silence."""
+    """A Service Manager whose device is told at once when it is interrupted."""
 
-    def __init__(self, profile: Profile, hands: Hands, kept: list[Kept], saw: Callable[[str, Input], None]) -> None:
-        super().__init__(profile, repository="repository", registry="registry", kept=kept)
+    _hands: Hands
+    _saw: Saw
+
+    def given(self, hands: Hands, saw: Saw) -> Self:
         self._hands, self._saw = hands, saw
-
-    def forgotten_by(self, after: DeviceManager) -> str | None:
-        """What this one knew and its next life does not."""
-        for job in self._jobs:
-            known = after.state(*job.key)
-            if known is not job.session.state:
-                return f"{job.key[1]} in {job.key[0]} was {job.session.state}, and is {known}"
-        return None
+        return self
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        if isinstance(event, Answered) and isinstance(event.value, Silence):
-            return []
         self._saw(self._hands.character.address, event)
         effects = super().handle(event, now)
         for effect in effects:
-            match effect:
-                case Ask(question, task):
-                    self._hands.asked(str(question), task)
-                case Withdraw(question):
-                    self._hands.interrupted(str(question))
+            if isinstance(effect, Withdraw):
+                self._hands.interrupted(effect.question)
         return effects

@@ -107,7 +107,8 @@ class Witness:
         self._hear()
         for other, its in self._stage.working if labour.order.method != LOOKING else ():
             if its is not labour and its.object == labour.object and self._together(its.transaction, labour.transaction):
-                text = f"{hands.name} begins {labour.participant} ({labour.kind}) while {other.name} is at {its.participant} ({its.kind})"
+                mine, others = f"{labour.participant} ({labour.activity.name})", f"{its.participant} ({its.activity.name})"
+                text = f"{hands.name} begins {mine} while {other.name} is at {others}"
                 tasks = " and ".join(dict.fromkeys((labour.transaction, its.transaction)))
                 raise Violation(Property.HANDS, f"{text}; both have their hands on {labour.object} for {tasks}")
         self._contracted(labour)
@@ -310,7 +311,7 @@ class Witness:
                 yield f"{address} still waits for {sorted(map(str, left))[0]}"
         for transaction, participant in self._terms:
             device = stage.world.components.get(f"devices/{service_of(participant).partition('.')[0]}")
-            if isinstance(device, ServiceManager) and (state := device.state(transaction, participant)) not in (State.ENDED, State.NEW):
+            if isinstance(device, ServiceManager) and (state := device.state_of(transaction, participant)) not in (State.ENDED, State.NEW):
                 yield f"{participant} in {transaction} is {state}"
         for hands in stage.hands.values():
             device = stage.world.components.get(hands.character.address)

@@ -8,6 +8,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from msgspec import structs
+
 from somrs.kernel.component import Component, Input
 from somrs.kernel.replica import Replica
 from somrs.ontology.objects import Map, objects_of
@@ -15,15 +17,21 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents, Handled, Subscription
 from somrs.runtime.virtual import LATENCY, Moment, Work, World
-from somrs.service_manager.participant.participant import LEAVE, ServiceManager
-from somrs.service_manager.sdk.orders import Capability, Kept, Profile
+from somrs.service_manager.participant.joining import Joining
+from somrs.service_manager.participant.map_reports import MapReports
+from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.participant.state import ServiceManagerState
+from somrs.service_manager.participant.timers import Leave as LeaveNow
+from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.manager import SCHEMA, TaskManager
 from verification.fault_runs.client import Client
-from verification.fault_runs.hands import DeviceManager, Hands, Labour
+from verification.fault_runs.hands import DeviceManager, Hands, Labour, Saw
 from verification.fault_runs.likeness import difference
 from verification.fault_runs.properties import Property, Violation, Witness
 from verification.fault_runs.site import map_of, ontology, service_type
@@ -46,8 +54,13 @@ class Parts:
     def task_manager(self, address: str) -> TaskManager:
         return TaskManager(address, repository="repository", registry="registry")
 
-    def service_manager(self, profile: Profile, hands: Hands, kept: list[Kept], saw: Callable[[str, Input], None]) -> DeviceManager:
-        return DeviceManager(profile, hands, kept, saw)
+    device_manager = DeviceManager
+
+    def service_manager(self, profile: Profile, hands: Hands, saw: Saw) -> DeviceManager:
+        return self.device_manager(profile, repository="repository", registry="registry").given(hands, saw)
+
+    def service_manager_again(self, state: ServiceManagerState, hands: Hands, saw: Saw) -> DeviceManager:
+        return self.device_manager.restored(state).given(hands, saw)
 
     def revive(self, world: World, address: str, make: Callable[[], Component]) -> None:
         world.revive(address, make)
@@ -80,7 +93,7 @@ class Stage:
         self.managers = [f"tm{number}" for number in range(1, story.managers + 1)]
         self._map = map_of(story)
         self.world.add("repository", Repository("repository", Contents(ontology=ontology(), map=self._map)))
-        self.world.add("registry", self._registry())
+        self.world.add("registry", self._registry(), journaled=REGISTRY)
         self.world.add("client", self.client)
         self._scenes: list[tuple[float, Callable[[], None]]] = []
         for character in story.devices:
@@ -117,11 +130,11 @@ class Stage:
         misdeeds = partial(self._misdeed, character.name)
         hands = Hands(character, self.reality, misdeeds, lambda: self.world.now, self._began, self._break)
         self.hands[character.address] = hands
-        self.world.add(character.address, self._device(character), hands.carry_out)
+        schema = structs.replace(SERVICE_MANAGER, restore=lambda state: self.parts.service_manager_again(state, hands, self.witness.saw))
+        self.world.add(character.address, self._device(character), hands.carry_out, journaled=schema)
 
     def _device(self, character: Character) -> ServiceManager:
-        kept = [entry for entry in self.world.records.get(character.address, ()) if isinstance(entry, Kept)]
-        return self.parts.service_manager(profile(character), self.hands[character.address], kept, self.witness.saw)
+        return self.parts.service_manager(profile(character), self.hands[character.address], self.witness.saw)
 
     def task_manager(self, address: str) -> TaskManager | None:
         """None when it is down."""
@@ -217,7 +230,7 @@ class Stage:
         address = self._targets[kill] = self._target(kill.target)
         if not self.world.alive(address) or address in self._doomed:
             return
-        if kill.snapshot and address in self.managers:
+        if kill.snapshot and address in (*self.managers, *self.hands):
             self.world.snapshot(address)
         self._note(f"{address} is killed {kill.moment}{f' ({kill.effects})' if kill.moment is Moment.AMID else ''}")
         self._doomed[address] = self.world.components[address], kill.moment
@@ -254,7 +267,7 @@ class Stage:
         self.parts.revive(self.world, address, partial(self._made, address))
         self.reap()
         after = self.world.components.get(address)
-        if after is not None and (moment is not Moment.AMID or address in self.managers):
+        if after is not None and (moment is not Moment.AMID or address in (*self.managers, *self.hands)):
             self._same(address, before, after)
 
     def _made(self, address: str) -> Component:
@@ -273,10 +286,12 @@ class Stage:
                 different = difference(before.state, after.state, leave_out=(Replica,))
                 if different is None and _copy(before) != _copy(after):
                     different = "the copies of the map"
+            case Registry(), Registry():
+                different = difference(before.state, after.state, leave_out=(Replica,))
             case Repository(), Repository():
                 different = difference(before.contents, after.contents)
             case DeviceManager(), DeviceManager():
-                different = before.forgotten_by(after)
+                different = difference(before.state, after.state, leave_out=(Joining, MapReports))
         if different is not None:
             raise Violation(Property.RESTART, f"{address} was started again, and is not what it was: {different}")
 
@@ -314,7 +329,7 @@ class Stage:
     def _leave(self, address: str) -> None:
         if self.world.alive(address):
             self._note(f"{address} takes its leave")
-            self.world.ring(address, LEAVE)
+            self.world.notify(address, LeaveNow())
 
     # What the world asks
 

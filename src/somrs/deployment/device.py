@@ -10,32 +10,28 @@ import asyncio
 import importlib
 import importlib.util
 import logging
-import sqlite3
 import sys
 import uuid
-from collections import deque
-from copy import copy
 from pathlib import Path
 from types import ModuleType
 from urllib.parse import urlsplit
 
-import msgspec
-
 from somrs.client.client import Addresses
 from somrs.deployment.programs import run_program, say_ready, until_stopped
 from somrs.errors import DeviceError, InputError, RemoteError
-from somrs.kernel.component import Rang
+from somrs.kernel.component import Notified
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
 from somrs.runtime.wire import asked_again
-from somrs.service_manager.participant.participant import LEAVE, REMEMBERED, ServiceManager
+from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
+from somrs.service_manager.participant.timers import Equipped, Leave
 from somrs.service_manager.sdk import orders
 from somrs.service_manager.sdk.device import Device, MapReader
-from somrs.service_manager.sdk.orders import Halt, Kept, Perform, Quote, Undo
+from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
 from somrs.service_manager.sdk.work import carry_out
-from somrs.storage.disk import Disk, Kind
+from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)
 
@@ -49,73 +45,11 @@ LEAVE_TIME = 5.0
 """Seconds that a device has to come to rest when its program is to end."""
 
 
-_KIND = Kind(
-    owner="a device's",
-    holds="record of a participant",
-    rival="another program of the same device",
-    application=0x534F4D44,  # `SOMD` in ASCII
-    version=2,
-    tables="""
-    CREATE TABLE kept (number INTEGER PRIMARY KEY, device TEXT NOT NULL, "transaction" TEXT NOT NULL, participant TEXT NOT NULL,
-      entry BLOB NOT NULL, UNIQUE ("transaction", participant, device));
-    """,
-)
-
-
-class DeviceJournal:
-    """What a device promised and reported: the latest record of each participant, in a file of the device's own.
-
-    Devices that share a process can share the file: what they have to keep at the same time is on disk by one commit then.
-    """
-
-    def __init__(self, path: Path, device: str = "") -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self.disk = Disk(path, _KIND)
-        self._device = device
-        self._queued: deque[tuple[str, Kept]] = deque()
-
-    def shared_with(self, device: str) -> DeviceJournal:
-        """The journal of another device of this process, in the same file. Whoever closes one of them closes all."""
-        other = copy(self)
-        other._device = device
-        return other
-
-    def load(self) -> list[Kept]:
-        """The latest record of each participant, as far as they are remembered."""
-
-        def read(db: sqlite3.Connection) -> list[Kept]:
-            db.execute(
-                "DELETE FROM kept WHERE device = ?1 AND number <= "
-                "(SELECT number FROM kept WHERE device = ?1 ORDER BY number DESC LIMIT 1 OFFSET ?2)",
-                (self._device, REMEMBERED),
-            )
-            rows = db.execute("SELECT entry FROM kept WHERE device = ? ORDER BY number", (self._device,)).fetchall()
-            return [msgspec.msgpack.decode(entry, type=Kept) for (entry,) in rows]
-
-        return self.disk.do(read)
-
-    def keep(self, entry: object) -> None:
-        """Have a record on disk, soon."""
-        assert isinstance(entry, Kept), f"a Service Manager keeps participants, not {type(entry).__name__}"
-        self._queued.append((self._device, entry))
-        self.disk.write(self._flush)
-
-    def close(self) -> None:
-        """Write what is to be written, and close the file."""
-        self.disk.close()
-
-    def _flush(self, db: sqlite3.Connection) -> None:
-        """Write all that is queued, of each participant the latest; it may be more than was when this was asked for, and the next
-        then finds nothing. Encoded here, by the disk's thread: a record is a value, which stays as it is."""
-        latest: dict[tuple[str, str, str], Kept] = {}
-        while self._queued:
-            device, entry = self._queued.popleft()
-            key = (*entry.key, device)
-            latest.pop(key, None)  # behind those that were kept before it
-            latest[key] = entry
-        if latest:
-            rows = [(*key, msgspec.msgpack.encode(entry)) for key, entry in latest.items()]
-            db.executemany('INSERT OR REPLACE INTO kept ("transaction", participant, device, entry) VALUES (?, ?, ?, ?)', rows)
+def device_journal(data: Path, name: str) -> Journal:
+    """The journal of a device, or of several in one process, which are `beside` each other then."""
+    folder = data / "devices"
+    folder.mkdir(parents=True, exist_ok=True)
+    return Journal(folder / f"{name}.sqlite", SCHEMA)
 
 
 class DeviceRunner:
@@ -132,14 +66,13 @@ class DeviceRunner:
         data: Path,
         host: str | Host = "127.0.0.1",
         *,
-        journal: DeviceJournal | None = None,
+        journal: Journal | None = None,
     ) -> None:
         self.device = device
         device.data = data
         self._addresses = addresses
         self._own_journal = journal is None
-        self._journal = journal if journal is not None else DeviceJournal(data / "devices" / f"{device.name}.sqlite")
-        self._kept = self._journal.load()
+        self._journal = journal if journal is not None else device_journal(data, device.name)
         self._host = host
         self._rim: Host | None = None
         self._node: Node | None = None
@@ -152,10 +85,14 @@ class DeviceRunner:
         self.device.map = MapReader(self._ask)
         await self.device.open()
         profile = self.device.profile()
-        self.manager = ServiceManager(profile, repository=self._addresses.repository, registry=self._addresses.registry, kept=self._kept)
-        path = f"/devices/{self.device.name}"
-        self._node = rim.add(
-            path, lambda address: self.manager, carry_out=self._carry_out, keep=self._journal.keep, disk=self._journal.disk
+        repository, registry = self._addresses.repository, self._addresses.registry
+        self._node = rim.add_journaled(
+            f"/devices/{self.device.name}",
+            lambda address: ServiceManager(profile, repository=repository, registry=registry),
+            self._journal,
+            carry_out=self._carry_out,
+            # The author may have changed the device since its journal was written.
+            notices=(Equipped(profile, repository, registry),),
         )
         try:
             await asyncio.wait_for(asyncio.shield(self._joined), JOIN_TIME)
@@ -166,10 +103,16 @@ class DeviceRunner:
             ) from None
         return self._node.address
 
+    @property
+    def manager(self) -> ServiceManager:
+        assert self._node is not None, "it was started"
+        assert isinstance(self._node.component, ServiceManager), "that is what was put there"
+        return self._node.component
+
     async def stop(self) -> None:
         """Take leave: withdraw the offers, bring what runs to a stop, and say so to whom it concerns."""
         if self._node is not None:
-            self._node.feed(Rang(LEAVE))
+            self._node.feed(Notified(Leave()))
             end = asyncio.get_running_loop().time() + LEAVE_TIME
             while not self.manager.idle and asyncio.get_running_loop().time() < end:
                 await asyncio.sleep(0.02)
@@ -186,8 +129,7 @@ class DeviceRunner:
         """Where the device was reached before, if that can be: those who have a contract with it know that address."""
         if isinstance(self._host, Host):
             return self._host
-        known = [one.session.me for one in self._kept if one.session.me]
-        port = (urlsplit(known[-1]).port or 0) if known else 0
+        port = urlsplit(self._journal.address).port or 0
         for candidate in dict.fromkeys((port, 0)):
             rim = Host(self._host, candidate)
             try:
@@ -205,8 +147,8 @@ class DeviceRunner:
             case Quote() | Perform() | Halt() | Undo():
                 return await carry_out(self.device, task, self._ask, report)
             case orders.Report(text, joined):
-                log.log(logging.INFO if joined else logging.ERROR, "%s", text)
-                if not self._joined.done():
+                log.log({True: logging.INFO, False: logging.ERROR, None: logging.WARNING}[joined], "%s", text)
+                if joined is not None and not self._joined.done():
                     if joined:
                         self._joined.set_result(None)
                     else:

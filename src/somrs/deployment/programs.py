@@ -108,25 +108,20 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
 async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -> None:
     """The Service Registry. What was listed when its process ended is listed until its leases are over."""
     from somrs.ontology.files.loading import upper
-    from somrs.registry.component import Registry
-    from somrs.storage.registry_store import Listing
+    from somrs.registry.component import SCHEMA, Registry
+    from somrs.storage.journal import Journal
 
     data.mkdir(parents=True, exist_ok=True)
-    listing = Listing(data / "registry.sqlite")
+    journal = Journal(data / "registry.sqlite", SCHEMA, f"the Repository at {addresses.repository}")
     try:
         rim = Host(host, port)
         await rim.start()
-        node = rim.add(
-            "/registry",
-            lambda address: Registry(address, upper(), addresses.repository, kept=listing.load()),
-            keep=listing.keep,
-            disk=listing.disk,
-        )
+        node = rim.add_journaled("/registry", lambda address: Registry(address, upper(), addresses.repository), journal)
         say_ready("registry", node.address)
         await until_stopped()
         await rim.stop()
     finally:
-        listing.close()
+        journal.close()
 
 
 async def run_task_manager(data: Path, addresses: Addresses, host: str, port: int) -> None:

@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Struct
 
 from somrs.errors import UsageError
-from somrs.kernel.component import Stateful
+from somrs.kernel.component import Stateful, Trouble
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, FunctionType, ObjectType, Ontology, RelationType
@@ -94,10 +94,19 @@ class Migration(Struct, frozen=True, kw_only=True):
     entry: Callable[[Any], Any] = lambda entry: entry
 
 
+def in_words(error: BaseException) -> Trouble:
+    """An exception as an answer, where its component has no better one."""
+    return Trouble(str(error) or type(error).__name__)
+
+
 class Schema(Struct, frozen=True, kw_only=True):
     """What a component's state and inputs are made of. `version` counts up with each change of any of it, and `migrations` lead from each
-    version to the next. `timers`, `questions`, `tasks` and `answers` are types: of what it sets, asks, and hears; `restore` makes the
-    component that has a state."""
+    version to the next. `timers`, `questions`, `tasks`, `answers` and `notices` are types: of what it sets, asks, and hears; `restore`
+    makes the component that has a state.
+
+    `volatile`: tasks that end with the process; after a restart their questions are answered by `Lost`. `failure` makes an answer of an
+    exception. `moves`: it can go on at another address than before.
+    """
 
     component: str
     version: int
@@ -106,7 +115,11 @@ class Schema(Struct, frozen=True, kw_only=True):
     questions: Any
     tasks: Any
     answers: Any
+    notices: Any = None
     restore: Callable[[Any], Stateful]
+    volatile: tuple[type, ...] = ()
+    failure: Callable[[BaseException], object] = in_words
+    moves: bool = False
     migrations: Mapping[int, Migration] = {}
 
     def leads_from(self, version: int) -> bool:

@@ -30,7 +30,7 @@ class Rang(Struct, frozen=True, tag=True):
 
 
 class Answered(Struct, frozen=True, tag=True):
-    """The answer to an earlier `Ask`; `value` is what the asked one returns, or the exception it raised."""
+    """The answer to an earlier `Ask`; `value` is what the asked one returns, the exception it raised, or a `Partial` on the way."""
 
     question: Hashable
     value: object
@@ -43,6 +43,20 @@ class Trouble(Struct, frozen=True, tag=True):
 
     def __str__(self) -> str:
         return self.text
+
+
+class Partial(Struct, frozen=True):
+    """What answers on the way are derived from: the question stays open, and its answer is yet to come."""
+
+
+class Lost(Struct, frozen=True, tag=True):
+    """The answer to a question whose work ended with the process that did it. Which kinds of work do, the component's schema says."""
+
+
+class Notified(Struct, frozen=True, tag=True):
+    """The program around the component tells it something: a value of the component's own."""
+
+    notice: object
 
 
 class Undelivered(Struct, frozen=True, tag=True):
@@ -58,7 +72,7 @@ class Started(Struct, frozen=True, tag=True):
     address: str
 
 
-Input = Started | Received | Rang | Answered | Undelivered
+Input = Started | Received | Rang | Answered | Undelivered | Notified
 
 
 class Send(Struct, frozen=True):

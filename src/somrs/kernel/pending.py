@@ -20,6 +20,9 @@ from somrs.kernel.component import (
     Ask,
     Effect,
     Input,
+    Lost,
+    Notified,
+    Partial,
     Rang,
     Received,
     Record,
@@ -84,7 +87,7 @@ class Pending:
         match event:
             case Rang(timer):
                 self.timers.pop(timer, None)
-            case Answered(question):
+            case Answered(question, value) if not isinstance(value, Partial):
                 self.questions.pop(question, None)
                 self.withdrawn.discard(question)
 
@@ -109,6 +112,16 @@ class Pending:
                     self.withdrawn.add(question)
         return 0
 
+    def without_work(self, volatile: tuple[type, ...]) -> list[tuple[Hashable, Trouble | Lost]]:
+        """After a restart: the open questions that nobody is to work on, and the answer to each."""
+        answers: list[tuple[Hashable, Trouble | Lost]] = []
+        for question, task in self.questions.items():
+            if question in self.withdrawn:
+                answers.append((question, WITHDRAWN))
+            elif isinstance(task, volatile):
+                answers.append((question, Lost()))
+        return answers
+
 
 @dataclass(slots=True)
 class Journaled:
@@ -118,6 +131,7 @@ class Journaled:
     """
 
     component: Stateful
+    schema: Schema
     pending: Pending = field(default_factory=Pending)
     number: int = 0
     at: float = 0.0
@@ -127,7 +141,7 @@ class Journaled:
     def entry(self, event: Input, now: float) -> Entry:
         """The journal's next entry, for this input. It has to be written before `handle`, or with what comes of it."""
         if isinstance(event, Answered) and isinstance(event.value, BaseException):
-            event = Answered(event.question, Trouble(str(event.value) or type(event.value).__name__))
+            event = Answered(event.question, self.schema.failure(event.value))
         # A clock that was put back while the process was away must not take the component back.
         return Entry(self.number + 1, max(self.at, now), event, tuple(self.delivered))
 
@@ -168,6 +182,7 @@ TimerT = TypeVar("TimerT")
 QuestionT = TypeVar("QuestionT")
 TaskT = TypeVar("TaskT")
 AnswerT = TypeVar("AnswerT")
+NoticeT = TypeVar("NoticeT")
 
 
 class Snapshot(Struct, Generic[S, TimerT, QuestionT, TaskT], kw_only=True):
@@ -193,12 +208,16 @@ class _Answered(Struct, Generic[QuestionT, AnswerT], frozen=True, tag="Answered"
     value: AnswerT
 
 
-class _Entry(Struct, Generic[TimerT, QuestionT, AnswerT], frozen=True, array_like=True):
+class _Notified(Struct, Generic[NoticeT], frozen=True, tag="Notified"):
+    notice: NoticeT
+
+
+class _Entry(Struct, Generic[TimerT, QuestionT, AnswerT, NoticeT], frozen=True, array_like=True):
     """`Entry` with what may be in it."""
 
     number: int
     at: float
-    event: Started | Received | Undelivered | _Rang[TimerT] | _Answered[QuestionT, AnswerT]
+    event: Started | Received | Undelivered | _Rang[TimerT] | _Answered[QuestionT, AnswerT] | _Notified[NoticeT]
     delivered: tuple[int, ...] = ()
 
     def entry(self) -> Entry:
@@ -208,6 +227,8 @@ class _Entry(Struct, Generic[TimerT, QuestionT, AnswerT], frozen=True, array_lik
                 event = Rang(timer)
             case _Answered(question, value):
                 event = Answered(question, value)
+            case _Notified(notice):
+                event = Notified(notice)
             case other:
                 event = other
         return Entry(self.number, self.at, event, self.delivered)
@@ -221,7 +242,9 @@ class Written:
         snapshot: Any = Snapshot
         entry: Any = _Entry
         self._snapshots: Codec[Any] = Codec(snapshot[schema.state, schema.timers, schema.questions, schema.tasks])
-        self._entries: Codec[list[Any]] = Codec(list.__class_getitem__(entry[schema.timers, schema.questions, schema.answers]))
+        self._entries: Codec[list[Any]] = Codec(
+            list.__class_getitem__(entry[schema.timers, schema.questions, schema.answers, schema.notices])
+        )
 
     def snapshot(self, journaled: Journaled) -> bytes:
         """The whole of it. Raises TypeError or NotImplementedError where it is no data."""
@@ -255,7 +278,7 @@ class Written:
             withdrawn={*found.withdrawn},
             count=found.count,
         )
-        return Journaled(schema.restore(found.state), pending, found.number, found.at, found.delivered)
+        return Journaled(schema.restore(found.state), schema, pending, found.number, found.at, found.delivered)
 
     def entry(self, entry: Entry) -> bytes:
         """One entry. Raises TypeError or NotImplementedError for what could not be read again."""

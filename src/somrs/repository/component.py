@@ -14,7 +14,7 @@ from itertools import islice
 from msgspec import structs
 
 from somrs.errors import InputError
-from somrs.kernel.component import Answered, Effect, Input, Rang, Received, Record, Send, Started, Undelivered, Wake
+from somrs.kernel.component import Answered, Effect, Input, Notified, Rang, Received, Record, Send, Started, Undelivered, Wake
 from somrs.ontology.check import check
 from somrs.ontology.conformance import Violation
 from somrs.ontology.truth import bindings
@@ -93,6 +93,8 @@ class Repository:
                 return self._answered(str(question), value, now)
             case Undelivered(message):
                 return self._undelivered(message)
+            case Notified():
+                return []  # nobody has anything to tell it
 
     def _received(self, message: Message, now: float) -> list[Effect]:
         match message.body:

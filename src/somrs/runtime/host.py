@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from urllib.parse import urlsplit
 
@@ -63,10 +63,18 @@ class Host:
         address = f"{self.url}{path}"
         return self._start(path, self._node(address, make(address), carry_out, keep=keep, disk=disk), again=False)
 
-    def add_journaled(self, path: str, make: Callable[[str], Stateful], journal: Journal, *, carry_out: CarryOut = _nothing_to_do) -> Node:
+    def add_journaled(
+        self,
+        path: str,
+        make: Callable[[str], Stateful],
+        journal: Journal,
+        *,
+        carry_out: CarryOut = _nothing_to_do,
+        notices: Sequence[object] = (),
+    ) -> Node:
         """Put a component there whose inputs are kept: as its journal has it, or, if it has none, made for its address.
 
-        Raises UsageError when the journal cannot be gone on with.
+        `notices`: what it hears of before it starts. Raises UsageError when the journal cannot be gone on with.
         """
         address = f"{self.url}{path}"
         journaled, again = journal.begin(address, make)
@@ -74,7 +82,7 @@ class Host:
         node = self._node(
             address, journaled.component, carry_out, keep=journal.keep, disk=journal.disk, journal=journal, journaled=journaled
         )
-        return self._start(path, node, again=again)
+        return self._start(path, node, again=again, notices=notices)
 
     def _node(
         self,
@@ -101,10 +109,10 @@ class Host:
             watch=self._watch,
         )
 
-    def _start(self, path: str, node: Node, *, again: bool) -> Node:
+    def _start(self, path: str, node: Node, *, again: bool, notices: Sequence[object] = ()) -> Node:
         self._nodes[node.address] = node
         self._server.parts[path] = node.receive
-        node.start(again=again)
+        node.start(again=again, notices=notices)
         return node
 
     async def remove(self, node: Node) -> None:

@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable, Hashable
+from collections.abc import Awaitable, Callable, Hashable, Sequence
 
 from somrs.errors import InputError, RemoteError
 from somrs.kernel.component import (
@@ -19,6 +19,8 @@ from somrs.kernel.component import (
     Component,
     Effect,
     Input,
+    Notified,
+    Partial,
     Rang,
     Received,
     Record,
@@ -28,7 +30,7 @@ from somrs.kernel.component import (
     Wake,
     Withdraw,
 )
-from somrs.kernel.pending import DELIVERY_TIME, WITHDRAWN, Journaled
+from somrs.kernel.pending import DELIVERY_TIME, Journaled
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import NotTaken
@@ -62,10 +64,6 @@ Watch = Callable[[Message, float], None]
 
 def no_disk(entry: object) -> None:
     raise RemoteError(f"this node keeps nothing, and was asked to keep {type(entry).__name__}")
-
-
-def _answered_once(partial: object) -> None:
-    raise TypeError("a component whose inputs are kept is answered once: what is reported on the way would be lost with the process")
 
 
 class Node:
@@ -180,10 +178,13 @@ class Node:
 
     # From start to stop
 
-    def start(self, *, again: bool) -> None:
-        """Start the component; `again`, after it took up what it had under way when its process ended."""
+    def start(self, *, again: bool, notices: Sequence[object] = ()) -> None:
+        """Start the component, which hears of the `notices` first; `again`, after it took up what it had under way when its process
+        ended."""
         if again and self._journaled is not None:
             self._resume(self._journaled)
+        for notice in notices:
+            self.feed(Notified(notice))
         self.feed(Started(self.address))
 
     def _resume(self, journaled: Journaled) -> None:
@@ -196,9 +197,10 @@ class Node:
                 self._send(letter)
         for timer, at in pending.timers.items():
             self._set(timer, at)
+        answers = dict(pending.without_work(journaled.schema.volatile))
         for question, task in pending.questions.items():
-            if question in pending.withdrawn:
-                loop.call_soon(self._answer, question, WITHDRAWN)
+            if question in answers:
+                loop.call_soon(self._answer, question, answers[question])
             else:
                 self._ask(question, task)
 
@@ -295,7 +297,11 @@ class Node:
 
     async def _carry(self, question: Hashable, task: object) -> None:
         value: object
-        report = _answered_once if self._journaled is not None else lambda partial: self.feed(Answered(question, partial))
+
+        def report(partial: object) -> None:
+            assert isinstance(partial, Partial), f"what is reported on the way is no answer, and {type(partial).__name__} may be one"
+            self.feed(Answered(question, partial))
+
         try:
             value = await self._carry_out(task, report)
         except asyncio.CancelledError as error:

@@ -22,6 +22,7 @@ from somrs.kernel.component import (
     Component,
     Effect,
     Input,
+    Notified,
     Rang,
     Received,
     Record,
@@ -32,14 +33,16 @@ from somrs.kernel.component import (
     Wake,
     Withdraw,
 )
-from somrs.kernel.pending import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, WITHDRAWN, Journaled, Written
+from somrs.kernel.pending import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, Journaled, Written
 from somrs.protocol.messages.envelope import Message
 
 LATENCY = 0.001
 """Seconds that a message takes."""
 
 Work = Iterator[tuple[float, object]]
-"""What an `Ask` comes to: pairs of seconds and the value reported then; the last is the result."""
+"""What an `Ask` comes to: pairs of seconds and the value reported then; the last is the result. `QUIET`: nothing is reported then."""
+
+QUIET = object()
 
 CarryOut = Callable[[object], Work]
 
@@ -185,7 +188,7 @@ class World:
         if written is None:
             self._begin(address, make())
             return
-        journaled = Journaled(_stateful(make())) if place.snapshot is None else written.journaled(place.snapshot)
+        journaled = Journaled(_stateful(make()), written.schema) if place.snapshot is None else written.journaled(place.snapshot)
         known = self.records[address]
         entries = written.entries(written.batch(place.entries))
         known += [record.entry for record in journaled.replay(entries) if record.entry not in known]
@@ -205,9 +208,9 @@ class World:
 
     def _begin(self, address: str, component: Component) -> None:
         self.components[address] = component
-        self._lives[address] = _Life(
-            address, component, Journaled(_stateful(component)) if self._places[address].written is not None else None
-        )
+        written = self._places[address].written
+        journaled = Journaled(_stateful(component), written.schema) if written is not None else None
+        self._lives[address] = _Life(address, component, journaled)
         self._feed(address, Started(address))
         self._deliver_parked()
 
@@ -222,15 +225,20 @@ class World:
             self._at(self.now, partial(self._give_up if overdue else self._try, again))
         for timer, at in pending.timers.items():
             self._set(address, timer, at)
+        answers = dict(pending.without_work(journaled.schema.volatile))
         for question, task in pending.questions.items():
-            if question in pending.withdrawn:
-                self._at(self.now, partial(self._answer, address, question, WITHDRAWN, life))
+            if question in answers:
+                self._at(self.now, partial(self._answer, address, question, answers[question], life))
             else:
                 self._ask(address, question, task)
 
     def ring(self, address: str, timer: Hashable) -> None:
         """Ring a timer that is rung from outside."""
         self._feed(address, Rang(timer))
+
+    def notify(self, address: str, notice: object) -> None:
+        """Tell the component what its program would."""
+        self._feed(address, Notified(notice))
 
     def cut_off(self, address: str) -> None:
         """It goes on, but nothing reaches it, and nothing that it sends arrives."""
@@ -336,7 +344,8 @@ class World:
 
     def _come(self, address: str, question: Hashable, serial: int, work: Work, value: object) -> None:
         if self._work.get((address, question)) == serial:
-            self._feed(address, Answered(question, value))
+            if value is not QUIET:
+                self._feed(address, Answered(question, value))
             if self._work.get((address, question)) == serial:
                 self._continue(address, question, serial, work)
 

@@ -35,7 +35,8 @@ class Kind:
     """A kind of file. `owner`: whose it is (`a Repository's`); `holds`: what is in it; `rival`: who else may have it open.
 
     `application` is SQLite's application_id, by which the file is known; `version` is that of the `tables`. `migrations`: by the version
-    of an older file, what makes it one of the next version.
+    of an older file, what makes it one of the next version. `replaces`: by the application_id of files that were used for the same before,
+    what empties them.
     """
 
     owner: str
@@ -45,6 +46,7 @@ class Kind:
     version: int
     tables: str
     migrations: Mapping[int, str] = field(default_factory=dict)
+    replaces: Mapping[int, str] = field(default_factory=dict)
 
 
 class Disk:
@@ -184,7 +186,8 @@ class Disk:
         (application,) = db.execute("PRAGMA application_id").fetchone()
         (version,) = db.execute("PRAGMA user_version").fetchone()
         (tables,) = db.execute("SELECT count(*) FROM sqlite_schema").fetchone()
-        new = application == 0 and tables == 0
+        emptied = kind.replaces.get(application, "")
+        new = (application == 0 and tables == 0) or bool(emptied)
         if not new and application != kind.application:
             raise UsageError(f"{self.path}: is a database, but not {kind.owner}; give it a file of its own")
         old = not new and all(step in kind.migrations for step in range(version, kind.version)) and version < kind.version
@@ -196,7 +199,9 @@ class Disk:
         db.execute("BEGIN IMMEDIATE")  # takes the lock now, not at the first write
         db.execute("COMMIT")
         if new:
-            db.executescript(f"BEGIN; {kind.tables} PRAGMA application_id={kind.application}; PRAGMA user_version={kind.version}; COMMIT;")
+            db.executescript(
+                f"BEGIN; {emptied} {kind.tables} PRAGMA application_id={kind.application}; PRAGMA user_version={kind.version}; COMMIT;"
+            )
         elif old:
             steps = "".join(kind.migrations[step] for step in range(version, kind.version))
             db.executescript(f"BEGIN; {steps} PRAGMA user_version={kind.version}; COMMIT;")

@@ -35,21 +35,36 @@ SNAPSHOT_ENTRIES = 5000
 SNAPSHOT_SHARE = 0.02
 """Snapshots take this share of the event loop's time at most."""
 
+_TABLES = """
+    CREATE TABLE life (component TEXT PRIMARY KEY, program TEXT NOT NULL, setting TEXT NOT NULL, address TEXT NOT NULL, open TEXT NOT NULL,
+      schema INTEGER NOT NULL);
+    CREATE TABLE snapshot (component TEXT PRIMARY KEY, number INTEGER NOT NULL, at REAL NOT NULL, sum INTEGER NOT NULL,
+      state BLOB NOT NULL);
+    CREATE TABLE entries (component TEXT NOT NULL, last INTEGER NOT NULL, batch BLOB NOT NULL, PRIMARY KEY (component, last));
+"""
+
 KIND = Kind(
     owner="a journal's",
     holds="input, record or state",
     rival="another process",
     application=0x534F4D4A,  # `SOMJ` in ASCII
-    version=2,
-    tables="""
-    CREATE TABLE life (number INTEGER PRIMARY KEY CHECK (number = 1), program TEXT NOT NULL, setting TEXT NOT NULL,
-      address TEXT NOT NULL, open TEXT NOT NULL, schema INTEGER NOT NULL);
-    CREATE TABLE snapshot (number INTEGER NOT NULL, at REAL NOT NULL, sum INTEGER NOT NULL, state BLOB NOT NULL);
-    CREATE TABLE entries (last INTEGER PRIMARY KEY, batch BLOB NOT NULL);
-    """
-    + archive.TABLES,
-    # Files of the first format hold a state that only the program that wrote it can read: version 0. Their records stay.
-    migrations={1: "ALTER TABLE life ADD COLUMN schema INTEGER NOT NULL DEFAULT 0;"},
+    version=3,
+    tables=_TABLES + archive.TABLES,
+    # The files of devices and Registries were of other kinds. What was promised before is not known then, and is said not to be.
+    replaces={0x534F4D44: "DROP TABLE kept;", 0x534F4D53: "DROP TABLE listed;"},
+    migrations={
+        # Files of the first format hold a state that only the program that wrote it can read: version 0. Their records stay.
+        1: "ALTER TABLE life ADD COLUMN schema INTEGER NOT NULL DEFAULT 0;",
+        # The second format had one component in each file.
+        2: "ALTER TABLE life RENAME TO old_life; ALTER TABLE snapshot RENAME TO old_snapshot; ALTER TABLE entries RENAME TO old_entries;"
+        + _TABLES
+        + """
+        INSERT INTO life SELECT '', program, setting, address, open, schema FROM old_life;
+        INSERT INTO snapshot SELECT '', number, at, sum, state FROM old_snapshot;
+        INSERT INTO entries SELECT '', last, batch FROM old_entries;
+        DROP TABLE old_life; DROP TABLE old_snapshot; DROP TABLE old_entries;
+        """,
+    },
 )
 
 
@@ -70,23 +85,28 @@ class Journal:
     """An open journal of a component of this schema. `address` is where the component was reached, `open` what it had not finished;
     nothing for a new file.
 
-    `setting` says what else the state depends on, such as the addresses of other parts; it has to be the same.
+    `setting` says what else the state depends on, such as the addresses of other parts; it has to be the same. Components of one process
+    can have their journals `beside` each other, in one file: what they have to keep at the same time is on disk by one commit then.
     """
 
-    def __init__(self, path: Path, schema: Schema, setting: str = "") -> None:
-        self.disk = Disk(path, KIND)
+    def __init__(self, path: Path, schema: Schema, setting: str = "", *, component: str = "", disk: Disk | None = None) -> None:
+        self.disk = disk if disk is not None else Disk(path, KIND)
         self._written = Written(schema)
-        self._setting = setting
+        self._setting, self._component = setting, component
         self._queued: deque[tuple[int, bytes]] = deque()
         self._since = 0
         self._not_before = 0.0
         try:
-            self._found = self.disk.do(_found)
+            self._found = self.disk.do(lambda db: _found(db, component))
         except UsageError:
             self.disk.close()
             raise
         self.address = self._found.address if self._found is not None else ""
         self.open: tuple[str, ...] = tuple(self._found.open) if self._found is not None else ()
+
+    def beside(self, component: str) -> Journal:
+        """The journal of another component of this process, in the same file. Whoever closes one of them closes all."""
+        return Journal(self.disk.path, self._written.schema, self._setting, component=component, disk=self.disk)
 
     def begin(self, address: str, make: Callable[[str], Stateful]) -> tuple[Journaled, bool]:
         """The component, as it was when the last input came, and whether there was one: if not, it is made for this address.
@@ -100,7 +120,7 @@ class Journal:
                 raise UsageError(self._stuck(found, change))
             found = None
         if found is None:
-            journaled = Journaled(make(address))
+            journaled = Journaled(make(address), self._written.schema)
             self.disk.do(lambda db: self._anew(db, address, journaled))
             return journaled, False
         try:
@@ -120,7 +140,7 @@ class Journal:
             return f"was written by {found.program}, whose state {_PROGRAM} cannot read"
         if found.setting != self._setting:
             return f"was written for {found.setting}, and this is for {self._setting}"
-        if found.address != address:
+        if found.address != address and not self._written.schema.moves:
             return f"belongs to {found.address}, where others expect its owner, and this is {address}"
         return None
 
@@ -166,7 +186,7 @@ class Journal:
         if now_open != self.open:
             self.open = now_open
             document = msgspec.json.encode(now_open).decode()
-            self.disk.write(lambda db: _execute(db, "UPDATE life SET open = ?", (document,)))
+            self.disk.write(lambda db: _execute(db, "UPDATE life SET open = ? WHERE component = ?", (document, self._component)))
 
     @property
     def due(self) -> bool:
@@ -185,7 +205,7 @@ class Journal:
         self._since = 0
         self._not_before = time.monotonic() + (time.monotonic() - begun) / SNAPSHOT_SHARE
         number, at = journaled.number, journaled.at
-        self.disk.write(lambda db: _snapshot(db, number, at, state))
+        self.disk.write(lambda db: _snapshot(db, self._component, number, at, state))
 
     def close(self) -> None:
         """Write what is to be written, and close the file."""
@@ -199,14 +219,14 @@ class Journal:
             last, entry = self._queued.popleft()
             entries.append(entry)
         if entries:
-            db.execute("INSERT INTO entries VALUES (?, ?)", (last, Written.batch(entries)))
+            db.execute("INSERT INTO entries VALUES (?, ?, ?)", (self._component, last, Written.batch(entries)))
 
     def _anew(self, db: sqlite3.Connection, address: str, journaled: Journaled) -> None:
-        db.execute("DELETE FROM entries")
+        db.execute("DELETE FROM entries WHERE component = ?", (self._component,))
         is_open = msgspec.json.encode(tuple(journaled.component.open)).decode()
-        life = (_PROGRAM, self._setting, address, is_open, self._written.schema.version)
-        db.execute("INSERT OR REPLACE INTO life (number, program, setting, address, open, schema) VALUES (1, ?, ?, ?, ?, ?)", life)
-        _snapshot(db, journaled.number, journaled.at, self._written.snapshot(journaled))
+        life = (self._component, _PROGRAM, self._setting, address, is_open, self._written.schema.version)
+        db.execute("INSERT OR REPLACE INTO life VALUES (?, ?, ?, ?, ?, ?)", life)
+        _snapshot(db, self._component, journaled.number, journaled.at, self._written.snapshot(journaled))
 
     # The archive
 
@@ -215,12 +235,12 @@ class Journal:
         return await asyncio.wrap_future(self.disk.read(functools.partial(archive.find, wanted)))
 
 
-def _found(db: sqlite3.Connection) -> _Found | None:
-    life = db.execute("SELECT program, setting, address, open, schema FROM life").fetchone()
+def _found(db: sqlite3.Connection, component: str) -> _Found | None:
+    life = db.execute("SELECT program, setting, address, open, schema FROM life WHERE component = ?", (component,)).fetchone()
     if life is None:
         return None
     program, setting, address, open, schema = life
-    snapshot = db.execute("SELECT state, sum FROM snapshot").fetchone()
+    snapshot = db.execute("SELECT state, sum FROM snapshot WHERE component = ?", (component,)).fetchone()
     if snapshot is None:
         raise KeyError("there is no state")
     return _Found(
@@ -231,14 +251,13 @@ def _found(db: sqlite3.Connection) -> _Found | None:
         schema=schema,
         state=snapshot[0],
         sum=snapshot[1],
-        entries=[document for (document,) in db.execute("SELECT batch FROM entries ORDER BY last")],
+        entries=[batch for (batch,) in db.execute("SELECT batch FROM entries WHERE component = ? ORDER BY last", (component,))],
     )
 
 
-def _snapshot(db: sqlite3.Connection, number: int, at: float, state: bytes) -> None:
-    db.execute("DELETE FROM snapshot")
-    db.execute("INSERT INTO snapshot VALUES (?, ?, ?, ?)", (number, at, zlib.crc32(state), state))
-    db.execute("DELETE FROM entries WHERE last <= ?", (number,))
+def _snapshot(db: sqlite3.Connection, component: str, number: int, at: float, state: bytes) -> None:
+    db.execute("INSERT OR REPLACE INTO snapshot VALUES (?, ?, ?, ?, ?)", (component, number, at, zlib.crc32(state), state))
+    db.execute("DELETE FROM entries WHERE component = ? AND last <= ?", (component, number))
 
 
 def _execute(db: sqlite3.Connection, statement: str, values: tuple[object, ...]) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from somrs.kernel.component import Effect, Rang, Received, Record, Send, Undelivered, Wake
+from somrs.kernel.component import Effect, Rang, Received, Send, Undelivered, Wake
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import ObjectType, RelationType, Value
+from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import (
     Discover,
     Discovered,
@@ -25,8 +26,8 @@ from somrs.protocol.messages.directory import (
 from somrs.protocol.messages.envelope import ANONYMOUS
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Define, Definitions, QueryMap
-from somrs.registry.component import Registry
-from somrs.registry.entries import Listed
+from somrs.registry.component import SCHEMA, Registry
+from somrs.registry.state import LeasesDue
 from somrs.repository.component import Repository
 from somrs.runtime.virtual import World
 from tests.support.lab import REPOSITORY, ask, contents, lab, request, sent, tell
@@ -107,10 +108,10 @@ def test_leases_are_kept_within_limits(registry: Registry) -> None:
 
 
 def test_the_timer_is_set_for_the_next_lease_that_ends(registry: Registry) -> None:
-    assert tell(registry, publish("Robot1", lease=30.0), now=0.0)[-1] == Wake("leases", 30.0)
-    assert tell(registry, publish("Robot2", lease=10.0), now=0.0)[-1] == Wake("leases", 10.0)
-    assert registry.handle(Rang("leases"), 10.0)[-1] == Wake("leases", 30.0)
-    assert registry.handle(Rang("leases"), 30.0)[-1] == Wake("leases", None)
+    assert tell(registry, publish("Robot1", lease=30.0), now=0.0)[-1] == Wake(LeasesDue(), 30.0)
+    assert tell(registry, publish("Robot2", lease=10.0), now=0.0)[-1] == Wake(LeasesDue(), 10.0)
+    assert registry.handle(Rang(LeasesDue()), 10.0)[-1] == Wake(LeasesDue(), 30.0)
+    assert registry.handle(Rang(LeasesDue()), 30.0)[-1] == Wake(LeasesDue(), None)
 
 
 # Discovering
@@ -169,7 +170,7 @@ def test_followers_hear_who_comes_and_who_goes(followed: Registry) -> None:
     gone = tell(followed, Retract(provider="Robot1", services=("Robot1.OpenDoor", "Robot9.Cook")))
     assert sent(gone, Retracted) == [Retracted(services=("Robot1.OpenDoor",))]
     assert news(gone) == [ServicesLeft(services=("Robot1.OpenDoor",), provider="Robot1", reason="retracted")]
-    assert news(followed.handle(Rang("leases"), 30.0)) == [
+    assert news(followed.handle(Rang(LeasesDue()), 30.0)) == [
         ServicesLeft(services=("Robot1.TransferObject",), provider="Robot1", reason="expired")
     ]
 
@@ -257,20 +258,24 @@ def test_it_learns_what_services_can_do_from_the_repository() -> None:
     assert names(ask(registry, Discover(effect="Table1 isPackedIn ?Box: Box"), Discovered, now=world.now)) == []
 
 
-def test_what_was_listed_is_listed_after_a_restart_until_its_lease_is_over() -> None:
-    first = Registry(REGISTRY, lab()[0], kept=())
-    effects = [*tell(first, publish("Robot1", lease=30.0), now=0.0), *tell(first, publish("Robot2", lease=30.0), now=0.0)]
-    effects += [*tell(first, Renew(provider="Robot1", lease=30.0), now=10.0), *tell(first, Retract(provider="Robot2"), now=11.0)]
-    for told in (0, 1):
-        assert isinstance(effects[told * 3], Record), "it is on disk before the provider hears that it is listed"
-    kept = {effect.entry.provider: effect.entry for effect in effects if isinstance(effect, Record) and isinstance(effect.entry, Listed)}
-    assert kept["Robot2"].offers == ()
-    second = Registry(REGISTRY, lab()[0], kept=kept.values())
-    assert names(ask(second, Discover(), Discovered, now=12.0)) == ["Robot1.TransferObject"]
-    assert ask(second, Renew(provider="Robot1", lease=30.0), Published, now=20.0).until == 50.0
-    third = Registry(REGISTRY, lab()[0], kept=kept.values())
-    assert names(ask(third, Discover(), Discovered, now=40.5)) == []
+@pytest.mark.parametrize("snapshot", [False, True])
+def test_what_was_listed_is_listed_after_a_restart_until_its_lease_is_over(snapshot: bool) -> None:
+    world = World(start=0.0)
+    world.add(REGISTRY, Registry(REGISTRY, lab()[0]), journaled=SCHEMA)
 
+    def told(body: Body) -> None:
+        world.send(request(body, to=REGISTRY))
+        world.run(1.0)
 
-def test_a_registry_without_a_disk_keeps_nothing(registry: Registry) -> None:
-    assert not [effect for effect in tell(registry, publish("Robot1")) if isinstance(effect, Record)]
+    told(publish("Robot1", lease=30.0))
+    told(publish("Robot2", lease=30.0))
+    if snapshot:
+        world.snapshot(REGISTRY)
+    told(Retract(provider="Robot2"))
+    told(Renew(provider="Robot1", lease=60.0))
+    world.revive(REGISTRY, lambda: Registry(REGISTRY, lab()[0]))
+    registry = world.components[REGISTRY]
+    assert isinstance(registry, Registry)
+    assert names(ask(registry, Discover(), Discovered, now=world.now)) == ["Robot1.TransferObject"]
+    world.run(70.0)
+    assert registry.state.providers == {}, "its timer rings in the new life"

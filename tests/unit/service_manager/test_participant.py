@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Sequence
 
 import msgspec
 import pytest
@@ -13,7 +12,8 @@ from hypothesis import strategies as st
 
 from somrs.entish.formula import Formula
 from somrs.errors import DeviceError
-from somrs.kernel.component import Effect, Input, Rang, Received, Send
+from somrs.kernel.component import Effect, Input, Received, Send
+from somrs.ontology.objects import Fact
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import ObjectType
 from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, participant_id
@@ -23,11 +23,13 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import State
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.runtime.virtual import World
+from somrs.runtime.virtual import Moment, World
 from somrs.service_manager.participant.calendar import Commitment, free_from
-from somrs.service_manager.participant.participant import CUT_OFF, LEAVE, ServiceManager
+from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
+from somrs.service_manager.participant.speech import CUT_OFF
+from somrs.service_manager.participant.timers import Leave, Observed
 from somrs.service_manager.sdk.device import Device, Result, Situation, Task, before, service
-from somrs.service_manager.sdk.orders import Kept, Order, Refusal, Report, ServiceFailed
+from somrs.service_manager.sdk.orders import Order, Refusal, Report, ServiceFailed
 from somrs.service_manager.sdk.values import as_term, money, python_value, seconds
 from tests.support.lab import CLIENT, REPOSITORY, contents, request
 from tests.support.virtual_devices import Pause, asking, in_virtual_time
@@ -115,7 +117,7 @@ class Desk:
 class Hall:
     """A Repository, a Registry, one washer and one coordinator."""
 
-    def __init__(self, device: Washer | None = None, kept: Sequence[Kept] = ()) -> None:
+    def __init__(self, device: Washer | None = None) -> None:
         self.world = World()
         self.desk = Desk()
         self.reports: list[Report] = []
@@ -125,18 +127,25 @@ class Hall:
         self.world.add(REPOSITORY, repository)
         self.world.add(REGISTRY, Registry(REGISTRY, repository=REPOSITORY))
         self.world.add(CLIENT, self.desk)
-        self.start(kept)
+        ask = asking(self.repository, lambda: self.world.now)
+        self.world.add(WASHER, self._made(), in_virtual_time(self.device, ask, self.reports), journaled=SCHEMA)
         self.world.run(1.0)
 
-    def start(self, kept: Sequence[Kept] = ()) -> None:
-        self.manager = ServiceManager(self.device.profile(), repository=REPOSITORY, registry=REGISTRY, kept=kept)
-        ask = asking(self.repository, lambda: self.world.now)
-        self.world.add(WASHER, self.manager, in_virtual_time(self.device, ask, self.reports))
+    def _made(self) -> ServiceManager:
+        return ServiceManager(self.device.profile(), repository=REPOSITORY, registry=REGISTRY)
 
-    def kept(self) -> list[Kept]:
-        """What the journal would give back."""
-        encoded = [msgspec.msgpack.encode(entry) for entry in self.world.records[WASHER]]
-        return [msgspec.msgpack.decode(entry, type=Kept) for entry in encoded]
+    @property
+    def manager(self) -> ServiceManager:
+        manager = self.world.components[WASHER]
+        assert isinstance(manager, ServiceManager)
+        return manager
+
+    def restart(self, *, snapshot: bool = False) -> None:
+        """The Service Manager is killed, with all that the device does, and comes up again with its journal."""
+        if snapshot:
+            self.world.snapshot(WASHER)
+        self.device.running.clear()
+        self.world.revive(WASHER, self._made)
 
     def ask(self, step: str, body: CoordinatorBody) -> None:
         session = self.session(step)
@@ -196,9 +205,7 @@ def test_a_device_survives_a_registry_that_forgot_it_and_leaves_in_order() -> No
     assert hall.offers() == []
     hall.world.run(60.0)
     assert len(hall.offers()) == 2
-    for effect in hall.manager.handle(Rang(LEAVE), hall.world.now):
-        if isinstance(effect, Send):
-            hall.world.send(effect.message)
+    hall.world.notify(WASHER, Leave())
     hall.world.run(1.0)
     assert hall.offers() == []
 
@@ -235,7 +242,7 @@ def test_terms_work_and_result() -> None:
     assert hall.report() == frp.Completed(situation="Jar1 isOn Washer1")
     hall.ask("s1", frp.End(outcome=frp.Outcome.ACCOMPLISHED))
     hall.world.run(1.0)
-    assert hall.manager.state("t1", hall.session("s1").participant) is State.ENDED
+    assert hall.manager.state_of("t1", hall.session("s1").participant) is State.ENDED
     progress = [m.body for m in hall.desk.heard if isinstance(m.body, frp.Progress)]
     assert {p.note for p in progress} == {"filling", ""}
     assert 11 <= len(progress) <= 14, "two by the author, and a heartbeat every five of sixty seconds"
@@ -415,7 +422,7 @@ def test_end_in_the_middle_stops_the_device(body: CoordinatorBody) -> None:
     header = msgspec.structs.replace(session._again("Execute")[0].header, message_id="urn:uuid:end")
     hall.world.send(Message(header=header, body=body))
     hall.world.run(10.0)
-    assert hall.manager.state("t1", session.participant) is State.ENDED
+    assert hall.manager.state_of("t1", session.participant) is State.ENDED
     assert hall.manager.idle
     assert hall.device.running == []
 
@@ -426,7 +433,7 @@ def test_a_device_that_nobody_can_reach_stops_by_itself() -> None:
     hall.world.remove(CLIENT)
     hall.world.run(CUT_OFF + 15)
     assert hall.device.running == []
-    assert hall.manager.state("t1", hall.session("s1").participant) is State.FAILED
+    assert hall.manager.state_of("t1", hall.session("s1").participant) is State.FAILED
     hall.world.add(CLIENT, hall.desk)
     hall.until("s1", State.FAILED)
     assert hall.report() == frp.Failed(
@@ -461,16 +468,15 @@ def test_a_message_outside_any_transaction_gets_a_fault() -> None:
     ],
     ids=["while offered", "while it worked", "when it was done"],
 )
-def test_restart(seconds_before: float, outcome: State, report: object) -> None:
+@pytest.mark.parametrize("snapshot", [False, True])
+def test_restart(seconds_before: float, outcome: State, report: object, snapshot: bool) -> None:
     hall = Hall()
     if seconds_before == 0.0:
         hall.arranged()
     else:
         hall.executing()
         hall.world.run(seconds_before)
-    kept = hall.kept()
-    hall.device.running.clear()
-    hall.start(kept)
+    hall.restart(snapshot=snapshot)
     if seconds_before == 0.0:
         hall.ask("s1", ACCEPT)
         hall.ask("s1", EXECUTE)
@@ -483,6 +489,62 @@ def test_restart(seconds_before: float, outcome: State, report: object) -> None:
         assert failed.situation == "Jar1 isOn Table1"
     hall.ask("s1", frp.End(outcome=frp.Outcome.ACCOMPLISHED))
     hall.until("s1", State.ENDED)
+
+
+def test_what_waits_when_the_process_is_killed_never_begins() -> None:
+    hall = Hall()
+    hall.executing("s1")
+    hall.executing("s2")
+    hall.restart()
+    hall.until("s1", State.FAILED)
+    hall.until("s2", State.FAILED)
+    assert hall.device.at_once == 1
+    assert hall.manager.idle
+
+
+def test_who_is_told_to_stop_is_halted_once_more_after_a_restart() -> None:
+    hall = Hall()
+    hall.executing()
+    hall.ask("s1", frp.Stop(reason="enough"))
+    hall.world.run(1.0)
+    hall.restart()
+    hall.until("s1", State.STOPPED)
+    assert hall.report() == frp.Stopped(situation="Jar1 isOn Table1")
+
+
+def test_terms_are_worked_out_anew_after_a_restart() -> None:
+    hall = Hall()
+    hall.world.kill(WASHER, Moment.KEPT)
+    hall.ask("s1", ARRANGE)
+    hall.world.run(1.0)
+    hall.restart()
+    hall.until("s1", State.OFFERED)
+
+
+def test_what_is_noticed_comes_to_the_map_in_order_whatever_is_down() -> None:
+    hall = Hall()
+    hall.world.cut_off(REPOSITORY)
+    for number in (1, 2, 1, 2):
+        hall.world.notify(WASHER, Observed(f"Jar1 isOn Table{number}"))
+    hall.world.run(30.0)
+    hall.restart()
+    hall.world.run(30.0)
+    assert len(hall.manager.state.reports.pending) == 4
+    hall.world.reconnect(REPOSITORY)
+    hall.world.run(30.0)
+    assert hall.manager.state.reports.pending == []
+    assert [fact for fact in hall.repository.contents.map.facts() if fact.arguments[0] == "Jar1"] == [Fact("isOn", ("Jar1", "Table2"))]
+
+
+def test_what_the_repository_does_not_take_is_told_to_a_person() -> None:
+    hall = Hall()
+    hall.world.notify(WASHER, Observed("Jar1 isOn Nowhere"))
+    hall.world.notify(WASHER, Observed("Jar1 isOn Table2"))
+    hall.world.run(30.0)
+    assert hall.manager.state.reports.pending == []
+    assert hall.reports[-1].joined is None
+    assert "does not take Jar1 isOn Nowhere from Washer1" in hall.reports[-1].text
+    assert Fact("isOn", ("Jar1", "Table2")) in hall.repository.contents.map.facts()
 
 
 def test_reading_the_map() -> None:
@@ -506,7 +568,7 @@ def test_reading_the_map() -> None:
 
 def order(hall: Hall) -> Order:
     hall.executing("read")
-    return next(entry.order for entry in reversed(hall.kept()) if entry.order is not None)
+    return next(job.order for job in hall.manager.state.jobs if job.order is not None)
 
 
 def test_a_class_that_cannot_be_run_says_why() -> None:

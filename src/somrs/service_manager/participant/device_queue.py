@@ -1,140 +1,144 @@
 """What a device does for its participants, each in its turn: what it is asked to do, interrupted in, and what that came to.
 
-Whether somebody is to begin, or to stop, is `participant.py`'s to decide; what is said of how it went goes back there.
+Whether somebody is to begin, or to stop, is `participant.py`'s to decide.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from msgspec import structs
 
-from somrs.kernel.component import Ask, Effect, Withdraw
-from somrs.protocol.frp.session import ParticipantBody
+from somrs.kernel.component import Ask, Effects, Lost, Withdraw
+from somrs.protocol.frp.session import service_of
 from somrs.protocol.frp.states import WORKING
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
-from somrs.service_manager.participant.job import Job, Jobs, Verdict, failure, in_words
-from somrs.service_manager.sdk.orders import Advance, Done, Halt, Perform, ServiceFailed, Undo
-
-Say = Callable[[Job, ParticipantBody, float], None]
-"""Has a participant say how its work goes, or went."""
-
-Leave = Callable[[Job, str, float], None]
-"""Has others know what holds now, where the participant is over and has nobody to report it to."""
+from somrs.service_manager.participant.job import Job, Verdict, failure, interrupted
+from somrs.service_manager.participant.map_reports import LEFT_TIME
+from somrs.service_manager.participant.speech import say
+from somrs.service_manager.participant.state import ServiceManagerState
+from somrs.service_manager.participant.timers import Activity, WorkWanted
+from somrs.service_manager.sdk.orders import Advance, Answer, Done, Failure, Halt, Perform, Undo
 
 
-class Turns:
-    """The work of one device, `capacity` of them at a time. What it wants done is added to `effects`."""
+class DeviceWork:
+    """The work of one device, as many at a time as its profile says."""
 
-    def __init__(self, capacity: int, jobs: Jobs, effects: list[Effect], say: Say, leave: Leave) -> None:
-        self._capacity, self._jobs, self._effects, self._say, self._leave = capacity, jobs, effects, say, leave
-        self._queue: list[Job] = []
-        self._asked: dict[str, Job] = {}
+    def __init__(self, state: ServiceManagerState) -> None:
+        self._state, self._jobs, self._queue = state, state.jobs, state.queue
 
     @property
     def idle(self) -> bool:
         """Whether the device does nothing for anybody."""
-        return not self._queue and not self._asked
+        return not self._queue.waiting and not self._queue.at_work
 
-    def enqueue(self, job: Job, now: float) -> None:
+    def enqueue(self, job: Job, now: float) -> Effects:
         """It is to be done, or undone, as soon as there is room."""
         job.waiting = True
-        self._queue.append(job)
-        self._begin(now)
+        self._queue.waiting.append(job.key)
+        yield from self._begin(now)
 
-    def _begin(self, now: float) -> None:
+    def _begin(self, now: float) -> Effects:
         """Let those that wait begin, as far as the device has room, in the order in which they were told to."""
-        while self._queue and len(self._asked) < self._capacity:
-            job = self._queue.pop(0)
+        queue = self._queue
+        while queue.waiting and len(queue.at_work) < self._state.profile.capacity:
+            job = self._jobs.get(*queue.waiting.pop(0))
+            assert job is not None, "whoever waits is known"
             job.waiting, job.began = False, now
             assert job.order is not None, "only what was arranged is executed"
             undone = job.session.heard.get("Compensate")
             if undone is not None and isinstance(undone.body, frp.Compensate):
-                self._do(job, Undo(job.order, undone.body.situation))
+                yield from self._do(job, Activity.UNDO, Undo(job.order, undone.body.situation))
             else:
-                self._do(job, Perform(job.order))
+                yield from self._do(job, Activity.PERFORM, Perform(job.order))
 
-    def _do(self, job: Job, work: Perform | Halt | Undo) -> None:
-        job.doing = type(work).__name__
-        self._asked[job.question] = job
-        self._effects.append(Ask(job.question, work))
+    def _do(self, job: Job, activity: Activity, work: Perform | Halt | Undo) -> Effects:
+        job.activity = activity
+        self._queue.at_work.append(job.key)
+        yield Ask(job.wanted(activity), work)
 
-    def interrupt(self, job: Job, verdict: Verdict | None, now: float) -> None:
+    def interrupt(self, job: Job, verdict: Verdict | None, now: float) -> Effects:
         """Have the device stop what it does for the job, and report the verdict then (None: there is nobody to report to)."""
-        if job.verdict is not None and job.doing:
+        if job.verdict is not None and job.activity is not None:
             return  # it is being stopped for another reason
         job.verdict = verdict
         if job.waiting:
             job.waiting = False
-            self._queue.remove(job)
-            self._conclude(job, now)
-        elif job.doing in ("Perform", "Undo"):
-            self._effects.append(Withdraw(job.question))
-        elif job.doing != "Halt":
-            self._conclude(job, now)
+            self._queue.waiting.remove(job.key)
+            yield from self._conclude(job, now)
+        elif job.activity in (Activity.PERFORM, Activity.UNDO):
+            yield Withdraw(job.wanted(job.activity))
+        elif job.activity is not Activity.HALT:
+            yield from self._conclude(job, now)
 
-    def halt(self, job: Job, verdict: Verdict, now: float) -> None:
-        """Bring to a safe state what was under way when its program died, and report the verdict then."""
-        job.verdict = verdict
-        if job.order is not None:
-            self._do(job, Halt(job.order))
-        else:
-            self._conclude(job, now)
+    def restarted(self, now: float) -> Effects:
+        """The process was started again. What waits does not begin: its time may be over, and its step another's by now."""
+        for job in self._state.waiting():
+            if job.session.state in WORKING:
+                yield from self.interrupt(job, self._restart(job), now)
 
-    def answered(self, question: str, value: object, now: float) -> None:
+    def _restart(self, job: Job) -> Verdict:
+        return interrupted(job.session.state, f"the Service Manager of {self._state.profile.name} was restarted while it worked")
+
+    def answered(self, question: WorkWanted, value: Answer, now: float) -> Effects:
         """The device got further with what it was asked to do, or came to an end of it."""
-        job = self._asked.get(question)
-        if job is None:
+        job = self._jobs.get(question.transaction, question.participant)
+        if job is None or job.activity is not question.activity or job.key not in self._queue.at_work:
             return
         if isinstance(value, Advance):
-            self._advance(job, value, now)
+            yield from self._advance(job, value, now)
             return
-        doing, job.doing = job.doing, ""
-        del self._asked[question]
-        if doing == "Halt":
+        job.activity = None
+        self._queue.at_work.remove(job.key)
+        if question.activity is Activity.HALT:
             if isinstance(value, Done) and value.situation is not None:
                 job.situation = value.situation
                 if job.session.state is State.ENDED:
-                    self._leave(job, value.situation, now)
-            self._conclude(job, now)
+                    yield from self._leave_word(job, value.situation, now)
+            yield from self._conclude(job, now)
         else:
-            self._came_to(job, doing, value, now)
+            yield from self._came_to(job, question.activity, value, now)
         self._jobs.put(job)
-        self._begin(now)
+        yield from self._begin(now)
 
-    def _advance(self, job: Job, value: Advance, now: float) -> None:
+    def _leave_word(self, job: Job, situation: str, now: float) -> Effects:
+        """Nobody waits to hear of it any more."""
+        yield from self._state.reports.add(service_of(job.session.participant), situation, now, LEFT_TIME)
+
+    def _advance(self, job: Job, value: Advance, now: float) -> Effects:
         job.fraction = value.fraction
         job.situation = value.situation or job.situation
         if job.session.state in WORKING:
-            self._say(job, frp.Progress(fraction=value.fraction, situation=value.situation, note=value.note), now)
+            progress = frp.Progress(fraction=value.fraction, situation=value.situation, note=value.note)
+            yield from say(job, progress, self._jobs, now)
 
-    def _came_to(self, job: Job, doing: str, value: object, now: float) -> None:
+    def _came_to(self, job: Job, activity: Activity, value: Answer, now: float) -> Effects:
         """The service, or its undoing, came to an end: it is done, it failed, it was interrupted, or its code is broken."""
         if isinstance(value, Done):
             job.fraction, job.situation = 1.0, value.situation or job.situation
             if job.session.state in WORKING:
-                self._say(job, _done(job, doing, value), now)
+                yield from say(job, _done(job, activity, value), self._jobs, now)
             return
-        if isinstance(value, ServiceFailed):
+        if isinstance(value, Failure):
             job.situation = value.situation or job.situation
-            job.verdict = failure(doing, value.description, job.situation)
-            self._conclude(job, now)
+            job.verdict = failure(activity, value.description, job.situation)
+            yield from self._conclude(job, now)
             return
-        if job.verdict is None:
-            job.verdict = failure(doing, in_words(value), job.situation)
+        if job.verdict is None and isinstance(value, Lost) and job.session.state in WORKING:
+            job.verdict = self._restart(job)
+        elif job.verdict is None:
+            job.verdict = failure(activity, str(value), job.situation)
         assert job.order is not None, "only what was arranged is executed"
-        self._do(job, Halt(job.order))
+        yield from self._do(job, Activity.HALT, Halt(job.order))
 
-    def _conclude(self, job: Job, now: float) -> None:
+    def _conclude(self, job: Job, now: float) -> Effects:
         """Report the verdict, with what is known by now."""
         if job.verdict is not None and job.session.state in WORKING:
-            self._say(job, structs.replace(job.verdict, situation=job.situation), now)
+            yield from say(job, structs.replace(job.verdict, situation=job.situation), self._jobs, now)
         job.verdict = None
 
 
-def _done(job: Job, doing: str, value: Done) -> frp.Completed | frp.Compensated:
-    if doing == "Perform":
+def _done(job: Job, activity: Activity, value: Done) -> frp.Completed | frp.Compensated:
+    if activity is Activity.PERFORM:
         return frp.Completed(situation=job.situation or "", outputs=value.outputs)
     wanted = job.session.heard["Compensate"].body
     assert isinstance(wanted, frp.Compensate), "only what was told to is undone"

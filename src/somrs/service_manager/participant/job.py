@@ -3,36 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
-from somrs.errors import InputError
+from msgspec import Struct, field
+
+from somrs.kernel.component import Effects, Wake
 from somrs.protocol.frp.session import ParticipantSession
 from somrs.protocol.frp.states import RESUMES
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
-from somrs.service_manager.sdk.orders import Order, Refusal
+from somrs.service_manager.participant.timers import Activity, ParticipantTimer, WorkWanted
+from somrs.service_manager.sdk.orders import Order
 
 Key = tuple[str, str]
 """The ids of the transaction and of the participant."""
 
 Verdict = frp.Failed | frp.Stopped | frp.Stranded
 
+REMEMBERED = 1000
+"""So many participants that are over are remembered, to know their late messages."""
 
-@dataclass(slots=True)
-class Job:
-    """One participant: its part in the protocol, and what its device does for it."""
+
+class Job(Struct, kw_only=True):
+    """`waiting`: it is to begin, or to be undone, as soon as the device is free. `situation`: the latest that is known to hold."""
 
     session: ParticipantSession
     order: Order | None = None
-    doing: str = ""
-    """The kind of `Work` that the device does for it now."""
+    activity: Activity | None = None
     waiting: bool = False
-    """It is to begin, or to be undone, as soon as the device is free."""
     began: float | None = None
     fraction: float = 0.0
     situation: str | None = None
-    """The latest that is known to hold."""
-    timers: set[str] = field(default_factory=set)
+    timers: set[ParticipantTimer] = field(default_factory=set)
     """Those that were set and have not rung."""
     verdict: Verdict | None = None
     """What to report once the device is in a safe state, unless the work turns out to be done."""
@@ -41,44 +42,52 @@ class Job:
     def key(self) -> Key:
         return self.session.transaction, self.session.participant
 
-    @property
-    def question(self) -> str:
-        return f"{self.doing} {self.session.participant} {self.session.transaction}"
+    def wanted(self, activity: Activity) -> WorkWanted:
+        return WorkWanted(*self.key, activity)
+
+    def wake(self, kind: type[ParticipantTimer], at: float | None) -> Effects:
+        """Set a timer of that kind, or take it away."""
+        timer = kind(*self.key)
+        if at is not None:
+            self.timers.add(timer)
+        elif timer in self.timers:
+            self.timers.remove(timer)
+        else:
+            return
+        yield Wake(timer, at)
 
 
-class Jobs:
+class Jobs(Struct):
     """Jobs by their ids. Iterating gives those under way; of those that are over, the latest are known still, for their late
     messages."""
 
-    def __init__(self, remembered: int) -> None:
-        self._live: dict[Key, Job] = {}
-        self._over: dict[Key, Job] = {}
-        self._remembered = remembered
+    live: dict[Key, Job] = field(default_factory=dict)
+    over: dict[Key, Job] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[Job]:
-        return iter([*self._live.values()])
+        return iter([*self.live.values()])
 
     def all(self) -> Iterator[Job]:
         """Those that are over, too."""
-        return iter([*self._over.values(), *self._live.values()])
+        return iter([*self.over.values(), *self.live.values()])
 
     def get(self, transaction: str | None, participant: str | None) -> Job | None:
         key = (transaction or "", participant or "")
-        return self._live.get(key) or self._over.get(key)
+        return self.live.get(key) or self.over.get(key)
 
     def put(self, job: Job) -> None:
         """Know the job as it is now."""
-        if job.session.state is not State.ENDED or job.doing:
-            self._live[job.key] = job
+        if job.session.state is not State.ENDED or job.activity is not None:
+            self.live[job.key] = job
             return
-        self._live.pop(job.key, None)
-        self._over[job.key] = job
-        if len(self._over) > self._remembered:
-            del self._over[next(iter(self._over))]
+        self.live.pop(job.key, None)
+        self.over[job.key] = job
+        if len(self.over) > REMEMBERED:
+            del self.over[next(iter(self.over))]
 
 
-def failure(doing: str, description: str, situation: str | None) -> frp.Failed | frp.Stranded:
-    if doing == "Undo":
+def failure(activity: Activity, description: str, situation: str | None) -> frp.Failed | frp.Stranded:
+    if activity is Activity.UNDO:
         return frp.Stranded(description=description, situation=situation)
     return frp.Failed(description=description, situation=situation)
 
@@ -89,10 +98,3 @@ def interrupted(state: State, reason: str) -> Verdict:
     if kind is frp.Stopped:
         return frp.Stopped()
     return frp.Stranded(description=reason) if kind is frp.Stranded else frp.Failed(description=reason)
-
-
-def in_words(value: object) -> str:
-    """What an exception says, with its class unless it is one that is meant to be read."""
-    if isinstance(value, Refusal | InputError):
-        return str(value)
-    return f"{type(value).__name__}: {value}"

@@ -6,84 +6,98 @@ It decides; `device_queue.py` has the device do it, and `work.py` runs the autho
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from typing import Self
 
 from msgspec import structs
 
 from somrs.errors import FormulaError, WireError
-from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Undelivered, Wake
+from somrs.kernel.codec import Schema
+from somrs.kernel.component import Answered, Ask, Effect, Effects, Input, Notified, Rang, Received, Send, Started, Undelivered
 from somrs.protocol.frp.session import NOT_ALLOWED, ParticipantBody, ParticipantSession, service_of
-from somrs.protocol.frp.states import RESUMES, TO_COORDINATOR, TO_PARTICIPANT, WORKING
+from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT, WORKING
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.messages.frp import State
 from somrs.service_manager.participant.calendar import Commitment, free_from, laid_out
-from somrs.service_manager.participant.device_queue import Turns
-from somrs.service_manager.participant.job import Job, Jobs, in_words, interrupted
-from somrs.service_manager.participant.joining import TIMER, Joining
-from somrs.service_manager.sdk.orders import Advance, Capability, Kept, Order, Profile, Quote, Quoted
+from somrs.service_manager.participant.device_queue import DeviceWork
+from somrs.service_manager.participant.job import Job, interrupted
+from somrs.service_manager.participant.map_reports import OBSERVED_TIME
+from somrs.service_manager.participant.speech import REPORT_TIME, say
+from somrs.service_manager.participant.state import ServiceManagerState
+from somrs.service_manager.participant.timers import (
+    Activity,
+    Asked,
+    Equipped,
+    HeartbeatDue,
+    JoiningDue,
+    Leave,
+    Notice,
+    Observed,
+    Question,
+    ReportDue,
+    ReportWanted,
+    StartDue,
+    TermsDue,
+    Timer,
+    WorkWanted,
+)
+from somrs.service_manager.sdk.orders import (
+    Advance,
+    Answer,
+    Capability,
+    Order,
+    Perform,
+    Profile,
+    Quote,
+    Quoted,
+    Refused,
+    Report,
+    Undo,
+    answer_of,
+)
 from somrs.service_manager.sdk.values import filled_in
-
-LEAVE = "leave"
-"""The timer whose ringing makes the device take its leave; whoever runs the Service Manager rings it."""
-
-CUT_OFF = 15.0
-"""Seconds for which a sign of life is sent again. When none gets through, nobody can call the device back, and its step may
-soon be given to another: it stops by itself. A coordinator waits for longer than this, and for a stop, before it does that."""
-
-REPORT_TIME = 86_400.0
-"""Seconds for which a report is sent again; a Task Manager that is down has this long to come back."""
 
 _COMMITTED = WORKING | {State.COMMITTED}
 _PROTOCOL = frozenset((*TO_PARTICIPANT, *TO_COORDINATOR))
 
-REMEMBERED = 1000
-"""So many participants that are over are remembered, to know their late messages."""
-
 
 class ServiceManager:
-    """`kept` are the records of an earlier run. Owns its participants; `calendar` is what the device is committed to."""
+    """Owns its participants; `calendar` is what the device is committed to."""
 
-    def __init__(self, profile: Profile, *, repository: str, registry: str, kept: Iterable[Kept] = ()) -> None:
-        self.profile = profile
-        self.address = ""
-        self._joining = Joining(profile, repository, registry)
-        self._jobs = Jobs(REMEMBERED)
-        for one in kept:
-            self._jobs.put(Job(one.session.kept(), one.order, situation=one.situation))
-        self._quoting: dict[str, Job] = {}
-        self._effects: list[Effect] = []
-        self._turns = Turns(profile.capacity, self._jobs, self._effects, self._say, self._tell)
-        self._leaving = False
+    def __init__(self, profile: Profile, *, repository: str, registry: str) -> None:
+        self._adopt(ServiceManagerState.new(profile, repository, registry))
 
-    def handle(self, event: Input, now: float) -> list[Effect]:
-        """What to do about the input."""
-        match event:
-            case Started(address):
-                self.address = address
-                self._effects += self._joining.start(address, now)
-                for kept in self._jobs.all():
-                    self._resume(kept, now)
-            case Received(message):
-                self._received(message, now)
-            case Rang(timer):
-                self._ring(str(timer), now)
-            case Answered(str(question), value) if question in self._quoting:
-                self._quoted(question, value, now)
-            case Answered(question, value):
-                self._turns.answered(str(question), value, now)
-            case Undelivered(message):
-                self._undelivered(message, now)
-        effects = [*self._effects]
-        self._effects.clear()
-        return effects
+    @classmethod
+    def restored(cls, state: ServiceManagerState) -> Self:
+        """The Service Manager that has this state."""
+        made = cls.__new__(cls)
+        made._adopt(state)
+        return made
+
+    def _adopt(self, state: ServiceManagerState) -> None:
+        self.state = state
+        self._jobs, self._joining, self._reports = state.jobs, state.joining, state.reports
+        self._work = DeviceWork(state)
+
+    @property
+    def profile(self) -> Profile:
+        return self.state.profile
+
+    @property
+    def address(self) -> str:
+        return self._joining.address
+
+    @property
+    def open(self) -> list[str]:
+        """The participants that have a contract."""
+        return [f"{job.session.participant} in {job.session.transaction}" for job in self._jobs if job.session.state in _COMMITTED]
 
     @property
     def idle(self) -> bool:
         """Whether the device does nothing for anybody."""
-        return self._turns.idle
+        return self._work.idle
 
-    def state(self, transaction: str, participant: str) -> State:
+    def state_of(self, transaction: str, participant: str) -> State:
         job = self._jobs.get(transaction, participant)
         return job.session.state if job is not None else State.NEW
 
@@ -97,27 +111,46 @@ class ServiceManager:
             busy.append((start, max(start + terms.duration, now)))
         return busy
 
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        """What to do about the input."""
+        return [*self._effects(event, now)]
+
+    def _effects(self, event: Input, now: float) -> Effects:
+        match event:
+            case Started(address):
+                yield from self._start(address, now)
+            case Received(message):
+                yield from self._received(message, now)
+            case Rang(timer):
+                yield from self._ring(timer, now)  # type: ignore[arg-type]  # only its own timers ring
+            case Answered(WorkWanted() as question, value):
+                yield from self._answered(question, value, now)
+            case Undelivered(message):
+                yield from self._undelivered(message, now)
+            case Notified(notice):
+                yield from self._notified(notice, now)  # type: ignore[arg-type]  # its program tells it nothing else
+
     # What comes
 
-    def _received(self, message: Message, now: float) -> None:
+    def _received(self, message: Message, now: float) -> Effects:
         kind = type(message.body)
         if (kind is frp.Fault and message.header.participant is None) or kind not in _PROTOCOL:
-            self._effects += self._joining.receive(message, now)
+            yield from self._directory(message, now)
             return
         job = self._jobs.get(message.header.transaction, message.header.participant)
         if job is None:
             try:
-                job = Job(ParticipantSession.opened_by(message, self.address))
+                job = Job(session=ParticipantSession.opened_by(message, self.address))
             except WireError as error:
                 if kind is not frp.Fault:
-                    self._effects.append(Send(reply(message, frp.Fault(code=NOT_ALLOWED, text=error.text), self.address)))
+                    yield Send(reply(message, frp.Fault(code=NOT_ALLOWED, text=error.text), self.address))
                 return
         terms, late = job.session.terms, _late(message, now)
         if job.session.state is State.OFFERED and terms and terms.valid_until is not None and terms.valid_until <= now:
-            self._say(job, frp.Refuse(reason="the terms expired"), now)
+            yield from self._say(job, frp.Refuse(reason="the terms expired"), now)
         elif late and kind is frp.Execute and job.session.state in (State.OFFERED, State.COMMITTED):
             offered = job.session.state is State.OFFERED
-            self._say(job, frp.Refuse(reason=late) if offered else frp.Failed(description=late, tried=False), now)
+            yield from self._say(job, frp.Refuse(reason=late) if offered else frp.Failed(description=late, tried=False), now)
             return
         heard = job.session.receive(message)
         if heard.moved:
@@ -129,44 +162,57 @@ class ServiceManager:
                 )
             if isinstance(message.body, frp.Compensate):
                 job.situation = None  # others may have gone on from what it left
-            self._keep(job)
-        self._effects += [Send(answer, now + REPORT_TIME if answer.header.recipient != ANONYMOUS else None) for answer in heard.answers]
+            self._jobs.put(job)
+        for answer in heard.answers:
+            yield Send(answer, now + REPORT_TIME if answer.header.recipient != ANONYMOUS else None)
         if heard.moved:
-            self._moved(job, message, heard.before, now)
+            yield from self._moved(job, message, heard.before, now)
 
-    def _moved(self, job: Job, message: Message, before: State, now: float) -> None:
+    def _directory(self, message: Message, now: float) -> Effects:
+        """The Repository, or the Registry, answers."""
+        if self._reports.is_pending(message.header.relates_to):
+            trouble = yield from self._reports.answered(message, now)
+            if trouble:
+                yield Ask(ReportWanted(), Report(trouble))
+            return
+        yield from self._joining.receive(message, now)
+        if self._joining.joined:
+            yield from self._reports.start(now)
+
+    def _moved(self, job: Job, message: Message, before: State, now: float) -> Effects:
         match job.session.state:
             case State.ARRANGING:
-                self._arrange(job, now)
+                yield from self._arrange(job, now)
             case State.COMMITTED:
-                self._timer(job, "expire", None)
+                yield from job.wake(TermsDue, None)
                 if job.session.terms is not None:
-                    self._timer(job, "start", job.session.terms.start_until)
+                    yield from job.wake(StartDue, job.session.terms.start_until)
             case State.EXECUTING:
-                self._timer(job, "expire", None)
-                self._timer(job, "start", None)
-                self._timer(job, "heartbeat", now + self.profile.heartbeat)
-                self._turns.enqueue(job, now)
+                yield from job.wake(TermsDue, None)
+                yield from job.wake(StartDue, None)
+                yield from job.wake(HeartbeatDue, now + self.profile.heartbeat)
+                yield from self._work.enqueue(job, now)
             case State.STOPPING:
-                self._turns.interrupt(job, frp.Stopped(situation=job.situation), now)
+                yield from self._work.interrupt(job, frp.Stopped(situation=job.situation), now)
             case State.COMPENSATING:
-                self._compensate(job, _late(message, now), now)
+                yield from self._compensate(job, _late(message, now), now)
             case State.ENDED:
-                for name in ("expire", "start", "heartbeat"):
-                    self._timer(job, name, None)
+                for kind in (TermsDue, StartDue, HeartbeatDue):
+                    yield from job.wake(kind, None)
                 if before in WORKING:
-                    self._turns.interrupt(job, None, now)
+                    yield from self._work.interrupt(job, None, now)
 
-    def _arrange(self, job: Job, now: float) -> None:
+    def _arrange(self, job: Job, now: float) -> Effects:
         arrange = job.session.order
         assert arrange is not None, "a session becomes Arranging by an Arrange"
         capability = self._capability(job, arrange)
-        if self._leaving or capability is None:
+        if self.state.leaving or capability is None:
             offered = ", ".join(one.type_name for one in self.profile.capabilities)
-            reason = "is leaving" if self._leaving else f"offers {offered}, and not {arrange.service_type}"
-            self._say(job, frp.Refuse(reason=f"{self.profile.name} {reason}"), now)
+            reason = "is leaving" if self.state.leaving else f"offers {offered}, and not {arrange.service_type}"
+            yield from self._say(job, frp.Refuse(reason=f"{self.profile.name} {reason}"), now)
             return
         job.order = Order(
+            transaction=job.session.transaction,
             participant=job.session.participant,
             method=capability.method,
             inputs=arrange.inputs,
@@ -175,9 +221,8 @@ class ServiceManager:
             earliest_start=arrange.earliest_start,
             latest_finish=arrange.latest_finish,
         )
-        job.doing = Quote.__name__
-        self._quoting[job.question] = job
-        self._effects.append(Ask(job.question, Quote(job.order)))
+        job.activity = Activity.QUOTE
+        yield Ask(job.wanted(Activity.QUOTE), Quote(job.order))
 
     def _capability(self, job: Job, arrange: frp.Arrange) -> Capability | None:
         """The service that the participant is one of, or else one of the type."""
@@ -185,31 +230,39 @@ class ServiceManager:
         of_type = [one for one in self.profile.capabilities if one.type_name == arrange.service_type]
         return next((one for one in self.profile.capabilities if self.profile.service(one) == named), of_type[0] if of_type else None)
 
-    def _compensate(self, job: Job, late: str, now: float) -> None:
+    def _compensate(self, job: Job, late: str, now: float) -> Effects:
         capability = next((one for one in self.profile.capabilities if job.order and one.method == job.order.method), None)
         if late or capability is None or not capability.undoable:
             text = late or f"{self.profile.name} cannot undo {capability.type_name if capability else 'what it does not know'}"
-            self._say(job, frp.Stranded(description=text, tried=False), now)
+            yield from self._say(job, frp.Stranded(description=text, tried=False), now)
             return
-        self._timer(job, "heartbeat", now + self.profile.heartbeat)
-        self._turns.enqueue(job, now)
+        yield from job.wake(HeartbeatDue, now + self.profile.heartbeat)
+        yield from self._work.enqueue(job, now)
 
-    def _quoted(self, question: str, value: object, now: float) -> None:
-        if isinstance(value, Advance):
-            return  # nothing is under way that could advance
-        job = self._quoting.pop(question)
-        job.doing = ""
+    def _answered(self, question: WorkWanted, value: object, now: float) -> Effects:
+        """The device did something, or got further with it."""
+        answer: Answer = answer_of(value) if isinstance(value, BaseException) else value  # type: ignore[assignment]  # as devices answer
+        if question.activity is not Activity.QUOTE:
+            yield from self._work.answered(question, answer, now)
+        elif not isinstance(answer, Advance):  # nothing is under way that could advance
+            yield from self._quoted(question, answer, now)
+
+    def _quoted(self, question: WorkWanted, value: Answer, now: float) -> Effects:
+        job = self._jobs.get(question.transaction, question.participant)
+        if job is None or job.activity is not Activity.QUOTE:
+            return
+        job.activity = None
         self._jobs.put(job)
         if job.session.state is not State.ARRANGING:
             return
         answer: ParticipantBody
         try:
-            answer = self._terms(job, value, now) if isinstance(value, Quoted) else frp.Refuse(reason=in_words(value))
+            answer = self._terms(job, value, now) if isinstance(value, Quoted) else frp.Refuse(reason=_refusal(value))
         except FormulaError as error:
             answer = frp.Refuse(reason=str(error))
-        self._say(job, answer, now)
+        yield from self._say(job, answer, now)
         if isinstance(answer, frp.Terms):
-            self._timer(job, "expire", answer.valid_until)
+            yield from job.wake(TermsDue, answer.valid_until)
 
     def _terms(self, job: Job, quoted: Quoted, now: float) -> frp.Terms | frp.Refuse:
         assert job.order is not None, "a quote is for an order"
@@ -230,100 +283,87 @@ class ServiceManager:
             valid_until=now + self.profile.valid_for,
         )
 
-    # What is said
+    def _say(self, job: Job, body: ParticipantBody, now: float) -> Effects:
+        yield from say(job, body, self._jobs, now)
 
-    def _say(self, job: Job, body: ParticipantBody, now: float) -> None:
-        """Send a message of the job's own accord; what it promises is on disk before it leaves."""
-        message = job.session.send(body)
-        if isinstance(body, frp.Progress):
-            self._effects.append(Send(message, now + CUT_OFF))
-            return
-        if job.session.state not in WORKING:
-            self._timer(job, "heartbeat", None)
-        if job.session.state is State.FAILED:
-            self._timer(job, "start", None)
-        self._keep(job)
-        self._effects.append(Send(message, now + REPORT_TIME))
+    # What comes besides messages
 
-    def _tell(self, job: Job, situation: str, now: float) -> None:
-        self._effects.append(self._joining.tell(situation, service_of(job.session.participant), now))
+    def _ring(self, timer: Timer, now: float) -> Effects:
+        match timer:
+            case JoiningDue():
+                yield from self._joining.ring(now)
+            case ReportDue():
+                yield from self._reports.again(now)
+            case TermsDue(transaction, participant) | StartDue(transaction, participant) | HeartbeatDue(transaction, participant):
+                if (job := self._jobs.get(transaction, participant)) is not None:
+                    job.timers.discard(timer)
+                    yield from self._due(job, timer, now)
 
-    def _keep(self, job: Job) -> None:
-        self._jobs.put(job)
-        self._effects.append(Record(Kept(session=job.session.kept(), order=job.order, situation=job.situation)))
-
-    def _timer(self, job: Job, name: str, at: float | None) -> None:
-        if at is not None:
-            job.timers.add(name)
-        elif name in job.timers:
-            job.timers.remove(name)
-        else:
-            return
-        self._effects.append(Wake(f"{name} {job.session.participant} {job.session.transaction}", at))
-
-    def _ring(self, timer: str, now: float) -> None:
-        if timer == TIMER:
-            self._effects += self._joining.ring(now)
-        elif timer == LEAVE:
-            self._leave(now)
-        else:
-            name, participant, transaction = timer.split(" ", 2)
-            if (due := self._jobs.get(transaction, participant)) is not None:
-                due.timers.discard(name)
-                self._due(due, name, now)
-
-    def _due(self, job: Job, name: str, now: float) -> None:
+    def _due(self, job: Job, timer: TermsDue | StartDue | HeartbeatDue, now: float) -> Effects:
         state = job.session.state
-        if name == "heartbeat" and state in WORKING:
-            self._say(job, frp.Progress(fraction=job.fraction, note="waits for its turn" if job.waiting else ""), now)
-            self._timer(job, "heartbeat", now + self.profile.heartbeat)
-        elif name == "expire" and state is State.OFFERED:
-            self._say(job, frp.Refuse(reason="the terms expired"), now)
-        elif name == "start" and state is State.COMMITTED:
-            self._say(job, frp.Failed(description="it was not told to start in time", tried=False), now)
+        match timer:
+            case HeartbeatDue() if state in WORKING:
+                note = "waits for its turn" if job.waiting else ""
+                yield from self._say(job, frp.Progress(fraction=job.fraction, note=note), now)
+                yield from job.wake(HeartbeatDue, now + self.profile.heartbeat)
+            case TermsDue() if state is State.OFFERED:
+                yield from self._say(job, frp.Refuse(reason="the terms expired"), now)
+            case StartDue() if state is State.COMMITTED:
+                yield from self._say(job, frp.Failed(description="it was not told to start in time", tried=False), now)
 
-    def _undelivered(self, message: Message, now: float) -> None:
+    def _undelivered(self, message: Message, now: float) -> Effects:
         """Signs of life do not get through: stop."""
-        job = self._jobs.get(message.header.transaction, message.header.participant)
-        if job is None or not isinstance(message.body, frp.Progress):
+        if self._reports.is_pending(message.header.message_id):
+            yield from self._reports.again(now)
             return
-        self._cut_off(job, "nobody could be told how the work goes, so it was stopped", now)
+        job = self._jobs.get(message.header.transaction, message.header.participant)
+        if job is not None and isinstance(message.body, frp.Progress):
+            yield from self._cut_off(job, "nobody could be told how the work goes, so it was stopped", now)
 
-    def _cut_off(self, job: Job, reason: str, now: float) -> None:
+    def _cut_off(self, job: Job, reason: str, now: float) -> Effects:
         if (state := job.session.state) in (State.EXECUTING, State.COMPENSATING):
-            self._turns.interrupt(job, interrupted(state, reason), now)
+            yield from self._work.interrupt(job, interrupted(state, reason), now)
+
+    def _notified(self, notice: Notice, now: float) -> Effects:
+        match notice:
+            case Equipped(profile, repository, registry):
+                joining = self._joining
+                joining.profile, joining.repository, joining.registry = profile, repository, registry
+            case Observed(situation):
+                yield from self._reports.add(self.profile.name, situation, now, OBSERVED_TIME)
+            case Leave():
+                yield from self._leave(now)
 
     # Coming and going
 
-    def _leave(self, now: float) -> None:
+    def _start(self, address: str, now: float) -> Effects:
+        """Join. After a restart, go on with what was promised; the device does nothing for anybody any more."""
+        moved, self.state.leaving = address != self.address, False
+        self._reports.address, self._reports.repository, self._reports.ready = address, self._joining.repository, False
+        yield from self._joining.start(address, now)
+        yield from self._work.restarted(now)
+        for job in self._jobs.all() if moved else ():
+            job.session.me = address
+            for message in job.session.last_report():  # by which the others know where it is now
+                yield Send(message, now + REPORT_TIME)
+
+    def _leave(self, now: float) -> Effects:
         """Withdraw offers and commitments, and stop what runs."""
-        self._leaving = True
-        self._effects += self._joining.leave(now)
+        self.state.leaving = True
+        yield from self._joining.leave(now)
         reason = f"{self.profile.name} is leaving"
         for job in self._jobs:
             match job.session.state:
                 case State.ARRANGING | State.OFFERED:
-                    self._say(job, frp.Refuse(reason=reason), now)
+                    yield from self._say(job, frp.Refuse(reason=reason), now)
                 case State.COMMITTED:
-                    self._say(job, frp.Failed(description=reason, tried=False), now)
+                    yield from self._say(job, frp.Failed(description=reason, tried=False), now)
                 case _:
-                    self._cut_off(job, reason, now)
+                    yield from self._cut_off(job, reason, now)
 
-    def _resume(self, job: Job, now: float) -> None:
-        """Go on after a restart. A coroutine does not survive it: what was under way is brought to a safe state and reported."""
-        session, reason = job.session, f"the Service Manager of {self.profile.name} was restarted while it worked"
-        session.me = self.address
-        match session.state:
-            case State.ARRANGING:
-                self._arrange(job, now)
-            case state if state in RESUMES:
-                self._timer(job, "heartbeat", now + self.profile.heartbeat)
-                self._turns.halt(job, interrupted(state, reason), now)
-            case State.OFFERED:
-                self._timer(job, "expire", session.terms.valid_until if session.terms else now)
-            case State.COMMITTED:
-                self._timer(job, "start", session.terms.start_until if session.terms else None)
-        self._effects += [Send(message, now + REPORT_TIME) for message in session.last_report()]
+
+def _refusal(answer: Answer) -> str:
+    return answer.reason if isinstance(answer, Refused) else str(answer)
 
 
 def _late(message: Message, now: float) -> str:
@@ -335,3 +375,21 @@ def _late(message: Message, now: float) -> str:
         f"{type(body).__name__} came {now - body.begin_by:.1f} s too late to begin, and nothing was moved: "
         "a slow network, or the clocks of the two hosts do not agree"
     )
+
+
+SCHEMA = Schema(
+    component="service-manager",
+    version=1,
+    state=ServiceManagerState,
+    timers=Timer,
+    questions=Question,
+    tasks=Asked,
+    answers=Answer,
+    notices=Notice,
+    restore=ServiceManager.restored,
+    # An author's coroutine ends with its process. What it costs can be worked out anew, and a safe state has to be reached anyhow.
+    volatile=(Perform, Undo, Report),
+    failure=answer_of,
+    moves=True,
+)
+"""What its journal is made of."""

@@ -34,7 +34,7 @@ from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Definition, ObjectType, Value
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Rejected, Rows, Updated, UpdateMap
+from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Rejected, Rows, Updated, UpdateMap, by_kind
 from somrs.service_manager.sdk.orders import Advance, Capability, Order, Profile
 from somrs.service_manager.sdk.values import filled_in, money, python_value, seconds
 
@@ -241,7 +241,7 @@ class Device:
             name=self.name,
             type=kind if isinstance(kind, str) else kind.name,
             capabilities=tuple(one.capability(self.attributes) for one in services.values()),
-            definitions=tuple({repr(definition): _well_made(definition, cls) for definition in brought}.values()),
+            definitions=by_kind({repr(definition): _well_made(definition, cls) for definition in brought}.values()),
             values=dict(self.values),
             situation=self.situation,
             capacity=self.capacity,

@@ -6,10 +6,11 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from somrs.errors import SomrsError
+from somrs.errors import InputError, SomrsError
+from somrs.kernel.component import Lost, Partial, Trouble
 from somrs.ontology.services import ServiceType
-from somrs.ontology.types import Definition, Value
-from somrs.protocol.frp.session import ParticipantSession
+from somrs.ontology.types import Value
+from somrs.protocol.messages.knowledge import Definitions
 
 
 class Capability(Struct, frozen=True, kw_only=True):
@@ -33,7 +34,7 @@ class Profile(Struct, frozen=True, kw_only=True):
     name: str
     type: str
     capabilities: tuple[Capability, ...]
-    definitions: tuple[Definition, ...] = ()
+    definitions: Definitions = Definitions()
     values: dict[str, Value] = {}
     situation: str | None = None
     capacity: int = 1
@@ -56,50 +57,57 @@ class Order(Struct, frozen=True, kw_only=True):
     precondition: str | None = None
     earliest_start: float | None = None
     latest_finish: float | None = None
+    transaction: str = ""
 
 
-class Quote(Struct, frozen=True):
-    """Work out what it costs and how long it takes. Answered by `Quoted`, or by an exception (a `Refusal`)."""
-
-    order: Order
-
-
-class Perform(Struct, frozen=True):
-    """Do it. Answered by any number of `Advance`, then by `Done` or an exception (a `ServiceFailed`)."""
+class Quote(Struct, frozen=True, tag=True):
+    """Work out what it costs and how long it takes. Answered by `Quoted` or `Refused`."""
 
     order: Order
 
 
-class Halt(Struct, frozen=True):
-    """The work was interrupted: reach a safe state. Answered by `Done` or an exception."""
+class Perform(Struct, frozen=True, tag=True):
+    """Do it. Answered by any number of `Advance`, then by `Done` or `Failure`."""
 
     order: Order
 
 
-class Undo(Struct, frozen=True):
+class Halt(Struct, frozen=True, tag=True):
+    """The work was interrupted: reach a safe state. Answered by `Done` or `Failure`."""
+
+    order: Order
+
+
+class Undo(Struct, frozen=True, tag=True):
     """Restore the situation, or an equivalent. Answered like `Perform`."""
 
     order: Order
     situation: str
 
 
-class Report(Struct, frozen=True):
-    """Tell the person who runs the device: it `joined`, or what is wrong."""
+class Report(Struct, frozen=True, tag=True):
+    """Tell the person who runs the device: it `joined`, or why it cannot; or something else (None)."""
 
     text: str
-    joined: bool
+    joined: bool | None = None
 
 
 Work = Quote | Perform | Halt | Undo
 
 
-class Quoted(Struct, frozen=True, kw_only=True):
+class Quoted(Struct, frozen=True, kw_only=True, tag=True):
     price: float
     currency: str = "EUR"
     duration: float
 
 
-class Advance(Struct, frozen=True, kw_only=True):
+class Refused(Struct, frozen=True, tag=True):
+    """The device cannot, or will not."""
+
+    reason: str
+
+
+class Advance(Partial, frozen=True, kw_only=True, tag=True):
     """How far the work is."""
 
     fraction: float
@@ -107,23 +115,21 @@ class Advance(Struct, frozen=True, kw_only=True):
     note: str = ""
 
 
-class Done(Struct, frozen=True, kw_only=True):
+class Done(Struct, frozen=True, kw_only=True, tag=True):
     """The work is done. `situation` None: what was to be brought about, or, of a Halt, nothing that is known."""
 
     situation: str | None = None
     outputs: dict[str, Value] = {}
 
 
-class Kept(Struct, frozen=True, kw_only=True):
-    """A participant as it has to be known after a restart; the latest one for its ids counts."""
+class Failure(Struct, frozen=True, tag=True):
+    """The effect does not hold, why, and what holds instead as far as it is known."""
 
-    session: ParticipantSession
-    order: Order | None = None
+    description: str
     situation: str | None = None
 
-    @property
-    def key(self) -> tuple[str, str]:
-        return self.session.transaction, self.session.participant
+
+Answer = Quoted | Refused | Advance | Done | Failure | Trouble | Lost | None
 
 
 class Refusal(SomrsError):
@@ -143,3 +149,16 @@ class ServiceFailed(SomrsError):
 
     def __str__(self) -> str:
         return self.description
+
+
+def answer_of(error: BaseException) -> Refused | Failure | Trouble:
+    """What an author's code raised, as an answer; with its class, unless it is an exception that is meant to be read."""
+    match error:
+        case Refusal(reason=reason):
+            return Refused(reason)
+        case ServiceFailed(description=description, situation=situation):
+            return Failure(description, situation)
+        case InputError():
+            return Trouble(str(error))
+        case _:
+            return Trouble(f"{type(error).__name__}: {error}")

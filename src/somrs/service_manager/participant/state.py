@@ -1,0 +1,37 @@
+"""All that a Service Manager knows, as one tree of data."""
+
+from __future__ import annotations
+
+from msgspec import Struct, field
+
+from somrs.service_manager.participant.job import Job, Jobs, Key
+from somrs.service_manager.participant.joining import Joining
+from somrs.service_manager.participant.map_reports import MapReports
+from somrs.service_manager.sdk.orders import Profile
+
+
+class DeviceQueue(Struct):
+    """The participants that wait for the device, in the order in which they were told to begin, and those that it does something for."""
+
+    waiting: list[Key] = []
+    at_work: list[Key] = []
+
+
+class ServiceManagerState(Struct, kw_only=True):
+    joining: Joining
+    jobs: Jobs = field(default_factory=Jobs)
+    queue: DeviceQueue = field(default_factory=DeviceQueue)
+    reports: MapReports = field(default_factory=MapReports)
+    leaving: bool = False
+
+    @classmethod
+    def new(cls, profile: Profile, repository: str, registry: str) -> ServiceManagerState:
+        return cls(joining=Joining(profile=profile, repository=repository, registry=registry))
+
+    @property
+    def profile(self) -> Profile:
+        return self.joining.profile
+
+    def waiting(self) -> list[Job]:
+        """The participants that wait for the device."""
+        return [job for key in self.queue.waiting if (job := self.jobs.get(*key)) is not None]
