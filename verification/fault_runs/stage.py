@@ -267,7 +267,7 @@ class Stage:
         self.parts.revive(self.world, address, partial(self._made, address))
         self.reap()
         after = self.world.components.get(address)
-        if after is not None and (moment is not Moment.AMID or address in (*self.managers, *self.hands)):
+        if after is not None and (moment is not Moment.AMID or address != "repository"):
             self._same(address, before, after)
 
     def _made(self, address: str) -> Component:
