@@ -287,7 +287,8 @@ class Stage:
                 if different is None and _copy(before) != _copy(after):
                     different = "the copies of the map"
             case Registry(), Registry():
-                different = difference(before.state, after.state, leave_out=(Replica,))
+                leases = [{name: one for name, one in it.state.providers.items() if one.until > self.world.now} for it in (before, after)]
+                different = difference(*leases)  # the others ran out while it was away
             case Repository(), Repository():
                 different = difference(before.contents, after.contents)
             case DeviceManager(), DeviceManager():
