@@ -443,6 +443,31 @@ def test_a_database_of_somebody_else_is_refused_and_left_alone(path: Path) -> No
     assert path.read_bytes() == before
 
 
+def test_a_file_of_the_second_format_had_one_component(shelf: Shelf) -> None:
+    shelf.tell(3)
+    shelf.journal.snapshot(shelf.journaled)
+    shelf.tell(4)
+    before = shelf.ledger.amounts
+    shelf.journal.close()
+    # As it was: https://www.sqlite.org/lang_altertable.html cannot drop a column of a key, so the tables are made anew.
+    with sqlite3.connect(shelf.journal.disk.path) as db:
+        db.executescript("""
+        CREATE TABLE l (number INTEGER PRIMARY KEY CHECK (number = 1), program TEXT NOT NULL, setting TEXT NOT NULL,
+          address TEXT NOT NULL, open TEXT NOT NULL, schema INTEGER NOT NULL);
+        INSERT INTO l SELECT 1, program, setting, address, open, schema FROM life; DROP TABLE life; ALTER TABLE l RENAME TO life;
+        CREATE TABLE s (number INTEGER NOT NULL, at REAL NOT NULL, sum INTEGER NOT NULL, state BLOB NOT NULL);
+        INSERT INTO s SELECT number, at, sum, state FROM snapshot; DROP TABLE snapshot; ALTER TABLE s RENAME TO snapshot;
+        CREATE TABLE e (last INTEGER PRIMARY KEY, batch BLOB NOT NULL);
+        INSERT INTO e SELECT last, batch FROM entries; DROP TABLE entries; ALTER TABLE e RENAME TO entries;
+        PRAGMA user_version = 2;
+        """)
+    db.close()
+    again = Shelf(shelf.journal.disk.path)
+    assert again.again
+    assert again.ledger.amounts == before
+    again.journal.close()
+
+
 def test_a_file_of_another_format_is_refused(path: Path) -> None:
     Journal(path, SCHEMA).close()
     other(path, f"PRAGMA user_version = {KIND.version + 1}")

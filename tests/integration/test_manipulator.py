@@ -18,9 +18,11 @@ from somrs.entish.parse import parse
 from somrs.errors import DeviceError
 from somrs.ontology.objects import Map
 from somrs.ontology.values import value_of
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents
-from somrs.service_manager.sdk.device import MapReader
+from somrs.service_manager.sdk.device import Ask, MapReader
 from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
 from somrs.service_manager.sdk.work import carry_out
 from tests.support.robot_lab import after, run, simulator, site
@@ -65,12 +67,37 @@ async def desk(
         repository = Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map))
         device = kind(name, f"{server.host}:{server.port}")
         device.away = away
-        device.map = MapReader(asking(repository, lambda: 0.0))
+        ask = asking(repository, lambda: 0.0)
+        device.map = MapReader(ask)
+        observed: list[asyncio.Task[Body]] = []
+        device.observer = lambda situation: observed.append(asyncio.create_task(_told(ask, situation)))
         await device.open()
         try:
             yield Desk(device, operator, repository)
         finally:
             await device.close()
+
+
+async def _told(ask: Ask, situation: str) -> Body:
+    return await ask(UpdateMap(situation=situation))
+
+
+async def _until(at: Desk, working: bool) -> None:
+    async with asyncio.timeout(30):
+        while at.repository.contents.map.objects["Robot1"].values.get("Working") is not working:
+            await asyncio.sleep(0.02)
+
+
+@pytest.mark.parametrize("fault", [Fault.DRIVE, Fault.GRIPPER])
+def test_a_robot_that_has_nothing_to_do_says_that_it_broke_and_that_it_was_mended(fault: Fault) -> None:
+    async def test() -> None:
+        async with desk(speed=1.0) as at:
+            await at.operator.fault("Robot1", fault)
+            await _until(at, False)
+            await at.operator.repair("Robot1", fault)
+            await _until(at, True)
+
+    run(test())
 
 
 def test_its_services_are_offered_with_what_the_map_says_of_it() -> None:

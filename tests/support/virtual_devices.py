@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Coroutine, Generator
 from typing import Any
 
 from somrs.errors import RemoteError
 from somrs.kernel.component import Component, Received, Send
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.runtime.virtual import CarryOut, Work
 from somrs.service_manager.sdk.device import Ask, Device
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Report, Undo
@@ -28,8 +29,10 @@ class Pause:
 def asking(component: Component, now: Callable[[], float]) -> Ask:
     """Asks a component on the spot."""
 
+    numbers = itertools.count()
+
     async def ask(body: Body) -> Body:
-        header = Header(sender="http://here/device", recipient="http://here", message_id="urn:uuid:ask")
+        header = Header(sender="http://here/device", recipient="http://here", message_id=message_id("ask", next(numbers)))
         effects = component.handle(Received(Message(header=header, body=body)), now())
         return next(effect.message.body for effect in effects if isinstance(effect, Send))
 

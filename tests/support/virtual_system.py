@@ -133,6 +133,7 @@ class VirtualSystem:
         planning: float = 0.0,
     ) -> None:
         self._planning = planning
+        self._profiles: dict[str, Profile] = {}
         loaded = load_text(site, "site.yaml")
         assert loaded.map is not None
         self.world = World(medium=medium, watch=watch)
@@ -159,7 +160,7 @@ class VirtualSystem:
         address = f"devices/{robot.name}"
         if snapshot:
             self.world.snapshot(address)
-        self.world.revive(address, partial(self._new_device, self.device(robot.name).profile))
+        self.world.revive(address, partial(self._new_device, self._profiles[robot.name]))
 
     def device(self, name: str) -> ServiceManager:
         manager = self.world.components[f"devices/{name}"]
@@ -167,6 +168,7 @@ class VirtualSystem:
         return manager
 
     def _join(self, robot: Robot, profile: Profile) -> None:
+        self._profiles[robot.name] = profile
         self.world.add(f"devices/{robot.name}", self._new_device(profile), robot.carry_out, journaled=SERVICE_MANAGER)
 
     @staticmethod

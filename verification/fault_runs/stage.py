@@ -22,8 +22,6 @@ from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.entries import Contents, Handled, Subscription
 from somrs.runtime.virtual import LATENCY, Moment, Work, World
-from somrs.service_manager.participant.joining import Joining
-from somrs.service_manager.participant.map_reports import MapReports
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.state import ServiceManagerState
@@ -71,7 +69,7 @@ class Stage:
 
     def __init__(self, story: Story, parts: Parts | None = None) -> None:
         self.story, self.parts = story, parts or Parts()
-        self.world = World(medium=self._medium, watch=self._watch)
+        self.world = World(medium=self._medium, watch=self._watch, restored=self._restored)
         self.start = self.world.now
         self.reality = Reality.of(story)
         self.hands: dict[str, Hands] = {}
@@ -263,12 +261,17 @@ class Stage:
         if self.world.alive(address) or address not in self._fallen or address in self.gone:
             return
         self._note(f"{address} is started again")
-        before, moment = self._fallen.pop(address)
+        before, moment = self._fallen[address]
         self.parts.revive(self.world, address, partial(self._made, address))
+        self._fallen.pop(address, None)
         self.reap()
         after = self.world.components.get(address)
-        if after is not None and (moment is not Moment.AMID or address in (*self.managers, *self.hands)):
+        if isinstance(after, Repository) and moment is not Moment.AMID:
             self._same(address, before, after)
+
+    def _restored(self, address: str, after: Component) -> None:
+        before, _ = self._fallen.pop(address)
+        self._same(address, before, after)
 
     def _made(self, address: str) -> Component:
         if address in self.managers:
@@ -291,7 +294,7 @@ class Stage:
             case Repository(), Repository():
                 different = difference(before.contents, after.contents)
             case DeviceManager(), DeviceManager():
-                different = difference(before.state, after.state, leave_out=(Joining, MapReports))
+                different = difference(before.state, after.state)
         if different is not None:
             raise Violation(Property.RESTART, f"{address} was started again, and is not what it was: {different}")
 

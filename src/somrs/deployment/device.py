@@ -26,7 +26,7 @@ from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
 from somrs.runtime.wire import asked_again
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
-from somrs.service_manager.participant.timers import Equipped, Leave
+from somrs.service_manager.participant.timers import Equipped, Leave, Observed
 from somrs.service_manager.sdk import orders
 from somrs.service_manager.sdk.device import Device, MapReader
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
@@ -76,6 +76,8 @@ class DeviceRunner:
         self._host = host
         self._rim: Host | None = None
         self._node: Node | None = None
+        self._early: list[str] = []
+        """What the device observed while it was opened."""
         self._joined: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     async def start(self) -> str:
@@ -83,6 +85,7 @@ class DeviceRunner:
         self.device.profile()  # a class that cannot be run is told of before anything is connected
         self._rim = rim = await self._listen()
         self.device.map = MapReader(self._ask)
+        self.device.observer = self._observed
         await self.device.open()
         profile = self.device.profile()
         repository, registry = self._addresses.repository, self._addresses.registry
@@ -92,7 +95,7 @@ class DeviceRunner:
             self._journal,
             carry_out=self._carry_out,
             # The author may have changed the device since its journal was written.
-            notices=(Equipped(profile, repository, registry),),
+            notices=(Equipped(profile, repository, registry), *map(Observed, self._early)),
         )
         try:
             await asyncio.wait_for(asyncio.shield(self._joined), JOIN_TIME)
@@ -124,6 +127,12 @@ class DeviceRunner:
         await self.device.close()
         if self._own_journal:
             self._journal.close()
+
+    def _observed(self, situation: str) -> None:
+        if self._node is None:
+            self._early.append(situation)
+        else:
+            self._node.feed(Notified(Observed(situation)))
 
     async def _listen(self) -> Host:
         """Where the device was reached before, if that can be: those who have a contract with it know that address."""

@@ -54,6 +54,9 @@ lost is sent again after a pause, as long as its time is not over."""
 Watch = Callable[[str, Input], None]
 """Sees each input, and whose it was, when its effects have been carried out."""
 
+Restored = Callable[[str, Component], None]
+"""Sees each component that comes back from its journal, as its journal has it: before it hears anything new."""
+
 
 class Moment(StrEnum):
     """The point at which a component is killed. Its next input is not acknowledged then, so that a message comes again."""
@@ -129,13 +132,20 @@ def _cannot(task: object) -> object:
 class World:
     """Components at their addresses, the messages between them, and the time."""
 
-    def __init__(self, start: float = 1_000_000.0, *, medium: Medium = promptly, watch: Watch = lambda address, event: None) -> None:
+    def __init__(
+        self,
+        start: float = 1_000_000.0,
+        *,
+        medium: Medium = promptly,
+        watch: Watch = lambda address, event: None,
+        restored: Restored = lambda address, component: None,
+    ) -> None:
         self.now = start
         self.messages: list[Message] = []
         """Every message that was sent, in order; a delivery that is tried again counts once."""
         self.components: dict[str, Component] = {}
         self.records: dict[str, list[object]] = {}
-        self._medium, self._watch = medium, watch
+        self._medium, self._watch, self._restored = medium, watch, restored
         self._lives: dict[str, _Life] = {}
         self._places: dict[str, _Place] = {}
         self._events: list[tuple[float, int, Callable[[], None]]] = []
@@ -192,6 +202,7 @@ class World:
         known = self.records[address]
         entries = written.entries(written.batch(place.entries))
         known += [record.entry for record in journaled.replay(entries) if record.entry not in known]
+        self._restored(address, journaled.component)
         life = _Life(address, journaled.component, journaled)
         self._lives[address], self.components[address] = life, journaled.component
         self._resume(address, life, journaled)

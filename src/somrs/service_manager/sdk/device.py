@@ -28,13 +28,14 @@ import msgspec
 from msgspec import Struct
 
 from somrs.entish.formula import Formula
+from somrs.entish.parse import parse
 from somrs.errors import DeviceError, RemoteError
 from somrs.ontology.objects import Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Definition, ObjectType, Value
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Rejected, Rows, Updated, UpdateMap, by_kind
+from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Rows, by_kind
 from somrs.service_manager.sdk.orders import Advance, Capability, Order, Profile
 from somrs.service_manager.sdk.values import filled_in, money, python_value, seconds
 
@@ -62,7 +63,7 @@ Able = Callable[[Any, "Task"], Awaitable[None] | None]
 
 
 class MapReader:
-    """Reads the map of the environment in the Repository, and tells it what a device notices besides its work."""
+    """Reads the map of the environment in the Repository."""
 
     def __init__(self, ask: Ask) -> None:
         self._ask = ask
@@ -83,13 +84,6 @@ class MapReader:
 
     async def holds(self, formula: str | Formula) -> bool:
         return bool(await self.query(formula, limit=1))
-
-    async def tell(self, situation: str | Formula, author: str) -> None:
-        """Have it on the map that the situation holds. Raises RemoteError when the Repository does not take that."""
-        answer = await self._answer(UpdateMap(situation=str(situation), author=author))
-        if not isinstance(answer, Updated):
-            problems = "; ".join(answer.problems) if isinstance(answer, Rejected) else type(answer).__name__
-            raise RemoteError(f"the Repository does not take {situation}: {problems}")
 
     async def _answer(self, body: Body) -> Body:
         answer = await self._ask(body)
@@ -182,6 +176,10 @@ def _well_made(definition: Definition, owner: type[object]) -> Definition:
         raise DeviceError(f"{owner.__name__} brings {type(definition).__name__} {name}, which is not well made: {error}") from None
 
 
+def _unheard(situation: str) -> None:
+    """Nobody runs the device."""
+
+
 class Device:
     """A device with services. Authors derive a class, and say in class attributes what is not as usual.
 
@@ -210,6 +208,14 @@ class Device:
 
     def __init__(self, name: str, simulator: str | None = None) -> None:
         self.name, self.simulator = name, simulator
+
+    observer: Callable[[str], None] = staticmethod(_unheard)
+    """Hears what the device observed: its program sees to that."""
+
+    def observed(self, situation: str | Formula) -> None:
+        """Have it on the map that the situation holds, which the device noticed besides its work; what work came to, services return.
+        It comes there in the order in which it was noticed, once the device has joined, and again if the Repository is down."""
+        self.observer(str(parse(str(situation))))
 
     async def open(self) -> None:
         """Called once before the device joins: connect to the hardware."""

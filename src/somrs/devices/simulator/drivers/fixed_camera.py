@@ -43,7 +43,7 @@ class FixedCamera(SimulatedDevice):
         try:
             seen = await self.view()
         except Refusal as silent:
-            raise ServiceFailed(str(silent), f"{self.name}.Working = FALSE") from None
+            raise ServiceFailed(str(silent), self._out_of_order()) from None
         if object not in seen:
             raise ServiceFailed(f"{self.name} does not see {object} any more")
         return await recognised(task, object, seen)

@@ -164,7 +164,7 @@ class Manipulator(SimulatedDevice):
         Of a silent robot it is not known what it went on doing, so nothing that was known before is told.
         """
         if self._link.silent:
-            return f"{self.name}.Working = FALSE"
+            return self._out_of_order()
         self._last_seen.update({one.object: one for one in seen})
         parts: list[str] = []
         thing = self._last_seen.get(object)
@@ -177,7 +177,7 @@ class Manipulator(SimulatedDevice):
         if state is not None:
             parts += self._own_pose(state)
         if state is None or state.faults or not self._link.connected:
-            parts.append(f"{self.name}.Working = FALSE")
+            parts.append(self._out_of_order())
         return " AND ".join(parts)
 
 

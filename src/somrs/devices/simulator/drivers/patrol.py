@@ -127,7 +127,7 @@ class PatrolRobot(SimulatedDevice):
         """What holds once the robot itself cannot go on."""
         pose = self._own_pose(gave.state) if gave.state is not None and not self._link.silent else []
         out_of_order = self._link.silent or not self._link.connected or (gave.state is not None and gave.state.faults)
-        return " AND ".join([*pose, *([f"{self.name}.Working = FALSE"] if out_of_order or not pose else [])])
+        return " AND ".join([*pose, *([self._out_of_order()] if out_of_order or not pose else [])])
 
     async def _noting(self, command: Coroutine[object, object, Done], seen: dict[str, Seen]) -> Done:
         done = await command

@@ -63,22 +63,32 @@ class SimulatedDevice(Device):
         host, _, port = (self.simulator or "").rpartition(":")
         if not host or not port.isdigit():
             raise DeviceError(f"{self.name} needs a simulator, given as host:port, and not {self.simulator!r}")
-        self._link = RobotLink(host, int(port), self.name, silence=self.silence)
+        self._working = 0
+        self._told: Pose | None = None
+        self._known_broken = await self.map.holds(f"{self.name}.Working = FALSE")
+        self._link = RobotLink(host, int(port), self.name, silence=self.silence, on_state=self._notice_fault)
         await self._link.connect()
         await self._link.status()
         self.attributes = {name: value for name in self.features for value in await self._feature(name)}
-        self._working = 0
-        self._told: Pose | None = None
-        self._noticing = asyncio.create_task(self._notice()) if self.mobile else None
+        self._noticing = asyncio.create_task(self._notice())
 
     async def close(self) -> None:
-        if self._noticing is not None:
-            self._noticing.cancel()
-            await asyncio.wait({self._noticing})
+        self._noticing.cancel()
+        await asyncio.wait({self._noticing})
         await self._link.close()
 
+    def _notice_fault(self, state: RobotState) -> None:
+        """Say at once that it broke."""
+        if not self._known_broken and DISABLING.keys() & set(state.faults):
+            self.observed(self._out_of_order())
+
+    def _out_of_order(self) -> str:
+        """That it does not work, as a part of a formula that will be told."""
+        self._known_broken = True
+        return f"{self.name}.Working = FALSE"
+
     async def _notice(self) -> None:
-        """Tell the Repository where the device is when that changed though it did not work: it made way for another, say."""
+        """Say where the device is when that changed though it did not work: it made way for another, say; and that it works again."""
         before: Pose | None = None
         while True:
             await asyncio.sleep(NOTICING)
@@ -87,12 +97,18 @@ class SimulatedDevice(Device):
             now = _pose(state) if idle and state is not None else None
             if state is not None and now is not None and before is not None and _same(now, before):
                 try:
-                    if not _same(now, self._told or await self._on_map()):
-                        await self.map.tell(" AND ".join(self._own_pose(state)), self.name)
+                    await self._notice_idle(state, now)
                 except RemoteError as error:
-                    self._told = None
-                    log.warning("%s could not tell where it is: %s", self.name, error)
+                    log.warning("%s cannot read on the map how it is: %s", self.name, error)
             before = now
+
+    async def _notice_idle(self, state: RobotState, now: Pose) -> None:
+        if self.mobile and not _same(now, self._told or await self._on_map()):
+            self.observed(" AND ".join(self._own_pose(state)))
+        if self._known_broken and not state.faults:
+            if await self.map.holds(f"{self.name}.Working = FALSE"):
+                self.observed(f"{self.name}.Working = TRUE")
+            self._known_broken = False
 
     async def _on_map(self) -> Pose:
         rows = await self.map.query(f"{self.name}.PositionX = ?X AND {self.name}.PositionY = ?Y AND {self.name}.RotationZ = ?Yaw", limit=1)
