@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import time
-from dataclasses import replace
 from itertools import pairwise, product
 from pathlib import Path
 
 import pytest
 from hypothesis import given
+from msgspec.structs import replace
 
 from somrs.entish.parse import parse
 from somrs.errors import RemoteError

@@ -20,8 +20,9 @@ from somrs.errors import RemoteError
 from somrs.kernel.codec import Codec, encoded
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, FactRemoved, Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import NoPlan, Plan
-from somrs.planner.model.problem import Problem
+from somrs.planner.model.problem import Available, Problem
 from somrs.planner_service import process
 from somrs.planner_service.engines import driver
 from somrs.planner_service.problem_delta import Recipient, Sender
@@ -70,8 +71,9 @@ def test_a_question_that_kills_is_not_asked_for_ever(monkeypatch: pytest.MonkeyP
 
 def test_what_the_planner_raises_is_raised() -> None:
     async def run() -> None:
-        with PlannerProcess() as planner, pytest.raises(RemoteError, match="Nothing1"):
-            await planner.plan(replace(SO_ALREADY, goal=parse("Nothing1.PositionX > Table1")))
+        broken = ServiceType(name="Work", effect="no formula at all")
+        with PlannerProcess() as planner, pytest.raises(RemoteError, match="no formula at all"):
+            await planner.plan(replace(SO_ALREADY, goal=parse("Table1 isOn Jar1"), services=(Available(broken, ("Robot1",)),)))
 
     asyncio.run(asyncio.wait_for(run(), 120))
 
