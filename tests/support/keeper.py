@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Wake
-from somrs.kernel.replica import Replica
+from somrs.kernel.replica import Replica, ReplicaDue
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
@@ -104,7 +104,7 @@ class Keeper:
             if self.replica.version == self.contents.version:
                 return
             self.now = max(self.now, self._rings_at or 0.0)
-            self._hear(Rang("replica"))
+            self._hear(Rang(ReplicaDue()))
         raise AssertionError(f"the follower stays at {self.replica.version}, and the Repository is at {self.contents.version}")
 
     def _feed(self, event: Input) -> list[Send]:
