@@ -14,7 +14,7 @@ from itertools import islice
 from msgspec import structs
 
 from somrs.errors import InputError
-from somrs.kernel.component import Answered, Effect, Input, Notified, Rang, Received, Record, Send, Started, Undelivered, Wake
+from somrs.kernel.component import Answered, Effect, Input, Rang, Received, Record, Send, Started, Undelivered, Wake
 from somrs.ontology.check import check
 from somrs.ontology.conformance import Violation
 from somrs.ontology.truth import bindings
@@ -45,7 +45,7 @@ from somrs.protocol.messages.knowledge import (
 from somrs.protocol.messages.leases import granted
 from somrs.protocol.messages.paging import PAGE_BYTES, fitting, size
 from somrs.repository.definition import object_renamed, redefined
-from somrs.repository.entries import REMEMBERED, Answer, Contents, Defining, Handled, PastOf, Subscription
+from somrs.repository.entries import REMEMBERED, Answer, Contents, Defining, Handled, LeasesDue, PastOf, StoreWanted, Subscription
 from somrs.repository.history_queries import LookingBack
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
 from somrs.repository.pages import MapPages, ontology_page
@@ -53,9 +53,6 @@ from somrs.repository.past import inverse
 from somrs.repository.undoing import undone
 from somrs.repository.update import updated
 from somrs.repository.version_conflict import overtaken
-
-LEASES = "leases"
-"""The timer that rings when the next subscription runs out."""
 
 MOST_ROWS = 1000
 """So many ways in which a formula holds are told at most."""
@@ -87,14 +84,14 @@ class Repository:
                     return self._received(message, now)
                 except InputError as error:
                     return [self._answer(message, Fault(code="Sender", text=str(error)))]
-            case Rang():
+            case Rang(LeasesDue()):
                 return self._expire(now)
-            case Answered(question, value):
-                return self._answered(str(question), value, now)
+            case Answered(StoreWanted(request), value):
+                return self._answered(request, value, now)
             case Undelivered(message):
                 return self._undelivered(message)
-            case Notified():
-                return []  # nobody has anything to tell it
+            case _:
+                return []  # it sets no other timer, and asks nothing else
 
     def _received(self, message: Message, now: float) -> list[Effect]:
         match message.body:
@@ -149,9 +146,9 @@ class Repository:
         rows = tuple(fitting(found, limit))
         return Rows(rows=rows, version=self._contents.version, more=len(rows) < len(found))
 
-    def _answered(self, question: str, value: object, now: float) -> list[Effect]:
+    def _answered(self, request: str, value: object, now: float) -> list[Effect]:
         """The store answered something."""
-        message = self._back.answered(question)
+        message = self._back.answered(request)
         match message.body if message is not None else None:
             case Undo() as undo if message is not None and isinstance(value, tuple):
                 return self._once(message, lambda: self._alter(message, undo, self._undone(undo, value), now))
@@ -282,4 +279,4 @@ class Repository:
         return [*(Record(Subscription(address=subscriber, until=None)) for subscriber in subscribers), self._next_expiry()]
 
     def _next_expiry(self) -> Wake:
-        return Wake(LEASES, min(self._contents.subscriptions.values(), default=None))
+        return Wake(LeasesDue(), min(self._contents.subscriptions.values(), default=None))

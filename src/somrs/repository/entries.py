@@ -36,6 +36,16 @@ class Subscription(Struct, frozen=True, kw_only=True):
 Entry = Handled | Subscription
 
 
+class LeasesDue(Struct, frozen=True, tag=True):
+    """The timer: the next subscription runs out."""
+
+
+class StoreWanted(Struct, frozen=True, tag=True):
+    """The question: something from the store, for the request of that id."""
+
+    request: str
+
+
 class HistoryOf(Struct, frozen=True, kw_only=True):
     """A question for the store: the latest events that changed an object, newest first, as a tuple of `Event`. If it had other names
     before, what happened to it then is told, too."""

@@ -10,7 +10,7 @@ from somrs.protocol.messages.envelope import Message, normalised_id
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Event, Events, History, ReadEvents, ReadHistory, ReadMap, ReadOntology, Undo
 from somrs.protocol.messages.paging import fitting
-from somrs.repository.entries import Contents, EventsOf, HistoryOf, PastOf
+from somrs.repository.entries import Contents, EventsOf, HistoryOf, PastOf, StoreWanted
 from somrs.repository.pages import MapPages, ontology_page
 from somrs.repository.past import Past, shortened
 
@@ -35,11 +35,11 @@ class LookingBack:
         if key in self._asked:
             return []
         self._asked[key] = message
-        return [Ask(key, task)]
+        return [Ask(StoreWanted(key), task)]
 
-    def answered(self, question: str) -> Message | None:
+    def answered(self, request: str) -> Message | None:
         """The message that asked; None for one that nobody asks any more."""
-        return self._asked.pop(question, None)
+        return self._asked.pop(request, None)
 
     # Questions
 

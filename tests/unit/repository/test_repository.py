@@ -47,7 +47,7 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.repository.component import Repository
-from somrs.repository.entries import Contents, Handled, HistoryOf, Subscription
+from somrs.repository.entries import Contents, Handled, HistoryOf, LeasesDue, Subscription
 from tests.support.lab import CLIENT, REPOSITORY, SITE, ask, contents, records, request, sent, tell
 
 JAR = Object(name="Jar9", type="Jar", values={"PositionX": 1.0, "PositionY": 1.1, "PositionZ": 0.7})
@@ -360,14 +360,14 @@ def test_followers_hear_every_version_in_order_until_their_lease_ends(repository
     effects = tell(repository, SubscribeMap(lease=10), now=100.0, sender="http://follower")
     assert sent(effects, MapSubscribed) == [MapSubscribed(version=0, until=110.0)]
     assert records(effects) == [Subscription(address="http://follower", until=110.0)]
-    assert effects[-1] == Wake("leases", 110.0)
+    assert effects[-1] == Wake(LeasesDue(), 110.0)
     versions = []
     for n in range(5):
         effects = tell(repository, UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n)),)), now=101.0)
         versions += [news.event.version for news in sent(effects, MapChanged)]
     assert versions == [1, 2, 3, 4, 5]
-    ended = repository.handle(Rang("leases"), 110.0)
-    assert ended == [Record(Subscription(address="http://follower", until=None)), Wake("leases", None)]
+    ended = repository.handle(Rang(LeasesDue()), 110.0)
+    assert ended == [Record(Subscription(address="http://follower", until=None)), Wake(LeasesDue(), None)]
     assert sent(tell(repository, UpdateMap(changes=(ValueSet("Jar1", "PositionX", 9.0),)), now=111.0), MapChanged) == []
 
 
@@ -410,7 +410,7 @@ def test_after_a_restart_followers_learn_where_the_repository_is() -> None:
     kept.version, kept.subscriptions = 7, {"http://follower": 500.0}
     effects = Repository(REPOSITORY, kept).handle(Started(REPOSITORY), 100.0)
     assert sent(effects, MapSubscribed) == [MapSubscribed(version=7, until=500.0)]
-    assert effects[-1] == Wake("leases", 500.0)
+    assert effects[-1] == Wake(LeasesDue(), 500.0)
 
 
 def test_who_has_no_address_cannot_follow(repository: Repository) -> None:
