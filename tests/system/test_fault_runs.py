@@ -10,16 +10,17 @@ from dataclasses import replace
 
 import pytest
 
-from somrs.kernel.component import Component, Effect, Effects, Input, Rang, Received
+from somrs.kernel.component import Component, Doing, Effect, Effects, Input, Rang, Received
 from somrs.protocol.messages.clients import CancelTask, Policy
 from somrs.protocol.messages.frp import Accept, Outcome
 from somrs.runtime.virtual import Moment, World
 from somrs.service_manager.participant.timers import TermsDue
 from somrs.task_manager.execution.execution_log import ExecutionLog
+from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Participants
-from somrs.task_manager.execution.reports import Reports
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.reservations import Reservations
+from somrs.task_manager.transaction.participant_events import GoesOn, ParticipantEvents
 from tests.support.paths import ROOT
 from verification.fault_runs.draw import draw
 from verification.fault_runs.hands import DeviceManager
@@ -204,10 +205,12 @@ def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: p
     slips = story(Misdeed(nth=0, act=Act.DROP), Cut(at=5.0, target="repository", seconds=20.0))
     assert noticed(slips) is None
 
-    def pending(self: Reports) -> bool:
-        return False
+    reported = ParticipantEvents._reported
 
-    monkeypatch.setattr(Reports, "pending", property(pending))
+    def forgetful(self: ParticipantEvents, member: Member, situation: str | None, trouble: str | None, now: float) -> Doing[GoesOn]:
+        return (yield from reported(self, member, None, trouble, now))
+
+    monkeypatch.setattr(ParticipantEvents, "_reported", forgetful)
     assert noticed(slips) is Property.MAP
 
 
