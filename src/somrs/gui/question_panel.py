@@ -92,5 +92,7 @@ class _Asked:
         await self._put(None)
 
     async def _put(self, formula: str | None) -> None:
+        page = ui.context.client
         await self._desk.questions.answer(self._question.number, Answer(formula=formula))
-        tell("Thank you: the answer was taken.")
+        with page:  # this panel may be gone by now: the question is open no more
+            tell("Thank you: the answer was taken.")
