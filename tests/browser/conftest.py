@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -180,8 +180,21 @@ def profiles(browser: Browser) -> list[BrowserContext]:
     return []
 
 
+FAILED = pytest.StashKey[bool]()
+FAILURES = ROOT / "out" / "failures"
+"""What the pages of a test showed when it failed."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    if report.failed:
+        item.stash[FAILED] = True
+    return report
+
+
 @pytest.fixture
-def window(browser: Browser, profiles: list[BrowserContext]) -> Iterator[Callable[..., Page]]:
+def window(browser: Browser, profiles: list[BrowserContext], request: pytest.FixtureRequest) -> Iterator[Callable[..., Page]]:
     """Opens a page, each of a test in another browser profile, as of another person: `window(url, size="1280", dark=False)`. Whatever a
     page writes to the console as an error, and every request that would leave the machine, fails the test at its end; and a page that
     loads itself again, unless it `may_reload`."""
@@ -210,7 +223,9 @@ def window(browser: Browser, profiles: list[BrowserContext]) -> Iterator[Callabl
         return page
 
     yield opened
-    for page in pages:
+    for number, page in enumerate(pages, 1):
+        if request.node.stash.get(FAILED, False):
+            page.screenshot(path=FAILURES / f"{request.node.name}-{number}.png")
         page.close()
     for profile in profiles[: len(pages)]:
         profile.clear_cookies()
