@@ -49,7 +49,7 @@ class GoalKind(StrEnum):
     """What was done is undone by other services than the one that did it."""
 
 
-# From the client's wish to the plan
+# From the goal to the plan
 
 
 class TaskStated(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):

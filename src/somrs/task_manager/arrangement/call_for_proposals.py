@@ -59,16 +59,16 @@ class Calls(Struct, kw_only=True):
 
     def open(self, call: Call) -> Effects:
         self.pending[call.key] = call
-        yield from self._wake()
+        yield from self.wake()
 
     def close(self, call: Call) -> Effects:
         """Nobody is awaited any more."""
         del self.pending[call.key]
-        yield from self._wake()
+        yield from self.wake()
 
     def drop(self) -> Effects:
         self.pending.clear()
-        yield from self._wake()
+        yield from self.wake()
 
     def of(self, member: Member) -> Call | None:
         """The call that the participant answers."""
@@ -88,9 +88,6 @@ class Calls(Struct, kw_only=True):
 
     def wake(self) -> Effects:
         """Set the timer for the calls that are left."""
-        yield from self._wake()
-
-    def _wake(self) -> Effects:
         at = min((call.until for call in self.pending.values()), default=None)
         if at != self.woken:
             self.woken = at

@@ -40,13 +40,6 @@ class Report(Struct, frozen=True, kw_only=True):
     about: About
 
 
-class Settled(Struct, frozen=True, kw_only=True):
-    """A report is on the Task Manager's own copy of the map, or there is something wrong with it."""
-
-    about: About
-    problems: tuple[str, ...] = ()
-
-
 class Reports(Struct, kw_only=True):
     """One report after the other, so that none overtakes a later one. Until all are settled, nothing is planned or arranged (FRP, property
     5)."""
@@ -67,12 +60,8 @@ class Reports(Struct, kw_only=True):
         """Tell the Repository the first that waits."""
         yield from context.requests.update(self.waiting[0].update, ForReport(owner), now)
 
-    def settle(self, problems: tuple[str, ...]) -> Settled:
-        """The first that waits is settled; it is over with `over`."""
-        return Settled(about=self.waiting[0].about, problems=problems)
-
     def over(self) -> bool:
-        """Whether that was the last."""
+        """The first is settled; whether it was the last."""
         del self.waiting[0]
         return not self.waiting
 

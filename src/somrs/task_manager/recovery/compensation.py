@@ -70,7 +70,7 @@ class Compensation:
         members: Members,
         participants: Participants,
         context: Context,
-        tell: Callable[[Event, Work, float], None],
+        tell: Callable[[Event, float, Work], None],
     ) -> None:
         self._state, self._owner, self._task, self._log = state, owner, task, log
         self._members, self._participants, self._context, self._tell = members, participants, context, tell
@@ -112,14 +112,14 @@ class Compensation:
         match attempt:
             case Attempt.HANDLER:
                 for handler in fitting(self._task.handlers, work, Occasion.COMPENSATION, self._context.replica):
-                    self._tell(events.UndoneByHandler(effect=handler.effect), work, now)
+                    self._tell(events.UndoneByHandler(effect=handler.effect), now, work)
                     return handler.effect
             case Attempt.PARTICIPANT:
                 member = self._members.get(work.participant)
                 if member is not None and (yield from self._participants.compensate(member, str(work.before), now)):
-                    self._tell(events.UndoneByService(service=work.service, situation=str(work.before)), work, now)
+                    self._tell(events.UndoneByService(service=work.service, situation=str(work.before)), now, work)
             case Attempt.OTHERS if self._state.by_others:
-                self._tell(events.UndoneByOthers(situation=str(work.before)), work, now)
+                self._tell(events.UndoneByOthers(situation=str(work.before)), now, work)
                 return str(work.before)
             case Attempt.NONE if self._state.by_others:
                 self._strand(work, events.WorkStranded(reason=work.note), now)
@@ -137,10 +137,10 @@ class Compensation:
     def _restored(self, work: Work, now: float) -> None:
         work.state = State.COMPENSATED
         self._state.restored += 1
-        self._tell(events.WorkUndone(), work, now)
+        self._tell(events.WorkUndone(), now, work)
         self._state.work = None
 
     def _strand(self, work: Work, event: events.WorkStranded, now: float) -> None:
         work.state = State.STRANDED
-        self._tell(event, work, now)
+        self._tell(event, now, work)
         self._state.work = None

@@ -92,7 +92,7 @@ class Observation:
         services: AvailableServices,
         reports: Reports,
         context: Context,
-        tell: Callable[[Event, Work, float], None],
+        tell: Callable[[Event, float, Work], None],
     ) -> None:
         self._state, self._owner, self._log, self._members = state, owner, log, members
         self._services, self._reports, self._context, self._tell = services, reports, context, tell
@@ -123,14 +123,14 @@ class Observation:
         work = self._log.numbered(look.work)
         if look.ways:
             plan = look.ways.pop(0)
-            self._tell(events.LookBegun(service_type=plan.steps[0].service_type, object=look.object), work, now)
+            self._tell(events.LookBegun(service_type=plan.steps[0].service_type, object=look.object), now, work)
             return LookBy(plan, look)
         member = self._members.get(work.participant)
         told_meanwhile = work.state is State.UNREACHABLE and member is not None and member.reported
         if not told_meanwhile:
             replica = self._context.replica
             changes = tuple(unknown(look.object, replica.map, replica.ontology))
-            self._tell(events.NobodyLooks(object=look.object), work, now)
+            self._tell(events.NobodyLooks(object=look.object), now, work)
             update = UpdateMap(changes=changes, author="nobody could look", expected_version=look.since)
             report = Report(update=update, about=OfNobody(look.object, look.work))
             yield from self._reports.put(self._owner, report, self._context, now)
@@ -141,7 +141,7 @@ class Observation:
         work = self._log.numbered(about.work)
         member = self._members.get(work.participant)
         if problems:
-            self._tell(events.KnownOtherwise(object=about.object, problems=problems), work, now)
+            self._tell(events.KnownOtherwise(object=about.object, problems=problems), now, work)
         elif work.state is State.UNREACHABLE and member is not None:
             member.lost_at = self._context.replica.version  # its own report, should it come after all, is news
 

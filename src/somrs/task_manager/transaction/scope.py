@@ -27,10 +27,6 @@ class TaskScope:
         state.setbacks += kind_of(event) is EventKind.SETBACK
         state.events.append(Noted(now, event, of.label if of is not None else None))
 
-    def tell_of(self, event: Event, work: Work, now: float) -> None:
-        """Something happened to a piece of work."""
-        self.tell(event, now, work)
-
     def _note(self, now: float, message: Message) -> None:
         state = self.state
         if state.outcome is None:

@@ -99,7 +99,7 @@ class Transaction:
     def settled(self, problems: tuple[str, ...], now: float) -> Effects:
         """A report is on the map that is known here, or there is something wrong with it."""
         reports = self.state.reports
-        match reports.settle(problems).about:
+        match reports.waiting[0].about:
             case OfNobody() as about:
                 self._observation.assumed(about, problems, now)
             case about:
@@ -294,7 +294,7 @@ class Transaction:
         finding = next((work.situation for work in reversed(state.log.works) if work.label in labels), None)
         lost = state.log.numbered(execution.look.work)
         lost.situation = finding or lost.situation
-        self._scope.tell_of(events.LookFound(situation=finding), lost, now)
+        self._scope.tell(events.LookFound(situation=finding), now, lost)
         for other in state.executions:
             for run in other:
                 if run.key == lost.key and run.failure is not None and finding is not None:
@@ -368,7 +368,7 @@ class Transaction:
             members=state.members,
             participants=self._scope.participants,
             context=self._context,
-            tell=self._scope.tell_of,
+            tell=self._scope.tell,
         )
 
     @property
@@ -382,5 +382,5 @@ class Transaction:
             services=self._scope.services,
             reports=state.reports,
             context=self._context,
-            tell=self._scope.tell_of,
+            tell=self._scope.tell,
         )

@@ -77,7 +77,7 @@ test("where things are, in words", () => {
   assert.equal(described(world, "Jar010"), "nothing is known of where it is; shown where it was");
   assert.equal(described(world, "Robot1"), "at -2.0, -2.0 in Hall");
   world.works.set("Robot1", { holding: "Jar001", doing: "DriveTo", faults: ["drive", "odd"] });
-  assert.equal(described(world, "Robot1"), "at -2.0, -2.0 in Hall; carries Jar001; drives; drive dead, odd");
+  assert.equal(described(world, "Robot1"), "at -2.0, -2.0 in Hall; carries Jar001; drives; drive broken, odd");
   assert.equal(described(world, "Jar001"), "held by Robot1");
   assert.equal(described(world, "Nobody"), "");
 });
@@ -176,7 +176,7 @@ test("names in the picture do not cover each other, and say what is wrong", () =
   world.works.set("Robot1", { faults: ["drive"], holding: "Jar009" });
   labels.draw(800, 600);
   const robot = [...layer.children].find((one) => one.textContent.startsWith("Robot1"));
-  assert.equal(robot.textContent, "Robot1⚠ drive dead↑ Jar009");
+  assert.equal(robot.textContent, "Robot1⚠ drive broken↑ Jar009");
   const shown = [...layer.children].filter((one) => one.style.visibility === "visible").map((one) => one.style.transform.match(/-?\d+/g).map(Number));
   assert.ok(shown.length >= 3);
   for (const [index, [x, y]] of shown.entries()) for (const [u, v] of shown.slice(index + 1)) assert.ok(Math.abs(x - u) >= 60 || Math.abs(y - v) >= 16);
