@@ -22,8 +22,11 @@ UP_TIME = 300.0
 END_TIME = 600.0
 """Seconds that tasks have to end after the upgrade. They take some ten: whatever takes longer waits for something that never comes."""
 
-LONGEST = 12.0
+LONGEST = 8.0
 """Seconds after the first task at which the release is killed at the latest."""
+
+UNDER_WAY = 3.0
+"""Seconds that a task takes about: what is stated so long before the kill is under way then."""
 
 GOALS = ("letter lies harbour", "crate lies mill", "letter lies harbour AND crate lies mill", "letter lies market", "crate lies market")
 
@@ -115,16 +118,16 @@ async def run(seed: int, release: Path, site: Path, folder: Path) -> Result:
     except (UsageError, RemoteError, TimeoutError) as error:
         result.problem = str(error) or f"{type(error).__name__}: it did not come so far"
     finally:
-        for tree in (old, new):
-            tree.kill()
-            await tree.ended()
+        old.kill()
+        new.kill()
+        await old.ended()
+        await new.ended()
     return result
 
 
 async def _stated(chance: random.Random, data: Path, seconds: float) -> list[TaskRow]:
     """State tasks, at random moments, for so long. Those that are not over then."""
-    count = chance.randint(1, 3)
-    moments = sorted([0.0, *(chance.uniform(0.0, seconds) for _ in range(count - 1))])
+    moments = sorted([0.0, *(chance.uniform(max(0.0, seconds - UNDER_WAY), seconds) for _ in range(chance.randint(1, 3)))])
     async with Client(Addresses.read(data)) as client:
         passed = 0.0
         for at in moments:
