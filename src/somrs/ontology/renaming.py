@@ -36,10 +36,12 @@ _ANEW = "anew "
 """Before another name, which nothing has: names have no blanks."""
 
 
-def speaks_of(formula: Formula, what: Named, ontology: Ontology) -> bool:
-    """Whether the formula would be another one if what is named had another name."""
-    renaming = Renaming(section=what.section, name=what.name, to=_ANEW + what.name)
-    return Renamer((renaming,), ontology).formula(formula) != formula
+def speaks_of(said: Formula | Definition, what: Named, ontology: Ontology) -> bool:
+    """Whether the formula or definition would be another one if what is named had another name."""
+    renamer = Renamer((Renaming(section=what.section, name=what.name, to=_ANEW + what.name),), ontology)
+    if isinstance(said, Definition):
+        return renamer.definition(said) is not said
+    return renamer.formula(said) != said
 
 
 class Renamer:

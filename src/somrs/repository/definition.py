@@ -14,7 +14,7 @@ from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dependency_index import lost
 from somrs.ontology.naming import SINGULAR, Named, Renaming, Section, find, named, revised, section_of
 from somrs.ontology.objects import Map
-from somrs.ontology.renaming import Renamer
+from somrs.ontology.renaming import Renamer, speaks_of
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Define, RenameObject
 from somrs.repository.names import is_name, texts, unspeakable
@@ -31,8 +31,8 @@ def redefined(map: Map, ontology: Ontology, define: Define) -> Outcome:
     changes = tuple(renamer.changes(map)) if define.renamed else ()
     map_after = map.changed(changes)
     broken = [*lost(ontology, after), *ontology_violations(after)]
-    if replaced := [*_replaced(define)]:  # whose objects are not to become something else in silence
-        broken += violations_after(map, ontology, left, replaced)
+    if replaced := [*_replaced(define)]:  # what was said of it is not to be said of something else in silence
+        broken += [*violations_after(map, ontology, left, replaced), *_adopted(ontology, left, define, replaced)]
     # A formula that does not fit its ontology cannot be asked whether it holds.
     sound = _without_broken_formulas(after, broken)
     before = renamer.ontology(ontology)
@@ -63,6 +63,19 @@ def _replaced(define: Define) -> Iterator[Named]:
     """What is removed to make room for something that gets its name."""
     targets = {(renaming.section, renaming.to) for renaming in define.renamed}
     return (what for what in define.removed if (what.section, what.name) in targets)
+
+
+def _adopted(ontology: Ontology, left: Ontology, define: Define, replaced: Iterable[Named]) -> Iterator[Violation]:
+    """Definitions that speak of something that is removed, and unchanged would speak of what gets its name."""
+    renamer = Renamer(define.renamed, ontology)
+    given = {named(definition): definition for definition in define.definitions.each()}
+    for what in replaced:
+        for definition in left:
+            after = renamer.definition(definition)
+            by = named(after)
+            if given.get(by, after) == after and speaks_of(definition, what, ontology):
+                message = f"speaks of the {what} that is removed, and would mean what gets its name; change it first, or in the same change"
+                yield Violation(subject=by.name, rule="replaced", message=message, section=by.section)
 
 
 def _without_broken_formulas(ontology: Ontology, broken: Iterable[Violation]) -> Ontology:
@@ -134,9 +147,8 @@ def _impossible_object(map: Map, ontology: Ontology, rename: RenameObject) -> It
         yield Violation(subject=rename.name, rule="duplicate", message=message)
     else:
         # What is said of one that is gone would be said of this one, and nobody could tell the two apart any more.
-        spoken = Renamer((Renaming(section=Section.OBJECTS, name=rename.to, to=rename.name),), ontology)
         for definition in ontology:
-            if spoken.definition(definition) is not definition:
+            if speaks_of(definition, Named(section=Section.OBJECTS, name=rename.to), ontology):
                 message = f"cannot be called {rename.to}: the {named(definition)} speaks of another {rename.to}; take another name"
                 yield Violation(subject=rename.name, rule="duplicate", message=message)
     yield from _unusable(Named(section=Section.OBJECTS, name=rename.name), rename.to)

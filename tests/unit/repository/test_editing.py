@@ -116,7 +116,7 @@ class Editor:
             values={**values, **shape},
         )
         fact = Fact(self.name(Section.RELATIONS), (name, self.name(Section.OBJECTS)))
-        held = list(self.contents.map.facts_about(name))
+        held = sorted(self.contents.map.facts_about(name), key=str)
         amount = self.of(0.5, 1.0, 2.0)
         assert isinstance(amount, float)
         choice = self.of(

@@ -244,6 +244,19 @@ def test_something_may_take_the_place_of_what_is_removed_unless_there_is_any_on_
     assert ("objects", "Tin2") in {(rule.section, rule.subject) for rule in keeper.broken(tin)}
 
 
+def test_what_was_said_of_something_removed_is_not_said_of_what_takes_its_name(keeper: Keeper) -> None:
+    before = definitions(keeper.contents.ontology)
+    bench = keeper.contents.ontology.types["Bench"]
+    vice = Define(removed=(Named(section=Section.TYPES, name="Vice"),), renamed=(Renaming(section=Section.TYPES, name="Tin", to="Vice"),))
+    for change in (vice, structs.replace(vice, definitions=Definitions(types=(bench,)))):
+        (rule,) = keeper.broken(change)
+        assert (rule.section, rule.subject, rule.rule) == (Section.TYPES, "Bench", "replaced")
+    with_bench = structs.replace(vice, definitions=Definitions(types=(structs.replace(bench, doc="holds tins by their vice"),)))
+    keeper.say(with_bench, Defined)
+    keeper.say(Undo(version=1), Updated)
+    assert definitions(keeper.contents.ontology) == before
+
+
 # Redefining
 
 
