@@ -14,6 +14,7 @@ from somrs.protocol.messages.paging import fitting
 from somrs.task_manager.context import Context, wrong_with
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.participants import sent_home
+from somrs.task_manager.migrations import MIGRATIONS
 from somrs.task_manager.preview import Previewing, new_preview
 from somrs.task_manager.requests import Came, ForPlan, ReportAnswered, ServicesKnown
 from somrs.task_manager.state import TaskManagerState, UnsettledReport
@@ -342,12 +343,13 @@ def _read(request: Message, found: Answer) -> Body:
 
 SCHEMA = Schema(
     component="task-manager",
-    version=1,
+    version=2,
     state=TaskManagerState,
     timers=Timer,
     questions=Question,
     tasks=Asked,
     answers=Answer,
     restore=TaskManager.restored,
+    migrations=MIGRATIONS,
 )
 """What its journal is made of."""

@@ -250,7 +250,7 @@ def story(view: TaskView, happened: Sequence[TaskEvent]) -> list[Chapter]:
 
 def _is_aside(told: TaskEvent) -> bool:
     """Whether it is of a step that is not of the task's own plan."""
-    return told.step is not None and "." in told.step
+    return told.goal not in (None, events.GoalKind.TASK)
 
 
 def _of_step(told: TaskEvent) -> str:

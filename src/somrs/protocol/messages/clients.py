@@ -7,7 +7,7 @@ from enum import StrEnum
 from msgspec import Struct
 
 from somrs.ontology.services import Handler
-from somrs.protocol.messages.events import Event, EventKind
+from somrs.protocol.messages.events import Event, EventKind, GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 
 
@@ -104,6 +104,7 @@ class WorkView(Struct, frozen=True, kw_only=True):
     note: str = ""
     result: State | None = None
     ended: float | None = None
+    goal: GoalKind = GoalKind.TASK
 
 
 class TaskView(Struct, frozen=True, kw_only=True):
@@ -191,13 +192,14 @@ class TasksNews(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class TaskEvent(Struct, frozen=True, kw_only=True):
-    """Something that happened to a task: `number` counts from 1, `at` in seconds since 1970. `event` is what happened, for programs; `text`
-    says it, for people. Records that SO-MRS 0.1 kept have the text only."""
+    """Something that happened to a task: `number` counts from 1, `at` in seconds since 1970. `event` is what happened, for programs;
+    `text` says it, for people; `goal` is what its step is done for. Records of SO-MRS 0.1 have the text only, those of 0.2.0 no goal."""
 
     number: int
     at: float
     text: str
     step: str | None = None
+    goal: GoalKind | None = None
     kind: EventKind = EventKind.NEWS
     event: Event | None = None
 

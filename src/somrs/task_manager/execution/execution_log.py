@@ -16,6 +16,7 @@ from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.ontology.values import constant
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages.clients import WorkView
+from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.execution.member import Member
 
@@ -48,8 +49,8 @@ class Work(Struct, kw_only=True, eq=False):
     ended: float | None = None
     situation: str | None = None
     note: str = ""
-    undoes: bool = False
-    """It is part of an undoing, which is not undone itself."""
+    goal: GoalKind = GoalKind.TASK
+    """What it was done for. What was done to undo is not undone itself."""
     taken_over: bool = False
     """It was interrupted, and other work began where it ended; undoing that restores what was before both."""
     took_over: int | None = None
@@ -58,7 +59,7 @@ class Work(Struct, kw_only=True, eq=False):
     @property
     def matters(self) -> bool:
         """Whether the client of a task that was not accomplished has to know what became of it."""
-        return self.service_type.kind is ServiceKind.PHYSICAL and not self.taken_over and not self.undoes
+        return self.service_type.kind is ServiceKind.PHYSICAL and not self.taken_over and self.goal is not GoalKind.UNDO
 
     def end(self, result: State, now: float) -> None:
         """It is over; what is heard of it later is of its undoing."""
@@ -82,6 +83,7 @@ class Work(Struct, kw_only=True, eq=False):
             situation=self.situation,
             before=str(self.before) if self.before is not None else None,
             note=self.note,
+            goal=self.goal,
         )
 
     def in_words(self) -> str:
@@ -118,8 +120,7 @@ class ExecutionLog(Struct, kw_only=True):
         map: Map,
         ontology: Ontology,
         now: float,
-        *,
-        undoes: bool = False,
+        goal: GoalKind,
     ) -> Work:
         """Note a step that is about to be executed, with the map as it is before it."""
         self.begun += 1
@@ -133,7 +134,7 @@ class ExecutionLog(Struct, kw_only=True):
             service=member.offer.service,
             provider=member.offer.provider,
             began=now,
-            undoes=undoes,
+            goal=goal,
         )
         if service_type.kind is ServiceKind.PHYSICAL:
             work.before, work.concerned = undone(step, map, ontology), concerned(step, map, ontology)
@@ -144,7 +145,7 @@ class ExecutionLog(Struct, kw_only=True):
     def _take_over(self, work: Work) -> None:
         for earlier in reversed(self.works):
             if earlier.concerned == work.concerned and earlier.before is not None:
-                if earlier.state in INTERRUPTED and not earlier.undoes and not work.undoes:
+                if earlier.state in INTERRUPTED and GoalKind.UNDO not in (earlier.goal, work.goal):
                     work.before, earlier.taken_over, work.took_over = earlier.before, True, earlier.number
                 return
 
@@ -165,7 +166,10 @@ class ExecutionLog(Struct, kw_only=True):
         return [
             work
             for work in reversed(self.works)
-            if work.before is not None and not work.undoes and not work.taken_over and work.state in (State.COMPLETED, *INTERRUPTED)
+            if work.before is not None
+            and work.goal is not GoalKind.UNDO
+            and not work.taken_over
+            and work.state in (State.COMPLETED, *INTERRUPTED)
         ]
 
     def interrupted(self) -> list[Work]:

@@ -11,6 +11,7 @@ from msgspec import Struct
 from somrs.entish import Formula
 from somrs.planner.model.choice import by
 from somrs.planner.model.plan import Plan, Step
+from somrs.protocol.messages.events import GoalKind
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members
 
@@ -44,6 +45,8 @@ class StepRun(Struct, kw_only=True, eq=False):
     step: Step
     label: str
     key: str
+    goal: GoalKind = GoalKind.TASK
+    """What the plan is for."""
     progress: Progress = Progress.OPEN
     failure: str | None = None
     """It was begun, and is nobody's now; something has to be done about that before it is arranged again."""
@@ -77,9 +80,10 @@ class Workflow(Struct, dict=True, eq=False):
     """By the step's id, in an order in which they can be done."""
 
     @classmethod
-    def of(cls, plan: Plan, name: str = "", label: str = "") -> Workflow:
+    def of(cls, plan: Plan, name: str = "", label: str = "", goal: GoalKind = GoalKind.TASK) -> Workflow:
         """None of its steps is anybody's yet."""
-        return cls(plan, {step.id: StepRun(step=step, label=f"{label}{step.id}", key=f"{name}{step.id}") for step in plan.topological()})
+        steps = plan.topological()
+        return cls(plan, {step.id: StepRun(step=step, label=f"{label}{step.id}", key=f"{name}{step.id}", goal=goal) for step in steps})
 
     def __post_init__(self) -> None:
         runs, plan = self.runs, self.plan

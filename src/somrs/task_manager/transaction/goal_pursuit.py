@@ -161,7 +161,7 @@ class GoalPursuit:
         execution = self._execution
         execution.replans.planned(len(plan.steps))
         old = execution.workflow
-        execution.workflow = workflow = Workflow.of(plan, f"{execution.number}.{execution.plans}/", execution.label)
+        execution.workflow = workflow = Workflow.of(plan, f"{execution.number}.{execution.plans}/", execution.label, execution.kind)
         for member in workflow.adopt(old, self._scope.state.members) if old is not None else ():
             yield from self._participants.dismiss(member, "the plan changed", now)
         if not execution.fixed:
@@ -326,7 +326,7 @@ class GoalPursuit:
             replica.map,
             replica.ontology,
             now,
-            undoes=execution.kind is GoalKind.UNDO,
+            execution.kind,
         )
         inputs = {name: str(term) for name, term in run.step.inputs.items()}
         execute = frp.Execute(inputs=inputs, precondition=str(situation) if situation is not None else None)

@@ -25,7 +25,7 @@ class TaskScope:
         state = self.state
         self.context.touched[state.id] = None
         state.setbacks += kind_of(event) is EventKind.SETBACK
-        state.events.append(Noted(now, event, of.label if of is not None else None))
+        state.events.append(Noted(now, event, of.label, of.goal) if of is not None else Noted(now, event))
 
     def _note(self, now: float, message: Message) -> None:
         state = self.state

@@ -64,11 +64,12 @@ class GoalExecution(Struct, kw_only=True, eq=False):
 
 
 class Noted(Struct, frozen=True):
-    """An event. `step`: what people call the step that it is of."""
+    """An event. `step`: what people call the step that it is of; `goal`: what that is done for."""
 
     at: float
     event: Event
     step: str | None = None
+    goal: GoalKind | None = None
 
     @property
     def kind(self) -> EventKind:

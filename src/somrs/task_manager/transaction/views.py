@@ -177,7 +177,9 @@ def _reasons(task: TaskState) -> tuple[str, ...]:
 
 def event_view(number: int, noted: Noted) -> TaskEvent:
     """Something that happened."""
-    return TaskEvent(number=number, at=noted.at, text=sentence(noted.event), step=noted.step, kind=noted.kind, event=noted.event)
+    return TaskEvent(
+        number=number, at=noted.at, text=sentence(noted.event), step=noted.step, goal=noted.goal, kind=noted.kind, event=noted.event
+    )
 
 
 def message_view(at: float, message: Message) -> MessageView:

@@ -1,0 +1,30 @@
+"""From each version of the Task Manager's state to the next (`manager.SCHEMA`)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from somrs.kernel.codec import Migration
+from somrs.protocol.messages.events import GoalKind
+
+
+def _with_goals(snapshot: Any) -> Any:
+    """Steps, work and events say what they are for; before, only the names of steps did, such as `look2.step1`."""
+    for task in snapshot["state"]["tasks"].values():
+        for execution in (task["goal"], *task["aside"]):
+            for run in (execution["workflow"] or {"runs": {}})["runs"].values():
+                run["goal"] = execution["kind"]
+        for work in task["log"]["works"]:
+            work["goal"] = GoalKind.UNDO if work.pop("undoes") else _goal(work["label"])
+        for noted in task["events"]:
+            noted["goal"] = _goal(noted["step"]) if noted["step"] is not None else None
+    return snapshot
+
+
+def _goal(label: str) -> GoalKind:
+    beginning, dot, _ = label.partition(".")
+    return GoalKind(beginning.rstrip("0123456789")) if dot else GoalKind.TASK
+
+
+MIGRATIONS = {1: Migration(snapshot=_with_goals)}
+"""By the version that they lead from."""
