@@ -28,6 +28,8 @@ LONGEST = 8.0
 UNDER_WAY = 3.0
 """Seconds that a task takes about: what is stated so long before the kill is under way then."""
 
+SNAPSHOT = Path(__file__).with_name("snapshot.py")
+
 GOALS = ("letter lies harbour", "crate lies mill", "letter lies harbour AND crate lies mill", "letter lies market", "crate lies market")
 
 
@@ -51,7 +53,6 @@ class Tree:
 
     async def start(self) -> None:
         """Start it, and return when it is up. Raises UsageError with what it said when it does not get so far."""
-        environment = {**os.environ, "PYTHONPATH": f"{self._tree / 'src'}{os.pathsep}{self._tree}"}
         with self._log.open("ab") as log:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
@@ -60,7 +61,7 @@ class Tree:
                 str(self._site),
                 str(self._data),
                 cwd=self._tree,
-                env=environment,
+                env=self._environment,
                 stdin=asyncio.subprocess.DEVNULL,
                 stdout=asyncio.subprocess.PIPE,
                 stderr=log,
@@ -71,6 +72,19 @@ class Tree:
         if not said.startswith(b"up:"):
             await self._process.wait()
             raise UsageError(self._log.read_text(errors="replace").strip()[-2000:] or "it ended at once")
+
+    async def write_snapshots(self) -> None:
+        """Have the journals hold states, as if the system had run for hours. Raises UsageError with what went wrong."""
+        program = await asyncio.create_subprocess_exec(
+            sys.executable, str(SNAPSHOT), str(self._data), env=self._environment, stderr=asyncio.subprocess.PIPE
+        )
+        _, said = await program.communicate()
+        if program.returncode:
+            raise UsageError(f"no snapshots were written: {said.decode(errors='replace')[-2000:]}")
+
+    @property
+    def _environment(self) -> dict[str, str]:
+        return {**os.environ, "PYTHONPATH": f"{self._tree / 'src'}{os.pathsep}{self._tree}"}
 
     def kill(self) -> None:
         """SIGKILL all its processes at the same time, as a power failure does."""
@@ -113,6 +127,8 @@ async def run(seed: int, release: Path, site: Path, folder: Path) -> Result:
         result.amid = len(await _stated(chance, data, result.killed_at))
         old.kill()
         await old.ended()
+        if seed % 2:
+            await old.write_snapshots()
         await new.start()
         await _goes_on(data, result)
     except (UsageError, RemoteError, TimeoutError) as error:

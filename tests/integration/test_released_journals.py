@@ -1,0 +1,88 @@
+"""The journals of each release are read by this program, which goes on with what was under way in them."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+
+import pytest
+
+from somrs.kernel.codec import encoded
+from somrs.kernel.component import Rang, Send, Started
+from somrs.kernel.pending import Journaled
+from somrs.protocol.messages.clients import Phase
+from somrs.protocol.messages.events import GoalKind
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.storage.journal import Journal
+from somrs.task_manager.manager import SCHEMA, TaskManager
+from tests.support.paths import ROOT
+from verification.upgrade_runs.snapshot import journals_of, nobody
+
+RELEASES = sorted(folder for folder in (ROOT / "tests" / "data" / "journals").iterdir())
+KILLED_AND_LONG_RUN = [
+    pytest.param(release, release / part, id=f"{release.name}-{name}")
+    for release in RELEASES
+    for part, name in (("", "killed"), ("snapshots", "long-run"))
+]
+
+
+def unpacked(packed: Path, data: Path) -> Path:
+    """A data folder with the files of a release."""
+    for file in packed.rglob("*.sqlite.gz"):
+        inner = file.relative_to(packed)
+        if inner.parts[0] != "snapshots":
+            to = data / inner.with_suffix("")
+            to.parent.mkdir(parents=True, exist_ok=True)
+            to.write_bytes(gzip.decompress(file.read_bytes()))
+    return data
+
+
+def gone_on(journal: Journal) -> Journaled:
+    journaled, again = journal.begin(journal.address, nobody)
+    assert again
+    return journaled
+
+
+@pytest.mark.parametrize(("release", "packed"), KILLED_AND_LONG_RUN)
+def test_tasks_that_were_under_way_go_on(release: Path, packed: Path, tmp_path: Path) -> None:
+    (journal, *others) = journals_of(unpacked(packed, tmp_path))
+    for other in others:
+        other.close()
+    journaled = gone_on(journal)
+    assert isinstance(journaled.component, TaskManager)
+    wanted: dict[str, str] = json.loads((release / "open.json").read_text())
+    tasks = journaled.component.state.tasks
+    assert {id: task.task.effect for id, task in tasks.items() if task.phase is not Phase.ENDED} == wanted
+    assert [task.outcome for task in tasks.values() if task.phase is Phase.ENDED] == [Outcome.ACCOMPLISHED]
+    done = [work for task in tasks.values() for work in task.log if work.state is State.COMPLETED]
+    assert done and all(work.goal is GoalKind.TASK for work in done)
+    undoing = [execution.kind for task in tasks.values() for execution in task.aside]
+    compensated = [work for task in tasks.values() for work in task.log if work.state is State.COMPENSATING]
+    assert undoing or compensated, "a task was being undone"
+    effects = journaled.handle(journaled.entry(Started(journal.address), journaled.at))
+    for timer in [*journaled.pending.timers]:
+        effects += journaled.handle(journaled.entry(Rang(timer), journaled.at + 3600))
+    assert any(isinstance(effect, Send) for effect, _ in effects), "it turns to the participants again"
+    journal.close()
+
+
+@pytest.mark.parametrize(("release", "packed"), KILLED_AND_LONG_RUN)
+def test_what_was_read_once_is_kept_as_this_program_writes_it(release: Path, packed: Path, tmp_path: Path) -> None:
+    data = unpacked(packed, tmp_path)
+    before = []
+    for journal in journals_of(data):
+        before.append((journal.open, encoded(gone_on(journal).component.state)))
+        journal.close()
+    after = []
+    for journal in journals_of(data):
+        after.append((journal.open, encoded(gone_on(journal).component.state)))
+        journal.close()
+    assert before == after
+    assert len(before) >= 4, "the Task Manager, the Service Registry and devices"
+
+
+def test_there_are_journals_of_each_version_of_the_state() -> None:
+    """Whoever changes the state has the release before in `RELEASES`, so that its migration is seen to work."""
+    assert set(SCHEMA.migrations) == {*range(1, SCHEMA.version)}
+    assert len(RELEASES) >= SCHEMA.version - 1

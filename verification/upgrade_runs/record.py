@@ -1,0 +1,87 @@
+"""Records what a release leaves on disk when it is killed amid tasks, as test data for all later versions.
+
+    python -m verification.upgrade_runs.record [--out tests/data/journals]
+
+To be run once for each release, after `release` names it. Makes a folder of its version, with its files packed: as they were when it was
+killed, and in `snapshots` as they are of a system that has run for hours. `open.json` has the tasks that were under way, by what they were
+for. One task is over by then, and one is being undone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import gzip
+import json
+import sqlite3
+import tempfile
+from pathlib import Path
+
+from somrs.cli.importing import problem_of
+from somrs.client.client import Addresses, Client
+from somrs.ontology.files.site import dump_site
+from somrs.protocol.messages.clients import Phase, Submit
+from somrs.protocol.messages.frp import State
+from verification.upgrade_runs.release import ROOT, built, named
+from verification.upgrade_runs.run import Tree
+
+FIRST, UNDONE, LATER = "letter lies harbour", "letter lies market", "crate lies mill"
+
+
+async def record(folder: Path) -> None:
+    """Run the release, have it do what is worth keeping, and kill it."""
+    with tempfile.TemporaryDirectory() as made:
+        data, site = Path(made) / "data", Path(made) / "parcels.yaml"
+        imported = problem_of([ROOT / "examples" / "parcels" / f"{name}.pddl" for name in ("domain", "problem")])
+        site.write_text(dump_site(imported.ontology, imported.map, imported.name), encoding="utf-8")
+        system = Tree(built(ROOT / "out" / "releases"), site, data, Path(made) / "log")
+        await system.start()
+        try:
+            wanted = await _tasks(data)
+        finally:
+            system.kill()
+            await system.ended()
+        _pack(data, folder)
+        await system.write_snapshots()
+        _pack(data, folder / "snapshots")
+    (folder / "open.json").write_text(json.dumps(wanted, indent=1) + "\n", encoding="utf-8")
+
+
+async def _tasks(data: Path) -> dict[str, str]:
+    """State tasks until one is over, one is being undone and another is planned; the latter two, by id."""
+    async with Client(Addresses.read(data)) as client:
+        over = await client.submit(Submit(effect=FIRST))
+        while (await client.seen(over)).view.phase is not Phase.ENDED:
+            await asyncio.sleep(0.05)
+        undone = await client.submit(Submit(effect=UNDONE))
+        while not any(work.state is State.COMPLETED for work in (await client.seen(undone)).view.work):
+            await asyncio.sleep(0.02)
+        later = await client.submit(Submit(effect=LATER))
+        await client.cancel(undone, "it is not wanted any more")
+        while (await client.seen(undone)).view.phase is not Phase.COMPENSATING:
+            await asyncio.sleep(0.02)
+        return {undone: UNDONE, later: LATER}
+
+
+def _pack(data: Path, folder: Path) -> None:
+    """All databases of the data folder."""
+    for file in sorted(data.rglob("*.sqlite")):
+        to = folder / file.relative_to(data)
+        to.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as made, contextlib.closing(sqlite3.connect(file)) as db:
+            whole = Path(made) / file.name
+            db.execute("VACUUM INTO ?", (str(whole),))
+            to.with_suffix(".sqlite.gz").write_bytes(gzip.compress(whole.read_bytes(), mtime=0))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "tests" / "data" / "journals")
+    folder = parser.parse_args().out / named()[0]
+    asyncio.run(record(folder))
+    print(f"{folder}: {', '.join(sorted(str(file.relative_to(folder)) for file in folder.rglob('*') if file.is_file()))}")
+
+
+if __name__ == "__main__":
+    main()

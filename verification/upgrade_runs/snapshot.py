@@ -1,0 +1,45 @@
+"""Has each journal of a data folder hold the state of its component, instead of what led to it, as those of long runs do:
+`python snapshot.py DATA`, run with the code of the release that wrote it."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+import sys
+from pathlib import Path
+
+from somrs.kernel.component import Stateful
+from somrs.registry.component import SCHEMA as REGISTRY
+from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
+from somrs.storage.journal import Journal
+from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
+
+
+def setting_of(path: Path) -> str:
+    """What the journal was written for."""
+    with contextlib.closing(sqlite3.connect(path)) as db:
+        (setting,) = db.execute("SELECT setting FROM life").fetchone()
+    return str(setting)
+
+
+def journals_of(data: Path) -> list[Journal]:
+    """All journals of a data folder, open."""
+    files = {data / "task-manager.sqlite": TASK_MANAGER, data / "registry.sqlite": REGISTRY}
+    files |= dict.fromkeys(sorted((data / "devices").glob("*.sqlite")), SERVICE_MANAGER)
+    return [Journal(path, schema, setting_of(path)) for path, schema in files.items()]
+
+
+def nobody(address: str) -> Stateful:
+    """There is a component in each."""
+    raise AssertionError(f"the journal of {address} is empty")
+
+
+def main(data: Path) -> None:
+    for journal in journals_of(data):
+        journaled, _ = journal.begin(journal.address, nobody)
+        journal.snapshot(journaled)
+        journal.close()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
