@@ -56,7 +56,8 @@ def test_tasks_that_were_under_way_go_on(release: Path, packed: Path, tmp_path: 
     assert {id: task.task.effect for id, task in tasks.items() if task.phase is not Phase.ENDED} == wanted
     assert [task.outcome for task in tasks.values() if task.phase is Phase.ENDED] == [Outcome.ACCOMPLISHED]
     done = [work for task in tasks.values() for work in task.log if work.state is State.COMPLETED]
-    assert done and all(work.goal is GoalKind.TASK for work in done)
+    assert done
+    assert all(work.goal is GoalKind.TASK for work in done)
     undoing = [execution.kind for task in tasks.values() for execution in task.aside]
     compensated = [work for task in tasks.values() for work in task.log if work.state is State.COMPENSATING]
     assert undoing or compensated, "a task was being undone"

@@ -14,9 +14,15 @@ def test_the_names_of_steps_said_what_they_are_for() -> None:
     task: dict[str, Any] = {
         "goal": execution("task", "step1"),
         "aside": [execution("look", "look2.step1"), execution("undo")],
-        "log": {"works": [{"label": "step1", "undoes": False}, {"label": "handler12.step1", "undoes": False}, {"label": "undo3.step1", "undoes": True}]},
+        "log": {
+            "works": [
+                {"label": "step1", "undoes": False},
+                {"label": "handler12.step1", "undoes": False},
+                {"label": "undo3.step1", "undoes": True},
+            ]
+        },
         "events": [{"step": None}, {"step": "step1"}, {"step": "look2.step1"}],
-    }  # fmt: skip
+    }
     MIGRATIONS[1].snapshot({"state": {"tasks": {"a task": task}}})
     assert [run["goal"] for one in (task["goal"], task["aside"][0]) for run in one["workflow"]["runs"].values()] == ["task", "look"]
     assert task["log"]["works"] == [
