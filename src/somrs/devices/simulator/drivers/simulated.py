@@ -27,8 +27,6 @@ DEFAULT_SPEED = 0.5
 DRIVING = 1.25
 """How much longer a way takes than at full speed, for turning, starting and stopping."""
 DISABLING = {Fault.DRIVE: "its drive is dead", Fault.GRIPPER: "its gripper is stuck"}
-ANSWERING = 2.0
-"""Seconds that the device has to say how it is, when it is to give a quote."""
 REPORTING = 2.0
 """Seconds between two reports while it drives."""
 NOTICING = 1.0
@@ -52,7 +50,7 @@ class SimulatedDevice(Device):
     price_per_metre: float = 0.0
     """What it asks for each metre that it drives, besides its Price on the map."""
     silence: float = 6.0
-    """Seconds without any word after which it is taken for silent."""
+    """Seconds of the simulator without any word of the device after which it is taken for silent."""
     away: float = 6.0
     """Seconds for which a link that was lost is waited for; it is tried again every other second."""
 
@@ -126,19 +124,13 @@ class SimulatedDevice(Device):
         if self._link.silent or not await self._link.back(self.away):
             raise Refusal(f"{self.name} does not answer")
         try:
-            state = (await self.persistent(self._answer)).state
-        except TimeoutError:
-            raise Refusal(f"{self.name} does not answer within {ANSWERING:g} s") from None
+            state = (await self.persistent(self._link.status)).state
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
         if state.faults:
             broken = " and ".join(DISABLING.get(fault, fault) for fault in state.faults)
             raise Refusal(f"{self.name} is out of order: {broken}")
         return state
-
-    async def _answer(self) -> Done:
-        async with asyncio.timeout(ANSWERING):
-            return await self._link.status()
 
     async def persistent(self, work: Callable[[], Awaitable[T]]) -> T:
         """Do it; when the link is lost meanwhile, and made again soon, do it again. Robots stop, and keep hold of what they hold, when

@@ -33,8 +33,6 @@ log = logging.getLogger(__name__)
 
 LONGEST = 64 * 1024 * 1024
 """Bytes of the longest line that a client reads: a picture is one line."""
-LAST_LOOK = 0.1
-"""Seconds in which what came meanwhile is read by a program that was held up."""
 PATIENCE = 10.0
 """Seconds for which a connection may take to be made, and for which commands wait for a lost one to come back."""
 PAUSES = (0.1, 0.2, 0.5, 1.0, 2.0)
@@ -60,9 +58,9 @@ class RobotGaveUp(RemoteError):
 class Link:
     """A connection that is made again when it is lost, and what was said on it that has no answer yet."""
 
-    def __init__(self, host: str, port: int, hello: Hello, silence: float | None) -> None:
+    def __init__(self, host: str, port: int, hello: Hello) -> None:
         self._where = f"{host}:{port}"
-        self._host, self._port, self._hello, self._silence = host, port, hello, silence
+        self._host, self._port, self._hello = host, port, hello
         self._ids = itertools.count(1)
         self._unanswered: dict[int, asyncio.Future[ServerLine]] = {}
         self._writer: asyncio.StreamWriter | None = None
@@ -177,24 +175,10 @@ class Link:
         self._ready.set()
         while True:
             try:
-                line = await self._next(reader)
-            except TimeoutError:
-                self._fail_all("silent", f"{self._hello.robot or self._where} has said nothing for {self._silence:g} s")
-                self._fell_silent()
                 line = await reader.readuntil(b"\n")
             except asyncio.IncompleteReadError:
                 return True
             self._hear(read_by_client(line))
-
-    async def _next(self, reader: asyncio.StreamReader) -> bytes:
-        """The next line. Raises TimeoutError when none comes for too long: this program may itself have been held up for as long, with
-        lines waiting for it, so it looks once more before it says so."""
-        try:
-            async with asyncio.timeout(self._silence):
-                return await reader.readuntil(b"\n")
-        except TimeoutError:
-            async with asyncio.timeout(LAST_LOOK):
-                return await reader.readuntil(b"\n")
 
     def _hear(self, line: ServerLine) -> None:
         if isinstance(line, OrderDone | OrderGivenUp | Answer | Refused) and line.id is not None:
@@ -204,9 +188,6 @@ class Link:
         elif isinstance(line, Refused):
             self._refusal = line
             log.warning("%s: %s", self._where, line.description)
-
-    def _fell_silent(self) -> None:
-        """Called when nothing was heard for too long."""
 
     def _fail_all(self, reason: str, description: str) -> None:
         for waiting in self._unanswered.values():

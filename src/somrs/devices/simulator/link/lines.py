@@ -14,6 +14,8 @@ from somrs.errors import WireError
 
 PROTOCOL = "SO-MRS robot link"
 VERSION = 1
+HEARTBEAT = 1.0
+"""Seconds after which the simulator says something of each robot, though nothing changed."""
 LONGEST = 64 * 1024
 """Bytes of the longest line that a server reads."""
 
@@ -136,6 +138,10 @@ class State(Struct, frozen=True, kw_only=True, tag="state", tag_field="say"):
     state: RobotState
 
 
+class Unheard(Struct, frozen=True, kw_only=True, tag="unheard", tag_field="say"):
+    """The simulator goes on, and the robot says nothing: once for each `HEARTBEAT` without a word of it."""
+
+
 class Mover(Struct, frozen=True, kw_only=True):
     """Something that can move, and how many `numbers` say how it is.
 
@@ -217,7 +223,7 @@ class Refused(Struct, frozen=True, kw_only=True, tag="error", tag_field="say"):
     id: int | None = None
 
 
-ServerLine = Welcome | State | Poses | OrderDone | OrderGivenUp | Answer | Refused
+ServerLine = Welcome | State | Unheard | Poses | OrderDone | OrderGivenUp | Answer | Refused
 
 _opening = msgspec.json.Decoder(Opening)
 _to_server: msgspec.json.Decoder[ClientLine] = msgspec.json.Decoder(ClientLine)

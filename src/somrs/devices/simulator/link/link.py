@@ -30,6 +30,7 @@ from somrs.devices.simulator.link.commands import (
 from somrs.devices.simulator.link.connection import Link, RobotGaveUp
 from somrs.devices.simulator.link.following import Following
 from somrs.devices.simulator.link.lines import (
+    HEARTBEAT,
     VERSION,
     Ask,
     Break,
@@ -49,6 +50,7 @@ from somrs.devices.simulator.link.lines import (
     Robots,
     ServerLine,
     State,
+    Unheard,
     written,
 )
 from somrs.errors import UsageError
@@ -67,7 +69,8 @@ class Reading:
 class RobotLink(Link):
     """Controls one robot, or speaks with a camera. Commands return `Done`, or raise RobotGaveUp; one that follows another ends that one.
 
-    `on_state` is called with every state. After `silence` seconds without any word what waits for an answer fails.
+    `on_state` is called with every state. When the simulator has gone on for `silence` seconds without a word of the robot, what waits for
+    an answer fails. How long this program or the simulator was held up does not count.
     """
 
     def __init__(
@@ -80,8 +83,10 @@ class RobotLink(Link):
         silence: float = 6.0,
         on_state: Callable[[RobotState], None] | None = None,
     ) -> None:
-        super().__init__(host, port, Hello(version=VERSION, robot=robot, rate=rate), silence)
+        super().__init__(host, port, Hello(version=VERSION, robot=robot, rate=rate))
         self.robot = robot
+        self._silence = silence
+        self._unheard = 0.0
         self.state: RobotState | None = None
         """The latest that the robot said of itself."""
         self.silent = False
@@ -149,16 +154,23 @@ class RobotLink(Link):
         return await self._ways(self.robot, through)
 
     def _hear(self, line: ServerLine) -> None:
-        self.silent = False
+        if isinstance(line, Unheard):
+            self._unheard += HEARTBEAT
+            if self._unheard >= self._silence and not self.silent:
+                self._fall_silent()
+            return
         if isinstance(line, State | OrderDone | OrderGivenUp):
+            self.silent, self._unheard = False, 0.0
             self.state = line.state
             if self._on_state is not None:
                 self._on_state(line.state)
         super()._hear(line)
 
-    def _fell_silent(self) -> None:
+    def _fall_silent(self) -> None:
+        said = f"{self.robot} has said nothing for {self._silence:g} s"
         self.silent = True
-        log.warning("%s has said nothing for %g s", self.robot, self._silence)
+        log.warning("%s", said)
+        self._fail_all("silent", said)
 
     def _last_state(self) -> RobotState | None:
         return self.state
@@ -168,7 +180,7 @@ class OperatorLink(Link):
     """Looks into the simulator, and intervenes. Raises UsageError for what the simulator cannot do as asked."""
 
     def __init__(self, host: str, port: int) -> None:
-        super().__init__(host, port, Hello(version=VERSION), silence=None)
+        super().__init__(host, port, Hello(version=VERSION))
         self._following: Following | None = None
 
     async def fault(self, robot: str, fault: Fault) -> None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from somrs.devices.simulator.link.commands import Done, Fault, Gave, Stop
 from somrs.devices.simulator.link.lines import (
+    HEARTBEAT,
     LONGEST,
     PROTOCOL,
     VERSION,
@@ -36,6 +37,7 @@ from somrs.devices.simulator.link.lines import (
     Robots,
     ServerLine,
     State,
+    Unheard,
     Ways,
     Welcome,
     opened,
@@ -59,8 +61,6 @@ NAP = 0.05
 """Seconds in real-time mode after which a world at rest is looked at again."""
 MOST_STATES = 50.0
 """State lines per second that a connection gets at most."""
-HEARTBEAT = 1.0
-"""Seconds after which a robot that has nothing new to say says its state all the same."""
 SLOW_READER, TOO_SLOW_READER = 256 * 1024, 16 * 1024 * 1024
 """Bytes not yet read by a client, above which it gets no states, and above which it is cut off."""
 
@@ -206,10 +206,17 @@ class Server:
             if now - session.last_state < 1 / MOST_STATES or robot not in self.simulation.linked:
                 continue
             due = session.rate > 0 and self.simulation.time >= session.next_state
-            if (due or now - session.last_state > HEARTBEAT) and not session.slow and not self._mute(robot):
-                session.last_state = now
+            beat = now - session.last_state > HEARTBEAT
+            if session.slow or not (due or beat):
+                continue
+            if not self._mute(robot):
                 session.next_state = self.simulation.time + (1 / session.rate if session.rate else 0.0)
                 session.say(State(state=self.simulation.state(robot)))
+            elif beat:
+                session.say(Unheard())
+            else:
+                continue
+            session.last_state = now
         self._tell_poses(now)
 
     def _tell_poses(self, now: float, *, at_rest: bool = False) -> None:
