@@ -362,8 +362,8 @@ def test_a_simulator_that_is_slow_is_no_silent_robot() -> None:
         ended.set()
         server.close()
 
-    unheard = [Unheard()] * 2
-    lines = [*unheard, State(state=RobotState(time=1.0, x=1.0, y=2.0, yaw=0.0)), *unheard, Unheard()]
+    heard = State(state=RobotState(time=1.0, x=1.0, y=2.0, yaw=0.0))
+    lines: list[State | Unheard] = [Unheard(), Unheard(), heard, Unheard(), Unheard(), Unheard()]
     go_on, ended = asyncio.Semaphore(0), asyncio.Event()
     run(test())
 
