@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -59,7 +60,8 @@ class Running:
     def __init__(self, data: Path, site: Path = SCENARIO_1, speed: str = "4") -> None:
         line = [sys.executable, "-m", "somrs.cli.main", "up", str(site), "--data", str(data), "--speed", speed]
         self.data = data
-        self._said = (data.parent / f"{data.name}.log").open("wb")
+        self.log = data.parent / f"{data.name}.log"
+        self._said = self.log.open("wb")
         self._process = subprocess.Popen(line, stdout=self._said, stderr=self._said, start_new_session=True, preexec_fn=_end_with_parent)
         try:
             self.addresses = self._addresses()
@@ -80,10 +82,14 @@ class Running:
             except UsageError:
                 pass
             else:
-                if found.gui is not None and b"In the browser" in Path(self._said.name).read_bytes():
+                if found.gui is not None and "In the browser" in self.said():
                     return found
             time.sleep(0.1)
-        raise AssertionError(f"the system did not start: {Path(self._said.name).read_text(errors='replace')}")
+        raise AssertionError(f"the system did not start: {self.said()}")
+
+    def said(self) -> str:
+        """What its programs have written."""
+        return self.log.read_text(encoding="utf-8", errors="replace")
 
     def kill(self, program: str) -> None:
         """SIGKILL one of its programs, such as `gui`; it is started again by itself."""
@@ -141,6 +147,7 @@ def running_in(folder: Path, speed: str = "4") -> Iterator[Running]:
         yield running
     finally:
         running.stop()
+    assert "Traceback" not in running.said(), f"a program of the system met a defect: see {running.log}"
 
 
 @pytest.fixture(scope="session")
@@ -182,7 +189,7 @@ def profiles(browser: Browser) -> list[BrowserContext]:
 
 FAILED = pytest.StashKey[bool]()
 FAILURES = ROOT / "out" / "failures"
-"""What the pages of a test showed when it failed."""
+"""What the pages of a test showed when it failed, and what its system wrote."""
 
 
 @pytest.hookimpl(wrapper=True)
@@ -190,6 +197,10 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     report = yield
     if report.failed:
         item.stash[FAILED] = True
+        for fixture in getattr(item, "funcargs", {}).values():
+            if isinstance(fixture, Running):
+                FAILURES.mkdir(parents=True, exist_ok=True)
+                shutil.copy(fixture.log, FAILURES / f"{item.name}.log")
     return report
 
 
