@@ -19,6 +19,7 @@ from somrs.protocol.messages.clients import WorkView
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.execution.member import Member
+from somrs.task_manager.execution.workflow import StepRun
 
 INTERRUPTED = (State.FAILED, State.STOPPED, State.UNREACHABLE)
 """What became of work that was begun and not done."""
@@ -110,34 +111,23 @@ class ExecutionLog(Struct, kw_only=True):
     def __iter__(self) -> Iterator[Work]:
         return iter(self.works)
 
-    def begin(
-        self,
-        label: str,
-        key: str,
-        step: Step,
-        service_type: ServiceType,
-        member: Member,
-        map: Map,
-        ontology: Ontology,
-        now: float,
-        goal: GoalKind,
-    ) -> Work:
+    def begin(self, run: StepRun, service_type: ServiceType, member: Member, map: Map, ontology: Ontology, now: float) -> Work:
         """Note a step that is about to be executed, with the map as it is before it."""
         self.begun += 1
         work = Work(
             number=self.begun,
-            label=label,
-            key=key,
-            step=step,
+            label=run.label,
+            key=run.key,
+            step=run.step,
             service_type=service_type,
             participant=member.id,
             service=member.offer.service,
             provider=member.offer.provider,
             began=now,
-            goal=goal,
+            goal=run.goal,
         )
         if service_type.kind is ServiceKind.PHYSICAL:
-            work.before, work.concerned = undone(step, map, ontology), concerned(step, map, ontology)
+            work.before, work.concerned = undone(run.step, map, ontology), concerned(run.step, map, ontology)
             self._take_over(work)
         self.works.append(work)
         return work

@@ -7,7 +7,7 @@ find out, what is to be restored. What the pursuit cannot settle by itself it gi
 
 from __future__ import annotations
 
-from msgspec import Struct, structs
+from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.kernel.component import Doing, Effects
@@ -16,7 +16,7 @@ from somrs.planner.model.plan import NoPlan, Plan
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.directory import Offer
-from somrs.protocol.messages.events import Event, GoalKind
+from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import named
 from somrs.task_manager.arrangement.call_for_proposals import AT_ONCE, Arrangement, Call
@@ -27,38 +27,9 @@ from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.recovery.ladder import Rung, next_rung
 from somrs.task_manager.reservations import Held
 from somrs.task_manager.timers import Answer, PlanWanted
+from somrs.task_manager.transaction.next import CannotBeHad, GoOn, Next, NoPlanFound, Reached, StepLost
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
-
-
-class GoOn(Struct, frozen=True):
-    """Whatever comes next in the transaction may be done."""
-
-
-class Reached(Struct, frozen=True):
-    """What was pursued is so."""
-
-
-class CannotBeHad(Struct, frozen=True):
-    """What was pursued cannot be had."""
-
-    reasons: tuple[str, ...]
-
-
-class NoPlanFound(Struct, frozen=True):
-    """There is no plan. What failures left may be in the way; otherwise go on with `without_plan`."""
-
-    reasons: tuple[str, ...]
-
-
-class StepLost(Struct, frozen=True):
-    """A step that was begun is nobody's now. A procedure may have been laid down for that; otherwise go on with `recover`."""
-
-    step: str
-    reasons: tuple[str, ...]
-
-
-Next = GoOn | Reached | CannotBeHad | NoPlanFound | StepLost
 
 
 class GoalPursuit:
@@ -67,6 +38,7 @@ class GoalPursuit:
     def __init__(self, execution: GoalExecution, scope: TaskScope) -> None:
         self._execution, self._scope = execution, scope
         self._context, self._participants, self._services = scope.context, scope.participants, scope.services
+        self._tell = scope.tell
 
     # Planning
 
@@ -302,7 +274,7 @@ class GoalPursuit:
     def _execute(self, run: StepRun, now: float) -> Doing[Next | None]:
         member = self._member(run)
         assert member is not None, "an arranged step is somebody's"
-        state, context, execution = self._scope.state, self._context, self._execution
+        state, context = self._scope.state, self._context
         rank = (-state.task.priority, run.start, state.submitted_at, state.id)
         if not context.queues.takes(member.offer, state.id, rank, context.still_at_work):
             if not run.waits:
@@ -316,18 +288,7 @@ class GoalPursuit:
             self._workflow.lose(run)
             return (yield from self._replan(now, (f"{run.step.service_type} cannot start: {error}",)))
         self._workflow.move(run, Progress.EXECUTING)
-        replica = context.replica
-        state.log.begin(
-            run.label,
-            run.key,
-            run.step,
-            self._services.type_of(run.step),
-            member,
-            replica.map,
-            replica.ontology,
-            now,
-            execution.kind,
-        )
+        state.log.begin(run, self._services.type_of(run.step), member, context.replica.map, context.replica.ontology, now)
         inputs = {name: str(term) for name, term in run.step.inputs.items()}
         execute = frp.Execute(inputs=inputs, precondition=str(situation) if situation is not None else None)
         yield from self._participants.execute(member, execute, now)
@@ -448,6 +409,3 @@ class GoalPursuit:
 
     def _member(self, run: StepRun) -> Member | None:
         return self._scope.state.members.get(run.participant)
-
-    def _tell(self, event: Event, now: float, run: StepRun | None = None) -> None:
-        self._scope.tell(event, now, run)

@@ -15,7 +15,8 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.reports import About, OfProgress, OfWork, Report
 from somrs.task_manager.execution.workflow import Progress, StepRun
-from somrs.task_manager.transaction.goal_pursuit import GoalPursuit, GoOn, Next
+from somrs.task_manager.transaction.goal_pursuit import GoalPursuit
+from somrs.task_manager.transaction.next import GoOn, Next
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
 

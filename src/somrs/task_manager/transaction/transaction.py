@@ -30,7 +30,8 @@ from somrs.task_manager.recovery.observation import Look, LookBy, Observation
 from somrs.task_manager.requests import ForLook, ForPlan
 from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, SilenceDue, StopDue
-from somrs.task_manager.transaction.goal_pursuit import CannotBeHad, GoalPursuit, GoOn, Next, NoPlanFound, Reached, StepLost
+from somrs.task_manager.transaction.goal_pursuit import GoalPursuit
+from somrs.task_manager.transaction.next import CannotBeHad, GoOn, Next, NoPlanFound, Reached, StepLost
 from somrs.task_manager.transaction.participant_events import GoesOn, ParticipantEvents
 from somrs.task_manager.transaction.record import record
 from somrs.task_manager.transaction.scope import TaskScope
