@@ -263,15 +263,22 @@ class Journal:
             db.execute("INSERT INTO entries VALUES (?, ?, ?)", (self._component, last, Written.batch(entries)))
 
     def _anew(self, db: sqlite3.Connection, address: str, journaled: Journaled) -> None:
-        db.execute("DELETE FROM entries WHERE component = ?", (self._component,))
-        is_open = msgspec.json.encode(tuple(journaled.component.open)).decode()
-        life = (self._component, PROGRAM, self._setting, address, is_open, self._written.schema.version)
-        db.execute("INSERT OR REPLACE INTO life VALUES (?, ?, ?, ?, ?, ?)", life)
-        _snapshot(db, self._component, journaled.number, journaled.at, self._written.snapshot(journaled))
+        begin_with(db, journaled, self._written, self._component, self._setting, address)
 
-    async def answer(self, task: object) -> object:
-        """What is in the archive, while the event loop goes on."""
+    async def carry_out(self, task: object, report: object = None) -> object:
+        """Carry out what the component asks of its archive, while the event loop goes on. Nothing is reported on the way."""
         return await self._archive.answer(task, self.disk)
+
+
+def begin_with(
+    db: sqlite3.Connection, journaled: Journaled, written: Written, component: str = "", setting: str = "", address: str = ""
+) -> None:
+    """Have a journal begin with the component as it is, whatever was in it before."""
+    db.execute("DELETE FROM entries WHERE component = ?", (component,))
+    is_open = msgspec.json.encode(tuple(journaled.component.open)).decode()
+    life = (component, PROGRAM, setting, address, is_open, written.schema.version)
+    db.execute("INSERT OR REPLACE INTO life VALUES (?, ?, ?, ?, ?, ?)", life)
+    _snapshot(db, component, journaled.number, journaled.at, written.snapshot(journaled))
 
 
 def _found(db: sqlite3.Connection, component: str) -> _Found | None:
