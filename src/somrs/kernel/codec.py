@@ -107,7 +107,7 @@ class Schema(Struct, frozen=True, kw_only=True):
     `volatile`: tasks that end with the process; after a restart their questions are answered by `Lost`. `failure` makes an answer of an
     exception. `moves`: it can go on at another address than before. `lasting`: what it knows is nowhere else, so that it is never begun
     anew instead of being gone on with. `reads`: inputs that need not be kept, because they leave the state as it is, and nothing that comes
-    of them is owed to anybody when the process has ended.
+    of them is owed to anybody when the process has ended. `snapshot_after`: so many inputs are handled again in about a second.
     """
 
     component: str
@@ -124,6 +124,7 @@ class Schema(Struct, frozen=True, kw_only=True):
     moves: bool = False
     lasting: bool = False
     reads: Callable[[Input], bool] = lambda event: False
+    snapshot_after: int = 5000
     migrations: Mapping[int, Migration] = {}
 
     def leads_from(self, version: int) -> bool:

@@ -29,9 +29,6 @@ from somrs.storage.disk import Disk, Kind
 
 PROGRAM = f"SO-MRS {somrs.__version__}"
 
-SNAPSHOT_ENTRIES = 5000
-"""After so many entries a snapshot is due: as many as are handled again in about a second."""
-
 SNAPSHOT_SHARE = 0.02
 """Snapshots take this share of the event loop's time at most."""
 
@@ -232,12 +229,12 @@ class Journal:
     @property
     def due(self) -> bool:
         """Whether it is time for a snapshot."""
-        return self._since >= SNAPSHOT_ENTRIES and time.monotonic() >= self._not_before
+        return self._since >= self._written.schema.snapshot_after and time.monotonic() >= self._not_before
 
     @property
     def overdue(self) -> bool:
         """Whether it should not be put off until nothing else is to be done."""
-        return self.due and self._since >= 4 * SNAPSHOT_ENTRIES
+        return self.due and self._since >= 4 * self._written.schema.snapshot_after
 
     def snapshot(self, journaled: Journaled) -> None:
         """Have the state on disk, soon, and then forget the entries that led to it. An interrupted one leaves the one before."""
