@@ -91,7 +91,7 @@ def history(object: str, limit: int, db: sqlite3.Connection) -> list[Row]:
         first, before = given if given is not None else (0, None)
         rows = db.execute(
             f"SELECT {_COLUMNS} FROM events JOIN touched USING (version) WHERE object = ? AND version BETWEEN ? AND ?"
-            " ORDER BY version DESC LIMIT ?",
+            " ORDER BY touched.version DESC LIMIT ?",
             (name, first, last, limit - len(found)),
         )
         found += [Row(*row) for row in rows]
