@@ -17,6 +17,7 @@ from msgspec import structs
 
 from somrs.client.client import Addresses, Client
 from somrs.kernel.component import Received, Record
+from somrs.kernel.pending import Journaled
 from somrs.ontology.files.loading import upper
 from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.objects import ValueSet
@@ -24,8 +25,10 @@ from somrs.ontology.types import Constraint, Definition
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.knowledge import Alteration, Consider, Define, ReadEvents, RenameObject, UpdateMap, by_kind
 from somrs.repository.component import Repository
+from somrs.repository.state import Contents
 from somrs.runtime.host import Host
-from somrs.storage.repository_store import RepositoryStore
+from somrs.storage.journal import Journal
+from somrs.storage.repository_store import repository_journal
 
 EVENTS = 10_000
 HERE = "http://here/repository"
@@ -58,27 +61,37 @@ def considered(repository: Repository) -> None:
         print(f"  {what:46} {shown(time.process_time() - began):>10}")
 
 
-def tell(repository: Repository, body: Consider | UpdateMap, identity: object) -> list[object]:
-    header = Header(sender="urn:benchmark", recipient=HERE, message_id=message_id(identity))
-    return [one.entry for one in repository.handle(Received(Message(header=header, body=body)), 1.0) if isinstance(one, Record)]
+def tell(repository: Repository, body: Consider | UpdateMap, identity: object) -> None:
+    repository.handle(asked(body, identity), 1.0)
 
 
-def filled(path: Path) -> RepositoryStore:
-    """A store in which much happened."""
-    store = RepositoryStore.open(path)
-    store.initialise(upper(), hall())
-    contents = store.load()
-    assert contents is not None
-    repository = Repository(HERE, contents)
-    considered(repository)
+def asked(body: Consider | UpdateMap, identity: object) -> Received:
+    return Received(Message(header=Header(sender="urn:benchmark", recipient=HERE, message_id=message_id(identity)), body=body))
+
+
+def begun(journal: Journal) -> Journaled:
+    """The Repository that the journal has, or a new one."""
+    journaled, _ = journal.begin(HERE, lambda address: Repository(address, Contents(ontology=upper(), map=hall())))
+    return journaled
+
+
+def filled(path: Path) -> None:
+    """A file in which much happened, and which is left without a snapshot of it."""
+    journal = repository_journal(path)
+    journaled = begun(journal)
+    assert isinstance(journaled.component, Repository)
+    considered(journaled.component)
+    began = time.process_time()
     for number in range(EVENTS):
         name, color = f"Jar{number % 2500}", "Red" if number % 5000 < 2500 else "Green"
-        for entry in tell(
-            repository, UpdateMap(changes=(ValueSet(name, "Color", color), ValueSet(name, "Weight", number / EVENTS))), number
-        ):
-            store.keep(entry)
-    store.close()
-    return RepositoryStore.open(path)
+        update = UpdateMap(changes=(ValueSet(name, "Color", color), ValueSet(name, "Weight", number / EVENTS)))
+        entry = journaled.entry(asked(update, number), 1.0)
+        journal.append(entry)
+        for effect, _ in journaled.handle(entry):
+            if isinstance(effect, Record):
+                journal.keep(effect.entry)
+    journal.close()
+    print(f"\n{EVENTS} updates, of which each is kept, in {shown(time.process_time() - began)}")
 
 
 async def timed(what: str, ask: Callable[[], Awaitable[object]]) -> None:
@@ -87,15 +100,22 @@ async def timed(what: str, ask: Callable[[], Awaitable[object]]) -> None:
     print(f"  {what:46} {shown(time.process_time() - began):>10}")
 
 
-async def looked_back(store: RepositoryStore) -> None:
+async def looked_back(path: Path) -> None:
     """Over HTTP, from the same process."""
     began = time.process_time()
-    contents = store.load()
-    assert contents is not None
-    print(f"\nlooking back on {contents.version} changes; the file was read in {shown(time.process_time() - began)}")
+    journal = repository_journal(path)
+    journaled = begun(journal)
+    print(f"\nlooking back on {journaled.number} changes; they were handled again in {shown(time.process_time() - began)}")
+    began = time.process_time()
+    journal.snapshot(journaled)
+    print(f"  {'a snapshot':46} {shown(time.process_time() - began):>10}")
+    journal.close()
+    began = time.process_time()
+    journal = repository_journal(path)
     rim = Host()
     await rim.start()
-    node = rim.add("/repository", lambda at: Repository(at, contents), carry_out=store.carry_out, keep=store.keep, disk=store.disk)
+    node = rim.add_journaled("/repository", _none_made, journal, carry_out=journal.carry_out)
+    print(f"  {'the start with a snapshot':46} {shown(time.process_time() - began):>10}")
     async with Client(Addresses(repository=node.address, registry=node.address, task_manager=node.address)) as client:
         await timed("the map now", client.map)
         await timed("the map at version 0", lambda: client.map(0))
@@ -109,6 +129,11 @@ async def looked_back(store: RepositoryStore) -> None:
         await timed("renaming a type with 2,500 objects", lambda: client.define(rename("Jar", "Pot")))
         await timed("undoing that", lambda: client.undo(EVENTS + 2))
     await rim.stop()
+    journal.close()
+
+
+def _none_made(address: str) -> Repository:
+    raise AssertionError("the file has one")
 
 
 def rename(name: str, to: str) -> Define:
@@ -117,9 +142,9 @@ def rename(name: str, to: str) -> Define:
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
-        store = filled(Path(folder) / "repository.sqlite")
-        asyncio.run(looked_back(store))
-        store.close()
+        path = Path(folder) / "repository.sqlite"
+        filled(path)
+        asyncio.run(looked_back(path))
 
 
 if __name__ == "__main__":

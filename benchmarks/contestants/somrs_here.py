@@ -11,14 +11,14 @@ from somrs.planner.model.problem import Problem
 from somrs.protocol.messages.bodies import Body
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.repository.entries import Contents
+from somrs.repository.state import Contents
 from somrs.runtime.host import Host
 from somrs.runtime.node import CarryOut, Report
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
 from somrs.service_manager.sdk.work import carry_out
 from somrs.storage.journal import Journal
-from somrs.storage.repository_store import RepositoryStore
+from somrs.storage.repository_store import repository_journal
 from somrs.task_manager.manager import SCHEMA, TaskManager
 
 
@@ -29,12 +29,10 @@ class Here:
         self._host = host = Host()
         await host.start()
         loaded = site_loaded()
-        self._store = store = RepositoryStore.open(data / "repository.sqlite")
-        store.initialise(loaded.ontology, map_of(loaded))
-
+        self._map = repository_journal(data / "repository.sqlite")
         contents = Contents(ontology=loaded.ontology, map=map_of(loaded))
-        repository = host.add(
-            "/repository", lambda address: Repository(address, contents), carry_out=store.carry_out, keep=store.keep, disk=store.disk
+        repository = host.add_journaled(
+            "/repository", lambda address: Repository(address, contents), self._map, carry_out=self._map.carry_out
         ).address
         registry = host.add("/registry", lambda address: Registry(address, loaded.ontology, repository)).address
         self._kept = device_journal(data, "all")
@@ -59,7 +57,7 @@ class Here:
         await self._host.stop()
         self._kept.close()
         self._journal.close()
-        self._store.close()
+        self._map.close()
 
 
 async def _plan(task: object, report: Report) -> object:

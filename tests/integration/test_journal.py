@@ -28,7 +28,7 @@ from somrs.kernel.component import Answered, Input, Rang, Received, Record, Star
 from somrs.kernel.pending import Entry, Journaled, Pending, Written
 from somrs.kernel.replica import ReplicaDue
 from somrs.planner.model.plan import Link, NoPlan, Plan, Step
-from somrs.protocol.messages.clients import ReadRecords, Records
+from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord
 from somrs.storage.journal import KIND, Journal
 from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
 from somrs.task_manager.timers import AnswerDue, BidsDue, PlanWanted, SilenceDue
@@ -207,10 +207,16 @@ def test_time_does_not_go_back_behind_what_was_handled(shelf: Shelf) -> None:
 # The archive
 
 
+def records(shelf: Shelf, wanted: ReadRecords) -> tuple[TaskRecord, ...]:
+    found = asyncio.run(shelf.journal.carry_out(wanted))
+    assert isinstance(found, Records)
+    return found.records
+
+
 def test_a_record_that_was_lost_with_the_process_is_kept_when_it_is_back(shelf: Shelf) -> None:
     shelf.tell(4)  # its record is among the effects, which are thrown away
     again = shelf.restarted()
-    (found,) = asyncio.run(again.journal.answer(ReadRecords(task=told(0, 0).header.message_id))).records
+    (found,) = records(again, ReadRecords(task=told(0, 0).header.message_id))
     assert found.effect == "4"
     again.journal.close()
 
@@ -335,7 +341,7 @@ def test_with_nothing_open_another_begins_anew(shelf: Shelf, change: str) -> Non
     other(shelf.journal.disk.path, f"UPDATE life SET {change} = ?", 9 if change == "schema" else "something else")
     again = shelf.restarted()
     assert (again.again, again.ledger.total) == (False, 0)
-    assert len(asyncio.run(again.journal.answer(ReadRecords())).records) == 1, "what is over stays known"
+    assert len(records(again, ReadRecords())) == 1, "what is over stays known"
     again.tell(2)
     again = again.restarted()
     assert (again.again, again.ledger.total) == (True, 2)

@@ -21,7 +21,7 @@ from somrs.ontology.values import value_of
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.component import Repository
-from somrs.repository.entries import Contents
+from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import Ask, MapReader
 from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
 from somrs.service_manager.sdk.work import carry_out

@@ -15,7 +15,7 @@ from somrs.devices.person.questions import Question, Questions
 from somrs.errors import UsageError
 from somrs.ontology.objects import Object, ObjectAdded
 from somrs.repository.component import Repository
-from somrs.repository.entries import Contents
+from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import MapReader
 from somrs.service_manager.sdk.orders import Done, Order, Perform, Quote, Quoted, ServiceFailed
 from somrs.service_manager.sdk.work import carry_out

@@ -1,14 +1,13 @@
-"""Looking back: what happened and how the map was; undoing changes of the map; objects that got other names; files of before."""
+"""Looking back: what happened and how the map was; undoing changes of the map; objects that got other names."""
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import FunctionType, ObjectType, Value
 from somrs.protocol.messages.frp import Fault
@@ -29,7 +28,6 @@ from somrs.protocol.messages.knowledge import (
     Updated,
     UpdateMap,
 )
-from somrs.storage.repository_store import RepositoryStore
 from tests.support.keeper import Keeper, definitions
 from tests.support.lab import lab
 
@@ -280,47 +278,3 @@ def test_a_renaming_minds_what_was_changed_meanwhile(keeper: Keeper) -> None:
     (rule,) = keeper.broken(RenameObject(name="Jar1", to="Krug", expected_version=0))
     assert rule.rule == "overtaken"
     keeper.say(RenameObject(name="Jar1", to="Krug", expected_version=1), Updated)
-
-
-# Files of before
-
-OLD = """
-DROP TABLE revised; DROP TABLE renamed; DROP INDEX revisions;
-ALTER TABLE events DROP COLUMN before; ALTER TABLE events DROP COLUMN renamed; ALTER TABLE events DROP COLUMN undoes;
-ALTER TABLE events ADD COLUMN definitions TEXT;
-UPDATE events SET definitions = json_extract(revision, '$.after');
-ALTER TABLE events DROP COLUMN revision;
-PRAGMA user_version = 1;
-"""
-"""What makes a file of the first format, in which events were kept without what was before them."""
-
-
-def test_a_file_of_the_first_format_is_gone_on_with(tmp_path: Path) -> None:
-    path = tmp_path / "repository.sqlite"
-    keeper = Keeper(path)
-    update(keeper, ValueSet("Jar1", "Color", "Red"))
-    keeper.say(Define(definitions=Definitions(types=(ObjectType(name="Tray", parent="Support"),)), author="Anna"), Defined)
-    kept = keeper.contents
-    keeper.close()
-    with sqlite3.connect(path) as db:
-        db.executescript(OLD)
-    db.close()
-
-    keeper = Keeper(path)
-    assert ([*keeper.contents.ontology], keeper.contents.map, keeper.contents.version) == ([*kept.ontology], kept.map, 2)
-    assert keeper.contents.since == 2
-    assert keeper.contents.defined_at == kept.defined_at
-    assert keeper.contents.defined_at[Named(section=Section.TYPES, name="Tray")].author == "Anna"
-    tray, colour = keeper.events()
-    assert tray.revision is not None
-    assert tray.revision.after.types[0].name == "Tray"
-    assert colour.changes == (ValueSet("Jar1", "Color", "Red"),)
-    assert keeper.say(ReadEvents(), Events).since == 2
-
-    update(keeper, ValueSet("Jar1", "Color", "Blue"))
-    assert keeper.at(2)[1].objects["Jar1"].values["Color"] == "Red"
-    assert "from version 2 on" in keeper.say(ReadMap(at_version=1), Fault).text
-    keeper.say(Undo(version=3), Updated)
-    assert "what was before version 1 is not known" in keeper.broken(Undo(version=1))[0].message
-    keeper.close()
-    RepositoryStore.open(path).close()

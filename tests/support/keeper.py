@@ -1,11 +1,13 @@
-"""A Repository with its store on a real disk and somebody who follows it, in one process: for tests of what changes and how it was."""
+"""A Repository with its journal on a real disk and somebody who follows it, in one process: for tests of what changes and how it was."""
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 from typing import TypeVar
 
-from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Send, Started, Wake
+from somrs.errors import UsageError
+from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Wake
 from somrs.kernel.replica import Replica, ReplicaDue
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
@@ -24,10 +26,10 @@ from somrs.protocol.messages.knowledge import (
     ReadOntology,
     Rejected,
 )
-from somrs.repository.component import Repository
-from somrs.repository.entries import Contents
-from somrs.storage.repository_store import RepositoryStore
-from tests.support.lab import REPOSITORY, lab, records, request
+from somrs.repository.component import SCHEMA, Repository
+from somrs.repository.state import Contents
+from somrs.storage.repository_store import repository_journal
+from tests.support.lab import REPOSITORY, lab, request
 
 B = TypeVar("B")
 FOLLOWER = "http://here/follower"
@@ -37,34 +39,53 @@ class Keeper:
     """Messages are handed over at once; what is to be kept is on disk before anything else happens."""
 
     def __init__(self, path: Path, ontology: Ontology | None = None, map: Map | None = None) -> None:
-        self.store = RepositoryStore.open(path)
-        if self.store.load() is None:
-            given = lab() if ontology is None or map is None else (ontology, map)
-            self.store.initialise(*given)
-        self.repository = Repository(REPOSITORY, self.loaded())
+        self._given = lab() if ontology is None or map is None else (ontology, map)
+        self._runner = asyncio.Runner()
         self.now = 1.0
+        self._open(path)
+        self.effects(Started(REPOSITORY))
         self.replica = Replica(FOLLOWER, REPOSITORY)
         self._rings_at: float | None = None
         self._follow(self.replica.start(self.now))
+
+    def _open(self, path: Path) -> None:
+        self.journal = repository_journal(path)
+        try:
+            self.journaled, _ = self.journal.begin(REPOSITORY, self._made)
+        except UsageError:
+            self.journal.close()
+            raise
+        assert isinstance(self.journaled.component, Repository)
+        self.repository = self.journaled.component
+
+    def _made(self, address: str) -> Repository:
+        ontology, map = self._given
+        return Repository(address, Contents(ontology=ontology, map=map))
 
     @property
     def contents(self) -> Contents:
         return self.repository.contents
 
-    def loaded(self) -> Contents:
-        """What the file holds."""
-        found = self.store.load()
-        assert found is not None
-        return found
-
-    def restart(self) -> None:
-        self.store.close()
-        self.store = RepositoryStore.open(self.store.path)
-        self.repository = Repository(REPOSITORY, self.loaded())
-        self._feed(Started(REPOSITORY))
+    def restart(self, *, snapshot: bool = False) -> list[Send]:
+        """As after a kill; with a snapshot, as after an orderly stop. What is said then to others than the follower."""
+        if snapshot:
+            self.journal.snapshot(self.journaled)
+        self.journal.close()
+        self._open(self.journal.disk.path)
+        questions = [*self.journaled.pending.questions.items()]
+        said = [send for question, task in questions for send in self._feed(Answered(question, self.look(task)))]
+        return [*said, *self._feed(Started(REPOSITORY))]
 
     def close(self) -> None:
-        self.store.close()
+        self.journal.close()
+        self._runner.close()
+
+    def look(self, task: object) -> object:
+        """What the archive answers."""
+        return self._runner.run(self._looked(task))
+
+    async def _looked(self, task: object) -> object:
+        return await self.journal.carry_out(task)
 
     def say(self, body: Body, answer: type[B], identity: str | None = None) -> B:
         """The answer to a request, of which there must be one, of that type."""
@@ -109,18 +130,27 @@ class Keeper:
 
     def _feed(self, event: Input) -> list[Send]:
         """What is said to others than the follower."""
-        effects = self.repository.handle(event, self.now)
-        for entry in records(effects):
-            self.store.record(entry)  # type: ignore[arg-type]  # a Repository records entries
         said: list[Send] = []
-        for effect in effects:
+        for effect in self.effects(event):
             if isinstance(effect, Ask):
-                said += self._feed(Answered(effect.question, self.store.answer(effect.task)))
+                said += self._feed(Answered(effect.question, self.look(effect.task)))
             elif isinstance(effect, Send) and effect.message.header.recipient == FOLLOWER:
                 self._hear(Received(effect.message))
             elif isinstance(effect, Send):
                 said.append(effect)
         return said
+
+    def effects(self, event: Input) -> list[Effect]:
+        """What comes of an input, which is kept if it has to be."""
+        if SCHEMA.reads(event):
+            return self.repository.handle(event, self.now)
+        entry = self.journaled.entry(event, self.now)
+        self.journal.append(entry)
+        effects = [effect for effect, _ in self.journaled.handle(entry)]
+        for effect in effects:
+            if isinstance(effect, Record):
+                self.journal.keep(effect.entry)
+        return effects
 
     def _hear(self, event: Input) -> None:
         news = self.replica.handle(event, self.now)

@@ -11,7 +11,7 @@ from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id
-from somrs.repository.entries import Contents
+from somrs.repository.state import Contents
 
 REPOSITORY = "http://here/repository"
 CLIENT = "http://here/client"

@@ -14,7 +14,7 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.server.server import Server
 from somrs.ontology.objects import Map
 from somrs.repository.component import Repository
-from somrs.repository.entries import Contents
+from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import Device, MapReader
 from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, Perform, Quote, Undo
 from somrs.service_manager.sdk.work import carry_out

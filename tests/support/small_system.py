@@ -26,6 +26,7 @@ from somrs.protocol.messages.clients import ReadRecords
 from somrs.protocol.messages.orders import RunState
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
+from somrs.repository.state import Contents
 from somrs.runtime.clock import Clock, TimeOfDay
 from somrs.runtime.host import Host
 from somrs.runtime.http import bound
@@ -38,7 +39,7 @@ from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.storage.archive import FILE
 from somrs.storage.journal import Journal
-from somrs.storage.repository_store import RepositoryStore
+from somrs.storage.repository_store import repository_journal
 from somrs.task_manager.manager import SCHEMA, TaskManager
 from tests.support.virtual_system import SITE
 
@@ -97,7 +98,7 @@ class SmallSystem:
         self._rim = Host(HERE, ports[0])
         self._devices: list[DeviceRunner] = []
         self._manager: tuple[Host, Journal] | None = None
-        self._store: RepositoryStore | None = None
+        self._kept: Journal | None = None
 
     @property
     def manager(self) -> TaskManager:
@@ -110,15 +111,10 @@ class SmallSystem:
         self.data.mkdir(exist_ok=True)
         loaded = load_text(SITE, "site.yaml")
         assert loaded.map is not None
-        self._store = store = RepositoryStore.open(self.data / "repository.sqlite")
-        if store.load() is None:
-            store.initialise(loaded.ontology, loaded.map)
-        contents = store.load()
-        assert contents is not None
+        contents = Contents(ontology=loaded.ontology, map=loaded.map)
+        self._kept = kept = repository_journal(self.data / "repository.sqlite")
         await self._rim.start()
-        self._rim.add(
-            "/repository", lambda address: Repository(address, contents), carry_out=store.carry_out, keep=store.keep, disk=store.disk
-        )
+        self._rim.add_journaled("/repository", lambda address: Repository(address, contents), kept, carry_out=kept.carry_out)
         self._rim.add("/registry", lambda address: Registry(address, repository=self.addresses.repository))
         await self.start_manager()
         for porter in self.porters:
@@ -132,7 +128,7 @@ class SmallSystem:
 
         async def carry_out(task: object, report: Report) -> object:
             if isinstance(task, ReadRecords):
-                return await journal.answer(task)
+                return await journal.carry_out(task, report)
             assert isinstance(task, Problem), "a Task Manager asks for nothing else"
             return await asyncio.to_thread(plan, task)
 
@@ -155,8 +151,8 @@ class SmallSystem:
         if self._manager is not None:
             await self.stop_manager()
         await self._rim.stop()
-        if self._store is not None:
-            self._store.close()
+        if self._kept is not None:
+            self._kept.close()
 
 
 @asynccontextmanager

@@ -23,7 +23,7 @@ from somrs.protocol.messages.event_text import joined, sentence
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.repository.entries import Contents
+from somrs.repository.state import Contents
 from somrs.runtime.virtual import CarryOut, Work, World
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Profile

@@ -6,6 +6,9 @@ from collections.abc import Collection, Iterator
 
 from msgspec import Struct
 
+from somrs.ontology.objects import Map
+from somrs.ontology.types import Ontology
+
 Leaf = str | int | float | bool | bytes | None
 
 
@@ -58,6 +61,13 @@ def _inside(value: object) -> Iterator[tuple[str, object]]:
             return
         case set() | frozenset():
             yield from ((repr(item), None) for item in sorted(value, key=repr))
+            return
+        case Ontology():  # here and below, whatever was looked up in it meanwhile
+            yield "definitions", [*value]
+            return
+        case Map():
+            yield "objects", value.objects
+            yield "facts", {*value.facts()}
             return
         case Struct():
             yield from ((name, getattr(value, name)) for name in value.__struct_fields__)

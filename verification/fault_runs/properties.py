@@ -22,8 +22,7 @@ from somrs.protocol.messages.envelope import Message, message_id, normalised_id
 from somrs.protocol.messages.event_text import sentence
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
-from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.repository.entries import Handled
+from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.transaction.state import TaskState
@@ -82,7 +81,8 @@ class Witness:
         """What was reported in each transaction and has not come to the Repository yet, by message id: service and situation."""
         self._updates: dict[str, Pair] = {}
         """Service and situation of each request to change the map."""
-        self._kept = 0
+        self._answered: set[str] = set()
+        """Those of them that the Repository answered."""
         self._known: set[str] = set()
         self._reports: dict[str, float] = {}
         """When each report was first said, by message id."""
@@ -134,7 +134,6 @@ class Witness:
     def watch(self, address: str, event: Input) -> None:
         """An input was handled, and its effects carried out."""
         self._hear()
-        self._keep()
         if isinstance(event, Received):
             self._received(address, event.message)
         manager = self._stage.task_manager(address)
@@ -149,6 +148,8 @@ class Witness:
             match message.body:
                 case UpdateMap(author=author, situation=str(situation)):
                     self._updates[normalised_id(message.header.message_id)] = author, situation
+                case Updated() | Rejected():
+                    self._kept(normalised_id(message.header.relates_to or ""))
                 case frp.Terms() as terms:
                     self._terms[pair] = terms
                 case frp.Accept() | frp.Execute():
@@ -163,19 +164,18 @@ class Witness:
                     self._managers[pair[0]] = message.header.sender
                     self._nothing_unsaid(pair[0], f"{pair[1]} was asked for terms")
 
-    def _keep(self) -> None:
-        """What is on the Repository's disk by now."""
-        records = self._stage.world.records["repository"]
-        new, self._kept = records[self._kept :], len(records)
-        for entry in new:
-            if isinstance(entry, Handled) and (update := self._updates.get(entry.request)) is not None:
-                self._put[update] = self._stage.world.now
-                for reports in self._unsaid.values():
-                    for id in [id for id, report in reports.items() if report == update]:
-                        del reports[id]
+    def _kept(self, request: str) -> None:
+        """The Repository answered a request to change the map, so that it is on its disk: no earlier than that can anybody know of it."""
+        update = self._updates.get(request)
+        if update is None or request in self._answered:
+            return
+        self._answered.add(request)
+        self._put[update] = self._stage.world.now
+        for reports in self._unsaid.values():
+            for id in [id for id, report in reports.items() if report == update]:
+                del reports[id]
 
     def _nothing_unsaid(self, task: str, what: str) -> None:
-        self._keep()
         if unsaid := self._unsaid.get(task):
             service, situation = next(iter(unsaid.values()))
             raise Violation(Property.MAP, f"{what} before the Repository knew what {service} reported: {situation}")

@@ -12,15 +12,16 @@ from msgspec import structs
 
 from somrs.kernel.component import Component, Input
 from somrs.kernel.replica import Replica
-from somrs.ontology.objects import Map, objects_of
+from somrs.ontology.objects import Map
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
+from somrs.repository.component import SCHEMA as REPOSITORY
 from somrs.repository.component import Repository
-from somrs.repository.entries import Contents, Handled, Subscription
+from somrs.repository.state import Contents
 from somrs.runtime.virtual import LATENCY, Moment, Work, World
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
@@ -83,14 +84,13 @@ class Stage:
         self._targets: dict[Kill | Cut, str] = {}
         self._weather: list[Weather] = []
         self._cuts: Counter[str] = Counter()
-        self._doomed: dict[str, tuple[Component, Moment]] = {}
-        self._fallen: dict[str, tuple[Component, Moment]] = {}
+        self._doomed: dict[str, Component] = {}
+        self._fallen: dict[str, Component] = {}
         self._ears: list[Callable[[float, Input], None]] = []
         self.client = Client(story.wishes)
         self.witness = Witness(self)
         self.managers = [f"tm{number}" for number in range(1, story.managers + 1)]
-        self._map = map_of(story)
-        self.world.add("repository", Repository("repository", Contents(ontology=ontology(), map=self._map)))
+        self.world.add("repository", self._repository(), journaled=REPOSITORY)
         self.world.add("registry", self._registry(), journaled=REGISTRY)
         self.world.add("client", self.client)
         self._scenes: list[tuple[float, Callable[[], None]]] = []
@@ -108,21 +108,7 @@ class Stage:
         return Registry("registry", ontology(), "repository")
 
     def _repository(self) -> Repository:
-        """From what is on its disk."""
-        contents = Contents(ontology=ontology(), map=self._map)
-        for entry in self.world.records["repository"]:
-            match entry:
-                case Handled(request=request, answer=answer, event=event):
-                    contents.answered[request] = answer
-                    if event is not None:
-                        contents.version, contents.map = event.version, contents.map.changed(event.changes)
-                        names = {name: None for change in event.changes for name in objects_of(change)}
-                        contents.changed_at.update(dict.fromkeys(names, event.version))
-                case Subscription(address=address, until=until) if until is not None:
-                    contents.subscriptions[address] = until
-                case Subscription(address=address):
-                    contents.subscriptions.pop(address, None)
-        return Repository("repository", contents)
+        return Repository("repository", Contents(ontology=ontology(), map=map_of(self.story)))
 
     def _join(self, character: Character) -> None:
         misdeeds = partial(self._misdeed, character.name)
@@ -228,10 +214,10 @@ class Stage:
         address = self._targets[kill] = self._target(kill.target)
         if not self.world.alive(address) or address in self._doomed:
             return
-        if kill.snapshot and address in (*self.managers, *self.hands):
+        if kill.snapshot:
             self.world.snapshot(address)
         self._note(f"{address} is killed {kill.moment}{f' ({kill.effects})' if kill.moment is Moment.AMID else ''}")
-        self._doomed[address] = self.world.components[address], kill.moment
+        self._doomed[address] = self.world.components[address]
         self.world.kill(address, kill.moment, kill.effects)
         if kill.seconds is None:
             self.gone.add(address)
@@ -239,7 +225,7 @@ class Stage:
 
     def _break(self, character: Character) -> None:
         self._note(f"{character.name} breaks without a word")
-        self._doomed[character.address] = self.world.components[character.address], Moment.AT_ONCE
+        self._doomed[character.address] = self.world.components[character.address]
         self.world.kill(character.address)
         self.gone.add(character.address)
         self.reap()
@@ -261,17 +247,11 @@ class Stage:
         if self.world.alive(address) or address not in self._fallen or address in self.gone:
             return
         self._note(f"{address} is started again")
-        before, moment = self._fallen[address]
         self.parts.revive(self.world, address, partial(self._made, address))
-        self._fallen.pop(address, None)
         self.reap()
-        after = self.world.components.get(address)
-        if isinstance(after, Repository) and moment is not Moment.AMID:
-            self._same(address, before, after)
 
     def _restored(self, address: str, after: Component) -> None:
-        before, _ = self._fallen.pop(address)
-        self._same(address, before, after)
+        self._same(address, self._fallen.pop(address), after)
 
     def _made(self, address: str) -> Component:
         if address in self.managers:
@@ -281,8 +261,7 @@ class Stage:
         return self._repository() if address == "repository" else self._registry()
 
     def _same(self, address: str, before: Component, after: Component) -> None:
-        """FRP, property 7. Whose inputs are not kept may have forgotten the one at which it was killed amid its effects: nobody was
-        told that it came."""
+        """FRP, property 7."""
         different: str | None = None
         match before, after:
             case TaskManager(), TaskManager():
@@ -292,7 +271,7 @@ class Stage:
             case Registry(), Registry():
                 different = difference(before.state, after.state, leave_out=(Replica,))
             case Repository(), Repository():
-                different = difference(before.contents, after.contents)
+                different = difference(before.state, after.state)
             case DeviceManager(), DeviceManager():
                 different = difference(before.state, after.state)
         if different is not None:

@@ -78,31 +78,27 @@ def load_site(site: Sequence[Path]) -> Loaded:
 
 
 async def run_repository(data: Path, site: Sequence[Path], host: str, port: int) -> None:
-    """The Repository. A store that is there is gone on with; otherwise the site's files are the beginning."""
+    """The Repository. A file that is there is gone on with; otherwise the site's files are the beginning."""
     from somrs.repository.component import Repository
-    from somrs.storage.repository_store import RepositoryStore
+    from somrs.repository.state import Contents
+    from somrs.storage.repository_store import repository_journal
+
+    def made(address: str) -> Repository:
+        loaded = load_site(site)
+        assert loaded.map is not None, "load_site sees to that"
+        return Repository(address, Contents(ontology=loaded.ontology, map=loaded.map))
 
     data.mkdir(parents=True, exist_ok=True)
-    store = RepositoryStore.open(data / "repository.sqlite")
+    journal = repository_journal(data / "repository.sqlite")
     try:
-        kept = store.load()
-        if kept is None:
-            loaded = load_site(site)
-            assert loaded.map is not None, "load_site sees to that"
-            store.initialise(loaded.ontology, loaded.map)
-            kept = store.load()
-        assert kept is not None, "what was initialised can be loaded"
-        contents = kept
         rim = Host(host, port)
         await rim.start()
-        node = rim.add(
-            "/repository", lambda address: Repository(address, contents), carry_out=store.carry_out, keep=store.keep, disk=store.disk
-        )
+        node = rim.add_journaled("/repository", made, journal, carry_out=journal.carry_out)
         say_ready("repository", node.address)
         await until_stopped()
         await rim.stop()
     finally:
-        store.close()
+        journal.close()
 
 
 async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -> None:
@@ -145,7 +141,7 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
 
             async def carry_out(task: object, report: Report) -> object:
                 if isinstance(task, ReadRecords):
-                    return await journal.answer(task)
+                    return await journal.carry_out(task, report)
                 assert isinstance(task, Problem), "a Task Manager asks for nothing else"
                 return await planner.plan(task)
 

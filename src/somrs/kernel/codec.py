@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Struct
 
 from somrs.errors import UsageError
-from somrs.kernel.component import Stateful, Trouble
+from somrs.kernel.component import Input, Stateful, Trouble
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, FunctionType, ObjectType, Ontology, RelationType
@@ -105,7 +105,9 @@ class Schema(Struct, frozen=True, kw_only=True):
     makes the component that has a state.
 
     `volatile`: tasks that end with the process; after a restart their questions are answered by `Lost`. `failure` makes an answer of an
-    exception. `moves`: it can go on at another address than before.
+    exception. `moves`: it can go on at another address than before. `lasting`: what it knows is nowhere else, so that it is never begun
+    anew instead of being gone on with. `reads`: inputs that need not be kept, because they leave the state as it is, and nothing that comes
+    of them is owed to anybody when the process has ended. `snapshot_after`: so many inputs are handled again in about a second.
     """
 
     component: str
@@ -120,6 +122,9 @@ class Schema(Struct, frozen=True, kw_only=True):
     volatile: tuple[type, ...] = ()
     failure: Callable[[BaseException], object] = in_words
     moves: bool = False
+    lasting: bool = False
+    reads: Callable[[Input], bool] = lambda event: False
+    snapshot_after: int = 5000
     migrations: Mapping[int, Migration] = {}
 
     def leads_from(self, version: int) -> bool:

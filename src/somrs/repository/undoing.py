@@ -18,8 +18,8 @@ from somrs.ontology.types import Definition
 from somrs.protocol.messages.knowledge import Define, Event, RenameObject, Revision, by_kind
 from somrs.protocol.messages.people import person
 from somrs.repository.definition import object_renamed, redefined
-from somrs.repository.entries import Contents
 from somrs.repository.outcome import Outcome
+from somrs.repository.state import Contents
 from somrs.repository.update import changed_by
 
 
@@ -66,7 +66,7 @@ def _changed_since(what: Named, was_gone: bool, is_gone: bool, contents: Content
         return f"the {what} is not there any more"
     if was_gone:
         return f"there is a {what} again; remove it or rename it first"
-    latest = contents.defined_at.get(what)
+    latest = contents.defined(what)
     by = f" by {person(latest.author)} in version {latest.version}; undo that first" if latest is not None else ""
     return f"the {what} was changed since{by}"
 

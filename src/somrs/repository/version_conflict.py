@@ -9,8 +9,8 @@ from somrs.ontology.naming import Named, find, named
 from somrs.ontology.objects import objects_of
 from somrs.protocol.messages.knowledge import Alteration, Define, RenameObject, Undo, UpdateMap
 from somrs.protocol.messages.people import person
-from somrs.repository.entries import Contents
 from somrs.repository.outcome import VERSION, Outcome
+from somrs.repository.state import Contents
 
 
 def overtaken(alteration: Alteration, outcome: Outcome, contents: Contents) -> Iterator[Violation]:
@@ -36,7 +36,7 @@ def _definitions(define: Define, expected: int, contents: Contents) -> Iterator[
     changed = (named(one) for one in define.definitions.each() if find(contents.ontology, named(one)) != one)
     renamed = (Named(section=renaming.section, name=renaming.name) for renaming in define.renamed)
     for what in dict.fromkeys((*define.removed, *renamed, *changed)):
-        latest = contents.defined_at.get(what)
+        latest = contents.defined(what)
         if latest is not None and latest.version > expected:
             is_now = "changed" if find(contents.ontology, what) is not None else "removed or renamed"
             message = (

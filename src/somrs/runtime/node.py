@@ -72,8 +72,9 @@ class Node:
     `send` brings a message to its recipient, again and again until it is acknowledged; `delivered` waits, for so many seconds at most,
     until none is on its way.
 
-    With `journaled`, each input is in its journal before anything that comes of it is seen outside. Without, the records among
-    the effects are: what is behind one of them waits for it, and so does what comes of later inputs.
+    With `journaled`, each input is in its journal before anything that comes of it is seen outside; what only reads is not kept, but
+    waits for those before it. Without, the records among the effects are kept: what is behind one of them waits for it, and so does what
+    comes of later inputs.
     """
 
     def __init__(
@@ -134,7 +135,7 @@ class Node:
 
     def _handle(self, event: Input) -> None:
         now = self._clock.now()
-        if self._journaled is None or self._journal is None:
+        if self._journaled is None or self._journal is None or self._journaled.schema.reads(event):
             for effect in self.component.handle(event, now):
                 self._come(effect, 0)
             return

@@ -293,7 +293,7 @@ class World:
         if life.doom is not None and life.doom[0] is Moment.UNSEEN:
             self.remove(address)
             return False
-        if (journaled := life.journaled) is not None:
+        if (journaled := life.journaled) is not None and not journaled.schema.reads(event):
             entry, place = journaled.entry(event, self.now), self._places[address]
             assert place.written is not None, "whatever is journaled has a schema"
             place.entries.append(place.written.entry(entry))

@@ -1,1 +1,1 @@
-"""What is on disk: one writer a file, journals and archives, and the files of the Repository and the Registry."""
+"""What is on disk: one writer a file, journals, and archives of what is over and of what happened."""

@@ -5,8 +5,10 @@ A record may be longer than a message. It comes in parts then, each with some of
 
 from __future__ import annotations
 
+import asyncio
+import functools
 import sqlite3
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import msgspec
 from msgspec import structs
@@ -15,6 +17,7 @@ from somrs.protocol.messages.clients import PARTS as LISTS
 from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord
 from somrs.protocol.messages.envelope import normalised_id
 from somrs.protocol.messages.paging import PAGE_BYTES, fitting, size
+from somrs.storage.disk import Disk
 
 FILE = "task-manager.sqlite"
 """In the data folder: the Task Manager's journal, which has the archive in it."""
@@ -36,6 +39,23 @@ WORKED = """instr(document, ?) > 0 AND EXISTS (SELECT 1 FROM json_each(document,
 """Whether a service, or one of a device, did something. Documents in which its name does not even stand are not taken apart."""
 
 _RECORD = msgspec.json.Decoder(TaskRecord)
+
+
+class TaskArchive:
+    """The archive of a Task Manager's journal, as `journal.Archive`. Whoever has no tasks keeps nothing in it."""
+
+    def keep(self, record: object, db: sqlite3.Connection) -> None:
+        assert isinstance(record, TaskRecord), f"an archive is of tasks, not of {type(record).__name__}"
+        keep(record, db)
+
+    def again(self, records: Sequence[object], state: object, db: sqlite3.Connection) -> None:
+        """A record that is another than before takes its place: nothing else follows from it."""
+        for record in records:
+            self.keep(record, db)
+
+    async def answer(self, task: object, disk: Disk) -> Records:
+        assert isinstance(task, ReadRecords), f"an archive is of tasks, and knows nothing of {type(task).__name__}"
+        return await asyncio.wrap_future(disk.read(functools.partial(find, task)))
 
 
 def keep(record: TaskRecord, db: sqlite3.Connection) -> None:

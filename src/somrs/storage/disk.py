@@ -1,7 +1,7 @@
 """A SQLite file with one writer: a thread of its own, which puts all that was asked for since its last commit on disk at once.
 
 Write-ahead log with `synchronous=FULL`: what is `durable` survives a kill and a power cut. One process at a time has the file
-open. What is in the file is its owner's: a journal, a device's records, the Repository's store.
+open. What is in the file is its owner's: a journal with its archive, or records.
 """
 
 from __future__ import annotations
@@ -26,6 +26,9 @@ T = TypeVar("T")
 Job = Callable[[sqlite3.Connection], T]
 """Something to be done in the file, by its thread."""
 
+Step = str | Callable[[sqlite3.Connection], None]
+"""What makes a file of one version one of the next: statements, or what has them executed. It is within a transaction."""
+
 MOST_JOBS = 2000
 """So many writes go in one transaction at most, so that the first of them does not wait for long."""
 
@@ -35,8 +38,8 @@ class Kind:
     """A kind of file. `owner`: whose it is (`a Repository's`); `holds`: what is in it; `rival`: who else may have it open.
 
     `application` is SQLite's application_id, by which the file is known; `version` is that of the `tables`. `migrations`: by the version
-    of an older file, what makes it one of the next version. `replaces`: by the application_id of files that were used for the same before,
-    what empties them.
+    of an older file, the step to the next version; a file takes all of its steps, or none. `replaces`: by the application_id of files that
+    were used for the same before, what empties them. No text in these statements has a semicolon in it.
     """
 
     owner: str
@@ -45,7 +48,7 @@ class Kind:
     application: int
     version: int
     tables: str
-    migrations: Mapping[int, str] = field(default_factory=dict)
+    migrations: Mapping[int, Step] = field(default_factory=dict)
     replaces: Mapping[int, str] = field(default_factory=dict)
 
 
@@ -196,15 +199,12 @@ class Disk:
         # Exclusive: two that write the same file would both be wrong.
         for pragma in ("locking_mode=EXCLUSIVE", "journal_mode=WAL", "synchronous=FULL"):
             db.execute(f"PRAGMA {pragma}")
-        db.execute("BEGIN IMMEDIATE")  # takes the lock now, not at the first write
-        db.execute("COMMIT")
-        if new:
-            db.executescript(
-                f"BEGIN; {emptied} {kind.tables} PRAGMA application_id={kind.application}; PRAGMA user_version={kind.version}; COMMIT;"
-            )
-        elif old:
-            steps = "".join(kind.migrations[step] for step in range(version, kind.version))
-            db.executescript(f"BEGIN; {steps} PRAGMA user_version={kind.version}; COMMIT;")
+        steps = [emptied, kind.tables] if new else [kind.migrations[step] for step in range(version, kind.version)]
+        with self.transaction(db):  # takes the lock now, not at the first write
+            for step in steps:
+                execute(db, step)
+            if steps:
+                execute(db, f"PRAGMA application_id={kind.application}; PRAGMA user_version={kind.version}")
 
     @contextlib.contextmanager
     def transaction(self, db: sqlite3.Connection) -> Iterator[None]:
@@ -233,6 +233,15 @@ class Disk:
             ) from None
         except (msgspec.MsgspecError, KeyError) as error:
             raise UsageError(f"{self.path}: holds something that is no {self.kind.holds} ({error}); put a copy back") from None
+
+
+def execute(db: sqlite3.Connection, step: Step) -> None:
+    """Execute the statements within the transaction that there is; `executescript` would end it first."""
+    if callable(step):
+        step(db)
+        return
+    for statement in step.split(";"):
+        db.execute(statement)
 
 
 def _tell(listeners: list[Callable[[], None]]) -> None:

@@ -6,14 +6,14 @@ of the versions that the component's schema names: a later program reads those o
 
 from __future__ import annotations
 
-import asyncio
 import functools
 import sqlite3
 import time
 import zlib
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, Protocol
 
 import msgspec
 from msgspec import Struct
@@ -23,19 +23,16 @@ from somrs.errors import UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Stateful
 from somrs.kernel.pending import Entry, Journaled, Written
-from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord
 from somrs.storage import archive
+from somrs.storage.archive import TaskArchive
 from somrs.storage.disk import Disk, Kind
 
-_PROGRAM = f"SO-MRS {somrs.__version__}"
-
-SNAPSHOT_ENTRIES = 5000
-"""After so many entries a snapshot is due: as many as are handled again in about a second."""
+PROGRAM = f"SO-MRS {somrs.__version__}"
 
 SNAPSHOT_SHARE = 0.02
 """Snapshots take this share of the event loop's time at most."""
 
-_TABLES = """
+TABLES = """
     CREATE TABLE life (component TEXT PRIMARY KEY, program TEXT NOT NULL, setting TEXT NOT NULL, address TEXT NOT NULL, open TEXT NOT NULL,
       schema INTEGER NOT NULL);
     CREATE TABLE snapshot (component TEXT PRIMARY KEY, number INTEGER NOT NULL, at REAL NOT NULL, sum INTEGER NOT NULL,
@@ -49,7 +46,7 @@ KIND = Kind(
     rival="another process",
     application=0x534F4D4A,  # `SOMJ` in ASCII
     version=3,
-    tables=_TABLES + archive.TABLES,
+    tables=TABLES + archive.TABLES,
     # The files of devices and Registries were of other kinds. What was promised before is not known then, and is said not to be.
     replaces={0x534F4D44: "DROP TABLE kept;", 0x534F4D53: "DROP TABLE listed;"},
     migrations={
@@ -57,7 +54,7 @@ KIND = Kind(
         1: "ALTER TABLE life ADD COLUMN schema INTEGER NOT NULL DEFAULT 0;",
         # The second format had one component in each file.
         2: "ALTER TABLE life RENAME TO old_life; ALTER TABLE snapshot RENAME TO old_snapshot; ALTER TABLE entries RENAME TO old_entries;"
-        + _TABLES
+        + TABLES
         + """
         INSERT INTO life SELECT '', program, setting, address, open, schema FROM old_life;
         INSERT INTO snapshot SELECT '', number, at, sum, state FROM old_snapshot;
@@ -66,6 +63,27 @@ KIND = Kind(
         """,
     },
 )
+
+
+class Contradiction(UsageError):
+    """What is to be kept is not what was kept of the same before; the text says of what."""
+
+
+class Archive(Protocol):
+    """What is kept of a component's `Record`s, in the file of its journal, and how it is read."""
+
+    def keep(self, record: object, db: sqlite3.Connection) -> None:
+        """Keep a record; the same one twice is there once."""
+        ...
+
+    def again(self, records: Sequence[object], state: Any, db: sqlite3.Connection) -> None:
+        """Keep the records that came once more of the inputs behind a snapshot, some of which may not have been on disk; they led to
+        this state. Raises Contradiction when they are not those that came of these inputs before."""
+        ...
+
+    async def answer(self, task: object, disk: Disk) -> object:
+        """Carry out a task of the component that the archive can carry out, while the event loop goes on."""
+        ...
 
 
 class _Found(Struct):
@@ -81,17 +99,31 @@ class _Found(Struct):
     entries: list[bytes]
 
 
+_TASKS = TaskArchive()
+
+
 class Journal:
     """An open journal of a component of this schema. `address` is where the component was reached, `open` what it had not finished;
     nothing for a new file.
 
     `setting` says what else the state depends on, such as the addresses of other parts; it has to be the same. Components of one process
     can have their journals `beside` each other, in one file: what they have to keep at the same time is on disk by one commit then.
+
+    `archive`: where the component's records go. One that needs tables of its own comes with the `disk` that has them.
     """
 
-    def __init__(self, path: Path, schema: Schema, setting: str = "", *, component: str = "", disk: Disk | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        schema: Schema,
+        setting: str = "",
+        *,
+        component: str = "",
+        disk: Disk | None = None,
+        archive: Archive = _TASKS,
+    ) -> None:
         self.disk = disk if disk is not None else Disk(path, KIND)
-        self._written = Written(schema)
+        self._written, self._archive = Written(schema), archive
         self._setting, self._component = setting, component
         self._queued: deque[tuple[int, bytes]] = deque()
         self._since = 0
@@ -106,17 +138,18 @@ class Journal:
 
     def beside(self, component: str) -> Journal:
         """The journal of another component of this process, in the same file. Whoever closes one of them closes all."""
-        return Journal(self.disk.path, self._written.schema, self._setting, component=component, disk=self.disk)
+        return Journal(self.disk.path, self._written.schema, self._setting, component=component, disk=self.disk, archive=self._archive)
 
     def begin(self, address: str, make: Callable[[str], Stateful]) -> tuple[Journaled, bool]:
         """The component, as it was when the last input came, and whether there was one: if not, it is made for this address.
 
-        What was written by an earlier version is written anew at once. Raises UsageError when there is a state with something open in it
-        that cannot be gone on with.
+        What was written by another version is written anew at once, so that all behind a snapshot is of one program. Raises UsageError when
+        there is a state that cannot be gone on with and is not to be forgotten; or when what the inputs behind the snapshot come to now is
+        not what is in the archive.
         """
         found, self._found, self.address = self._found, None, address
         if found is not None and (change := self._changed(found, address)) is not None:
-            if found.open:
+            if found.open or self._written.schema.lasting:
                 raise UsageError(self._stuck(found, change))
             found = None
         if found is None:
@@ -129,7 +162,7 @@ class Journal:
             raise
         except Exception as error:  # whatever data raise that do not fit
             raise UsageError(self._stuck(found, f"cannot be read ({type(error).__name__}: {error})")) from error
-        if found.schema != self._written.schema.version:
+        if (found.schema, found.program) != (self._written.schema.version, PROGRAM):
             self.disk.do(lambda db: self._anew(db, address, journaled))
             self._since = 0
         return journaled, True
@@ -137,7 +170,7 @@ class Journal:
     def _changed(self, found: _Found, address: str) -> str | None:
         """Why the file cannot be gone on with, if it cannot."""
         if not self._written.schema.leads_from(found.schema):
-            return f"was written by {found.program}, whose state {_PROGRAM} cannot read"
+            return f"was written by {found.program}, whose state {PROGRAM} cannot read"
         if found.setting != self._setting:
             return f"was written for {found.setting}, and this is for {self._setting}"
         if found.address != address and not self._written.schema.moves:
@@ -146,6 +179,8 @@ class Journal:
 
     def _stuck(self, found: _Found, change: str) -> str:
         what = f"{self.disk.path}: {change}"
+        if self._written.schema.lasting:
+            return f"{what}; go on as it was, put a copy back, or move the file away, which forgets what is in it"
         if not found.open:
             return f"{what}; nothing was open in it: move the file away"
         named = ", ".join(found.open[:3]) + (" ..." if len(found.open) > 3 else "")
@@ -163,8 +198,12 @@ class Journal:
             records = journaled.replay(entries)
         except ValueError as error:
             raise UsageError(self._stuck(found, f"is damaged: {error}")) from None
-        for record in records:
-            self.keep(record.entry)
+        kept, state = [record.entry for record in records], journaled.component.state
+        try:
+            self.disk.do(lambda db: self._archive.again(kept, state, db))
+        except Contradiction as error:
+            before = f"it was written by {found.program}: start that once more and stop it in order, then go on with {PROGRAM}"
+            raise UsageError(f"{self.disk.path}: {error}; {before}") from None
         return journaled
 
     # Writing
@@ -177,8 +216,7 @@ class Journal:
 
     def keep(self, record: object) -> None:
         """Have a record in the archive, soon."""
-        assert isinstance(record, TaskRecord), f"an archive is of tasks, not of {type(record).__name__}"
-        self.disk.write(functools.partial(archive.keep, record))
+        self.disk.write(functools.partial(self._archive.keep, record))
 
     def note(self, component: Stateful) -> None:
         """Have on disk what the component has not finished, if that changed."""
@@ -191,12 +229,12 @@ class Journal:
     @property
     def due(self) -> bool:
         """Whether it is time for a snapshot."""
-        return self._since >= SNAPSHOT_ENTRIES and time.monotonic() >= self._not_before
+        return self._since >= self._written.schema.snapshot_after and time.monotonic() >= self._not_before
 
     @property
     def overdue(self) -> bool:
         """Whether it should not be put off until nothing else is to be done."""
-        return self.due and self._since >= 4 * SNAPSHOT_ENTRIES
+        return self.due and self._since >= 4 * self._written.schema.snapshot_after
 
     def snapshot(self, journaled: Journaled) -> None:
         """Have the state on disk, soon, and then forget the entries that led to it. An interrupted one leaves the one before."""
@@ -222,17 +260,22 @@ class Journal:
             db.execute("INSERT INTO entries VALUES (?, ?, ?)", (self._component, last, Written.batch(entries)))
 
     def _anew(self, db: sqlite3.Connection, address: str, journaled: Journaled) -> None:
-        db.execute("DELETE FROM entries WHERE component = ?", (self._component,))
-        is_open = msgspec.json.encode(tuple(journaled.component.open)).decode()
-        life = (self._component, _PROGRAM, self._setting, address, is_open, self._written.schema.version)
-        db.execute("INSERT OR REPLACE INTO life VALUES (?, ?, ?, ?, ?, ?)", life)
-        _snapshot(db, self._component, journaled.number, journaled.at, self._written.snapshot(journaled))
+        begin_with(db, journaled, self._written, self._component, self._setting, address)
 
-    # The archive
+    async def carry_out(self, task: object, report: object = None) -> object:
+        """Carry out what the component asks of its archive, while the event loop goes on. Nothing is reported on the way."""
+        return await self._archive.answer(task, self.disk)
 
-    async def answer(self, wanted: ReadRecords) -> Records:
-        """What is in the archive, while the event loop goes on."""
-        return await asyncio.wrap_future(self.disk.read(functools.partial(archive.find, wanted)))
+
+def begin_with(
+    db: sqlite3.Connection, journaled: Journaled, written: Written, component: str = "", setting: str = "", address: str = ""
+) -> None:
+    """Have a journal begin with the component as it is, whatever was in it before."""
+    db.execute("DELETE FROM entries WHERE component = ?", (component,))
+    is_open = msgspec.json.encode(tuple(journaled.component.open)).decode()
+    life = (component, PROGRAM, setting, address, is_open, written.schema.version)
+    db.execute("INSERT OR REPLACE INTO life VALUES (?, ?, ?, ?, ?, ?)", life)
+    _snapshot(db, component, journaled.number, journaled.at, written.snapshot(journaled))
 
 
 def _found(db: sqlite3.Connection, component: str) -> _Found | None:

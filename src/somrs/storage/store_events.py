@@ -1,7 +1,8 @@
-"""The events in a Repository's file: what happened, read back, and the way back through them. Its tables are `repository_store.py`'s."""
+"""The events in a Repository's file: what happened, read back, and the way back through them. The tables are `repository_store.py`'s."""
 
 from __future__ import annotations
 
+import functools
 import sqlite3
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,9 +12,10 @@ import msgspec
 from somrs.ontology.naming import Renaming
 from somrs.ontology.objects import Change
 from somrs.protocol.messages.knowledge import Event, Revision
-from somrs.repository.entries import EventsOf, PastOf
 from somrs.repository.outcome import taken_back
 from somrs.repository.past import Past, rewound
+from somrs.repository.state import EventsOf, HistoryOf, PageOf
+from somrs.storage.disk import Job
 
 _CHANGES = msgspec.json.Decoder(tuple[Change, ...])
 _REVISION = msgspec.json.Decoder(Revision)
@@ -51,6 +53,15 @@ def event_of(row: Row) -> Event:
     )
 
 
+def reading(task: HistoryOf | EventsOf) -> Job[list[Row]]:
+    """What reads the events that are asked for."""
+    match task:
+        case HistoryOf(object=object, limit=limit):
+            return functools.partial(history, object, limit)
+        case EventsOf():
+            return functools.partial(happened, task)
+
+
 def happened(wanted: EventsOf, db: sqlite3.Connection) -> list[Row]:
     """The events that are asked for."""
     where, order = ("version > ?", "ASC") if wanted.after is not None else ("version < ?", "DESC")
@@ -60,6 +71,12 @@ def happened(wanted: EventsOf, db: sqlite3.Connection) -> list[Row]:
     columns = _BRIEF if wanted.brief else _COLUMNS
     rows = db.execute(f"SELECT {columns} FROM events WHERE {where} ORDER BY version {order} LIMIT ?", (bound, wanted.limit))
     return [Row(*row) for row in rows]
+
+
+def happened_at(version: int, db: sqlite3.Connection) -> Row | None:
+    """The event that led to the version, if it is known."""
+    row = db.execute(f"SELECT {_COLUMNS} FROM events WHERE version = ?", (version,)).fetchone()
+    return Row(*row) if row is not None else None
 
 
 def history(object: str, limit: int, db: sqlite3.Connection) -> list[Row]:
@@ -74,7 +91,7 @@ def history(object: str, limit: int, db: sqlite3.Connection) -> list[Row]:
         first, before = given if given is not None else (0, None)
         rows = db.execute(
             f"SELECT {_COLUMNS} FROM events JOIN touched USING (version) WHERE object = ? AND version BETWEEN ? AND ?"
-            " ORDER BY version DESC LIMIT ?",
+            " ORDER BY touched.version DESC LIMIT ?",
             (name, first, last, limit - len(found)),
         )
         found += [Row(*row) for row in rows]
@@ -100,7 +117,7 @@ def leading_back(version: int, at: int, db: sqlite3.Connection) -> tuple[list[Wa
     return way, changed
 
 
-def past(asked: PastOf, way: Sequence[Way], changed_at: int) -> Past:
+def past(asked: PageOf, way: Sequence[Way], changed_at: int) -> Past:
     """The map and the ontology at the other end of the way."""
     ontology = asked.ontology
     for step in way:

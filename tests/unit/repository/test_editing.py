@@ -29,7 +29,7 @@ from somrs.protocol.messages.knowledge import (
     Updated,
     UpdateMap,
 )
-from somrs.repository.entries import Contents
+from somrs.repository.state import Contents
 from tests.support.examples import examples
 from tests.support.keeper import Keeper, definitions
 from tests.unit.repository.test_redefinition import WORKSHOP
@@ -158,7 +158,7 @@ def test_whatever_is_edited_nothing_is_lost(data: st.DataObject) -> None:
             keeper.settle()
             assert (definitions(keeper.replica.ontology), keeper.replica.map) == now
             if data.draw(st.integers(0, 9)) == 0:
-                keeper.restart()
+                keeper.restart(snapshot=data.draw(st.booleans()))
         kept = keeper.contents
         keeper.restart()
         assert [*keeper.contents.ontology] == [*kept.ontology]

@@ -2,41 +2,51 @@
 
 from __future__ import annotations
 
-import sqlite3
+import asyncio
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.errors import UsageError
-from somrs.kernel.component import Received, Started
+from somrs.kernel.component import Ask, Input, Received, Send, Started
+from somrs.kernel.pending import Sent
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind, ObjectType
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import (
+    Consider,
+    Considered,
     Define,
     Defined,
     Definitions,
     Event,
     History,
+    MapPage,
     MapSubscribed,
+    QueryMap,
+    ReadEvents,
     ReadHistory,
+    ReadMap,
+    ReadOntology,
     Rejected,
+    RenameObject,
     SubscribeMap,
+    Undo,
     Updated,
     UpdateMap,
 )
 from somrs.repository.component import Repository
-from somrs.repository.entries import Contents, Handled, HistoryOf, Subscription
-from somrs.runtime.virtual import World, at_once
-from somrs.storage.repository_store import KIND, RepositoryStore
+from somrs.runtime.host import Host
+from somrs.storage.repository_store import repository_journal
 from tests.support.examples import examples
-from tests.support.lab import CLIENT, REPOSITORY, lab, records, request, sent, tell
+from tests.support.keeper import Keeper
+from tests.support.lab import REPOSITORY, contents, lab, request
 
 
 @pytest.fixture
@@ -45,49 +55,23 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def store(path: Path) -> Iterator[RepositoryStore]:
-    store = RepositoryStore.open(path)
-    store.initialise(*lab())
-    yield store
-    store.close()
+def keeper(path: Path) -> Iterator[Keeper]:
+    keeper = Keeper(path)
+    yield keeper
+    keeper.close()
 
 
-def loaded(store: RepositoryStore) -> Contents:
-    contents = store.load()
-    assert contents is not None
-    return contents
-
-
-def reopened(store: RepositoryStore) -> RepositoryStore:
-    store.close()
-    return RepositoryStore.open(store.path)
-
-
-def carry(repository: Repository, store: RepositoryStore, message: Message, now: float = 1.0) -> list[object]:
-    """Hand over a message and keep what is to be kept; what was said."""
-    effects = repository.handle(Received(message), now)
-    for entry in records(effects):
-        store.record(entry)  # type: ignore[arg-type]  # a Repository records entries
-    return sent(effects, object)
-
-
-def test_a_new_file_holds_nothing_and_then_what_it_is_given(path: Path) -> None:
-    store = RepositoryStore.open(path)
-    assert store.load() is None
+def test_a_new_file_begins_with_what_is_given_and_is_gone_on_with(keeper: Keeper) -> None:
     ontology, map = lab()
-    store.initialise(ontology, map)
-    contents = loaded(reopened(store))
-    assert ([*contents.ontology], contents.map, contents.version) == ([*ontology], map, 0)
-    assert [*contents.map.objects] == [*map.objects]
+    assert ([*keeper.contents.ontology], keeper.contents.map, keeper.contents.version) == ([*ontology], map, 0)
+    keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
+    keeper.restart(snapshot=True)
+    assert ([*keeper.contents.ontology], [*keeper.contents.map.objects]) == ([*ontology], [*map.objects])
+    assert keeper.contents.map.holds("isOn", ("Jar1", "Table2")), "not what was given at first"
 
 
-def test_a_map_is_not_replaced_by_accident(store: RepositoryStore) -> None:
-    with pytest.raises(UsageError, match="holds a map already"):
-        store.initialise(*lab())
-
-
-def test_every_kind_of_change_and_definition_is_kept(store: RepositoryStore) -> None:
-    repository = Repository(REPOSITORY, loaded(store))
+@pytest.mark.parametrize("snapshot", [True, False])
+def test_every_kind_of_change_and_definition_is_kept(keeper: Keeper, snapshot: bool) -> None:
     values: dict[str, float | str | bool] = {"PositionX": 0.1, "PositionY": 1e-9, "PositionZ": 0.0, "Label": "Krug „Ö“ \n"}
     bodies: list[Body] = [
         UpdateMap(changes=(ObjectAdded(Object(name="Jar9", type="Jar", values=values)),), situation="Jar9 isOn Table1"),
@@ -101,62 +85,135 @@ def test_every_kind_of_change_and_definition_is_kept(store: RepositoryStore) -> 
         ),
     ]
     for body in bodies:
-        assert isinstance(carry(repository, store, request(body))[0], Updated | Defined)
-    contents = loaded(reopened(store))
-    kept = repository.contents
-    assert ([*contents.ontology], contents.map, contents.version) == ([*kept.ontology], kept.map, 5)
-    assert (contents.changed_at, contents.answered) == (kept.changed_at, kept.answered)
+        keeper.say(body, Updated | Defined)  # type: ignore[arg-type]  # either
+    kept = keeper.contents
+    keeper.restart(snapshot=snapshot)
+    found = keeper.contents
+    assert ([*found.ontology], found.map, found.version) == ([*kept.ontology], kept.map, 5)
+    assert (found.changed_at, found.defined_at, found.answered) == (kept.changed_at, kept.defined_at, kept.answered)
 
 
-def test_what_was_answered_is_answered_again_after_a_restart(store: RepositoryStore) -> None:
-    repository = Repository(REPOSITORY, loaded(store))
-    moved, wrong = request(UpdateMap(situation="Jar1 isOn Table2")), request(UpdateMap(situation="Jar9 isOn Table2"))
-    idle, defined = request(UpdateMap(situation="Jar2 isOn Table1")), request(Define(definitions=Definitions()))
-    first = [carry(repository, store, message) for message in (moved, wrong, idle, defined)]
-    carry(repository, store, request(UpdateMap(situation="Jar1 isOn Table1 AND Jar2 isOn Table2")))
-    store = reopened(store)
-    repository = Repository(REPOSITORY, loaded(store))
-    assert [carry(repository, store, message) for message in (moved, wrong, idle, defined)] == first
-    assert isinstance(first[1][0], Rejected)
-    assert repository.contents.version == 2
-    assert repository.contents.map.holds("isOn", ("Jar2", "Table2"))
-    store.close()
+def test_what_was_answered_is_answered_again_after_a_restart(keeper: Keeper) -> None:
+    asked = ["Jar1 isOn Table2", "Jar9 isOn Table2", "Jar2 isOn Table1"]
+    first = [keeper.say(UpdateMap(situation=situation), object, identity=situation) for situation in asked]
+    keeper.say(UpdateMap(situation="Jar1 isOn Table1 AND Jar2 isOn Table2"), Updated)
+    keeper.restart()
+    assert [keeper.say(UpdateMap(situation=situation), object, identity=situation) for situation in asked] == first
+    assert isinstance(first[1], Rejected)
+    assert keeper.contents.version == 2
+    assert keeper.contents.map.holds("isOn", ("Jar2", "Table2"))
 
 
-def test_expected_versions_outlast_a_restart(store: RepositoryStore) -> None:
-    carry(Repository(REPOSITORY, loaded(store)), store, request(UpdateMap(situation="Jar1 isOn Table2")))
-    repository = Repository(REPOSITORY, loaded(reopened(store)))
-    effects = tell(repository, UpdateMap(changes=(ValueSet("Jar1", "Color", "Red"),), expected_version=0))
-    assert "Jar1: changed in version 1" in sent(effects, Rejected)[0].problems[0]
+def test_expected_versions_outlast_a_restart(keeper: Keeper) -> None:
+    keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
+    keeper.restart(snapshot=True)
+    rejected = keeper.say(UpdateMap(changes=(ValueSet("Jar1", "Color", "Red"),), expected_version=0), Rejected)
+    assert "Jar1: changed in version 1" in rejected.problems[0]
 
 
-def test_followers_outlast_a_restart(store: RepositoryStore) -> None:
-    repository = Repository(REPOSITORY, loaded(store))
-    carry(repository, store, request(SubscribeMap(lease=60), sender="http://follower"))
-    carry(repository, store, request(SubscribeMap(lease=90), sender="http://follower"))
-    store.record(Subscription(address="http://gone", until=5.0))
-    store.record(Subscription(address="http://gone", until=None))
-    repository = Repository(REPOSITORY, loaded(reopened(store)))
-    assert sent(repository.handle(Started(REPOSITORY), 2.0), MapSubscribed) == [MapSubscribed(version=0, until=91.0)]
+def feed(keeper: Keeper, event: Input) -> list[Send]:
+    return [effect for effect in keeper.effects(event) if isinstance(effect, Send)]
 
 
-def test_history_is_told_newest_first(store: RepositoryStore) -> None:
-    world = World()
-    world.add(REPOSITORY, Repository(REPOSITORY, loaded(store)), at_once(store.answer))
+@pytest.mark.parametrize("snapshot", [True, False])
+def test_followers_outlast_a_restart_with_what_they_were_not_told(keeper: Keeper, snapshot: bool) -> None:
+    feed(keeper, Received(request(SubscribeMap(lease=90), sender="http://follower")))
+    keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
+    keeper.restart(snapshot=snapshot)
+    waiting = [sent.message for sent in keeper.journaled.pending.messages.values() if isinstance(sent, Sent)]
+    assert "MapChanged" in [type(one.body).__name__ for one in waiting if one.header.recipient == "http://follower"]
+    greetings = [sent.message for sent in feed(keeper, Started(REPOSITORY)) if sent.message.header.recipient == "http://follower"]
+    assert [one.body for one in greetings] == [MapSubscribed(version=1, until=91.0)]
+
+
+def test_history_is_told_newest_first(keeper: Keeper) -> None:
     asked = [UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n + 10)),), author=f"Robot{n}") for n in range(5)]
     for body in [*asked, UpdateMap(situation="Jar2 isOn Table2")]:
-        world.send(request(body))
-        world.run(1.0)
-        for entry in world.records[REPOSITORY]:
-            store.record(entry)  # type: ignore[arg-type]  # a Repository records entries
-        world.records[REPOSITORY].clear()
-    world.send(request(ReadHistory(object="Jar1", limit=3)))
-    world.run(1.0)
-    history = world.messages[-1].body
-    assert isinstance(history, History)
+        keeper.say(body, Updated)
+    history = keeper.say(ReadHistory(object="Jar1", limit=3), History)
     assert [(event.version, event.author) for event in history.events] == [(5, "Robot4"), (4, "Robot3"), (3, "Robot2")]
-    assert [event.version for event in store.history("Table1", 10)] == [6]
-    assert store.history("Nothing", 10) == ()
+    assert [event.version for event in keeper.say(ReadHistory(object="Table1"), History).events] == [6]
+    assert keeper.say(ReadHistory(object="Room1"), History).events == ()
+
+
+# What is under way
+
+
+@pytest.mark.parametrize("snapshot", [True, False])
+@pytest.mark.parametrize(
+    "body",
+    [
+        ReadHistory(object="Jar1"),
+        ReadEvents(before=2),
+        ReadMap(at_version=0),
+        ReadOntology(at_version=0),
+        Consider(change=Undo(version=1)),
+    ],
+)
+def test_what_the_archive_is_to_say_is_asked_again_after_a_restart(keeper: Keeper, snapshot: bool, body: Body) -> None:
+    keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
+    wanted = keeper.say(body, object)
+    (question,) = keeper.effects(Received(request(body, identity="urn:uuid:1")))
+    assert isinstance(question, Ask)
+    keeper.say(UpdateMap(changes=(ValueSet("Jar2", "Color", "Red"),)), Updated)
+    answers = [send.message for send in keeper.restart(snapshot=snapshot)]
+    (answer,) = [one.body for one in answers if one.header.relates_to == "urn:uuid:1"]
+    assert answer == (msgspec.structs.replace(wanted, version=2) if isinstance(wanted, Considered) else wanted)
+    assert keeper.journaled.pending.questions == {}
+
+
+@pytest.mark.parametrize("snapshot", [True, False])
+def test_an_undo_that_is_under_way_goes_on_after_a_restart(keeper: Keeper, snapshot: bool) -> None:
+    keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
+    (question,) = keeper.effects(Received(request(Undo(version=1), identity="urn:uuid:1")))
+    assert isinstance(question, Ask)
+    answers = [send.message for send in keeper.restart(snapshot=snapshot)]
+    assert [one.body for one in answers if one.header.relates_to == "urn:uuid:1"] == [Updated(version=2)]
+    assert keeper.contents.map == lab()[1]
+    assert keeper.say(Undo(version=1), Updated, identity="urn:uuid:1") == Updated(version=2), "it is done once"
+
+
+def test_pages_of_the_past_are_of_their_version_whatever_comes_between(keeper: Keeper) -> None:
+    pages = {0: keeper.say(ReadMap(at_version=0), object)}
+    for number in range(8):
+        keeper.say(UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(number)),)), Updated)
+        pages[number + 1] = keeper.say(ReadMap(at_version=number + 1), MapPage)
+    keeper.restart()
+    assert {version: keeper.say(ReadMap(at_version=version), MapPage) for version in pages} == pages
+
+
+# On a node
+
+
+def anonymous(body: Body, to: str, number: int = 0) -> Message:
+    return Message(header=Header(sender=ANONYMOUS, recipient=to, message_id=message_id(repr(body), number)), body=body)
+
+
+def test_what_is_only_read_is_not_kept_and_an_orderly_stop_leaves_nothing_to_be_done_again(path: Path) -> None:
+    async def run(moved: bool) -> tuple[int, list[object]]:
+        rim, journal = Host(), repository_journal(path)
+        await rim.start()
+        node = rim.add_journaled(
+            "/moved" if moved else "/repository", lambda address: Repository(address, contents()), journal, carry_out=journal.carry_out
+        )
+        number = int(moved)
+        updated = await rim.request(anonymous(UpdateMap(situation=f"Jar1 isOn Table{2 - number}"), node.address))
+        before = journal.disk.read(lambda db: db.execute("SELECT max(last) FROM entries").fetchone()[0]).result()
+        reads: list[Body] = [
+            ReadMap(), ReadMap(at_version=0), ReadOntology(), QueryMap(formula="Jar1 isOn ?Where"), ReadEvents(),
+            ReadHistory(object="Jar1"), Consider(change=Undo(version=1)), Consider(change=RenameObject(name="Jar1", to="Krug")),
+        ]  # fmt: skip
+        answers = [await rim.request(anonymous(body, node.address)) for body in reads]
+        assert not any(isinstance(answer.body, Fault) for answer in answers)
+        after = journal.disk.read(lambda db: db.execute("SELECT max(last) FROM entries").fetchone()[0]).result()
+        await rim.stop()
+        (left,) = journal.disk.do(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
+        assert left == 0
+        journal.close()
+        return after - before, [updated.body]
+
+    assert asyncio.run(run(moved=False)) == (0, [Updated(version=1)])
+    assert asyncio.run(run(moved=True)) == (0, [Updated(version=2)]), "it goes on at another address"
 
 
 # Whatever is changed
@@ -181,32 +238,49 @@ UPDATES = st.builds(
     st.lists(CHANGES, max_size=4),
     st.none() | st.builds(lambda name, where: f"{name} isOn {where}", NAMES, WHERE),
 )
+RESTARTS = st.sampled_from(["", "", "", "kill", "stop"])
 
 
 @examples(40)
-@given(st.lists(UPDATES, max_size=12))
-def test_the_file_holds_the_map_and_history_adds_up_to_it(updates: list[UpdateMap]) -> None:
+@given(st.lists(st.tuples(UPDATES, RESTARTS), max_size=12))
+def test_the_file_holds_the_map_and_history_adds_up_to_it(updates: list[tuple[UpdateMap, str]]) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        store = RepositoryStore.open(Path(folder) / "repository.sqlite")
-        store.initialise(*lab())
-        repository = Repository(REPOSITORY, loaded(store))
-        for update in updates:
-            before, version = repository.contents.map, repository.contents.version
-            (answer, *_) = carry(repository, store, request(update))
+        keeper = Keeper(Path(folder) / "repository.sqlite")
+        for update, restart in [*updates, (UpdateMap(), "kill")]:
+            before, version = keeper.contents.map, keeper.contents.version
+            answer = keeper.say(update, object)
             if answer == Updated(version=version + 1):
-                assert repository.contents.map == plain(before, update)
+                assert keeper.contents.map == plain(before, update)
             else:
-                assert repository.contents.map == before
-        store = reopened(store)
-        assert loaded(store).map == repository.contents.map
-        assert loaded(store).changed_at == repository.contents.changed_at
+                assert keeper.contents.map == before
+            if restart:
+                kept = keeper.contents
+                keeper.restart(snapshot=restart == "stop")
+                assert (keeper.contents.map, keeper.contents.changed_at) == (kept.map, kept.changed_at)
+                assert (keeper.contents.version, keeper.contents.answered) == (kept.version, kept.answered)
         events: dict[int, Event] = {}
         for name in ("Jar1", "Jar2", "Jar5", "Jar6"):
-            events.update({event.version: event for event in store.history(name, 1000)})
-        assert sorted(events) == list(range(1, repository.contents.version + 1))
+            told = keeper.say(ReadHistory(object=name, limit=1000), object)
+            events.update({event.version: event for event in told.events} if isinstance(told, History) else {})
+        assert sorted(events) == list(range(1, keeper.contents.version + 1))
         sum_of_events = lab()[1].changed(change for version in sorted(events) for change in events[version].changes)
-        assert sum_of_events == repository.contents.map
-        store.close()
+        assert sum_of_events == keeper.contents.map
+        changed_at = {name: version for version in sorted(events) for name in told_of(events[version])}
+        assert changed_at == keeper.contents.changed_at
+        keeper.close()
+
+
+def told_of(event: Event) -> list[str]:
+    names: list[str] = []
+    for change in event.changes:
+        match change:
+            case ObjectAdded(object):
+                names.append(object.name)
+            case ObjectRemoved(name) | ValueSet(name):
+                names.append(name)
+            case FactAdded(fact) | FactRemoved(fact):
+                names += fact.arguments
+    return names
 
 
 def plain(map: Map, update: UpdateMap) -> Map:
@@ -219,77 +293,3 @@ def plain(map: Map, update: UpdateMap) -> Map:
             [*(FactRemoved(fact) for fact in map.facts("isOn") if fact.arguments[0] == name), FactAdded(Fact("isOn", (name, where)))]
         )
     return map
-
-
-# Accidents
-
-
-def test_an_entry_that_cannot_be_kept_leaves_no_trace(store: RepositoryStore) -> None:
-    changes = (ValueSet("Jar1", "Color", "Red"), ValueSet("Nobody", "Color", "Red"))
-    event = Event(version=1, at=1.0, author="", changes=changes)
-    with pytest.raises(UsageError, match="Nobody"):
-        store.record(Handled(request="urn:uuid:1", answer=Updated(version=1), event=event))
-    contents = loaded(store)
-    assert (contents.version, contents.answered, contents.map) == (0, {}, lab()[1])
-
-
-def test_one_process_at_a_time_has_the_file(store: RepositoryStore) -> None:
-    with pytest.raises(UsageError, match="in use by another process"):
-        RepositoryStore.open(store.path)
-
-
-def test_a_file_that_is_no_database_is_refused_and_left_alone(path: Path) -> None:
-    path.write_text("objects:\n  Jar1: {type: Jar}\n" * 100)
-    before = path.read_bytes()
-    with pytest.raises(UsageError, match="not a Repository's file"):
-        RepositoryStore.open(path)
-    assert path.read_bytes() == before
-
-
-def test_a_database_of_somebody_else_is_refused_and_left_alone(path: Path) -> None:
-    with sqlite3.connect(path) as other:
-        other.execute("CREATE TABLE objects (name TEXT)")
-    other.close()
-    before = path.read_bytes()
-    with pytest.raises(UsageError, match="not a Repository's"):
-        RepositoryStore.open(path)
-    assert path.read_bytes() == before
-
-
-def test_a_file_of_another_format_is_refused(path: Path) -> None:
-    RepositoryStore.open(path).close()
-    with sqlite3.connect(path) as other:
-        assert other.execute("PRAGMA application_id").fetchone() == (KIND.application,)
-        other.execute(f"PRAGMA user_version = {KIND.version + 1}")
-    other.close()
-    with pytest.raises(UsageError, match=f"has format {KIND.version + 1}"):
-        RepositoryStore.open(path)
-
-
-def test_a_damaged_file_is_said_to_be_damaged(store: RepositoryStore) -> None:
-    store.close()
-    data = bytearray(store.path.read_bytes())
-    data[4096:] = b"\x5a" * (len(data) - 4096)
-    store.path.write_bytes(bytes(data))
-    with pytest.raises(UsageError, match="damaged"):
-        RepositoryStore.open(store.path).load()
-
-
-def test_a_document_that_is_none_is_said_to_be_damaged(store: RepositoryStore) -> None:
-    store.close()
-    with sqlite3.connect(store.path) as other:
-        other.execute("UPDATE objects SET document = '{\"name\": 1}' WHERE name = 'Jar1'")
-    other.close()
-    with pytest.raises(UsageError, match="put a copy back"):
-        RepositoryStore.open(store.path).load()
-
-
-def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="there is no folder"):
-        RepositoryStore.open(tmp_path / "nowhere" / "repository.sqlite")
-
-
-def test_a_store_answers_for_histories_only(store: RepositoryStore) -> None:
-    assert store.answer(HistoryOf(object="Jar1", limit=1)) == ()
-    with pytest.raises(UsageError, match="Fault"):
-        store.answer(Fault(code="Sender", text=CLIENT))

@@ -16,7 +16,7 @@ from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import FactAdded, Object, ObjectAdded, ObjectRemoved
 from somrs.protocol.messages.knowledge import Alteration, Define, Definitions, RenameObject, UpdateMap
 from somrs.repository.component import Repository
-from somrs.repository.entries import Contents
+from somrs.repository.state import Contents
 from tests.support.lab import REPOSITORY, request
 from tests.support.looking_lab import SITE
 

@@ -1,0 +1,101 @@
+"""The Repository's files of before, and how each becomes one of the next format.
+
+Up to the third, the state was in tables of its own: definitions, objects, facts, answers and subscriptions. It becomes the first snapshot
+of a journal, and what happened stays as it is.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Mapping
+
+import msgspec
+
+from somrs.kernel.pending import Journaled, Written
+from somrs.ontology.naming import Section
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, Ontology, RelationType
+from somrs.repository.component import SCHEMA, Repository
+from somrs.repository.state import Answer, Contents, Defining, Subscription
+from somrs.storage import journal
+from somrs.storage.disk import Step, execute
+
+DRIVERS = ("fixed_camera", "manipulator", "patrol")
+"""Modules with drivers of simulated devices."""
+
+KINDS: dict[str, type[Definition]] = {kind.__name__: kind for kind in (AttributeType, RelationType, FunctionType, ObjectType, ServiceType)}
+
+_OBJECT = msgspec.json.Decoder(Object)
+_ARGUMENTS = msgspec.json.Decoder(tuple[str, ...])
+_ANSWER: msgspec.json.Decoder[Answer] = msgspec.json.Decoder(Answer)
+
+
+def _journaled(db: sqlite3.Connection) -> None:
+    """The state in tables becomes a snapshot."""
+    contents = _contents(db)
+    execute(
+        db,
+        "DROP TABLE definitions; DROP TABLE objects; DROP TABLE facts; DROP TABLE answered; DROP TABLE subscriptions; DROP TABLE revised;"
+        + journal.TABLES,
+    )
+    if contents is not None:
+        journal.begin_with(db, Journaled(Repository.restored(contents), SCHEMA), Written(SCHEMA))
+
+
+def _contents(db: sqlite3.Connection) -> Contents | None:
+    definitions = [
+        msgspec.json.decode(document, type=KINDS[kind])
+        for kind, document in db.execute("SELECT kind, document FROM definitions ORDER BY rowid")
+    ]
+    if not definitions:
+        return None
+    objects = [_OBJECT.decode(document) for (document,) in db.execute("SELECT document FROM objects ORDER BY rowid")]
+    rows = db.execute("SELECT relation, arguments FROM facts ORDER BY rowid")
+    facts = [Fact(relation, _ARGUMENTS.decode(arguments)) for relation, arguments in rows]
+    (version,) = db.execute("SELECT coalesce(max(version), 0) FROM events").fetchone()
+    (since,) = db.execute("SELECT coalesce(max(version), 0) FROM events WHERE before IS NULL").fetchone()
+    defined_at: dict[Section, dict[str, Defining]] = {}
+    for section, name, at, author in db.execute("SELECT section, name, version, author FROM revised JOIN events USING (version)"):
+        defined_at.setdefault(Section(section), {})[name] = Defining(version=at, author=author)
+    answered = db.execute("SELECT request, answer FROM answered ORDER BY number")
+    subscriptions = db.execute("SELECT address, until FROM subscriptions ORDER BY rowid")
+    return Contents(
+        ontology=Ontology(definitions),
+        map=Map(objects, facts),
+        version=version,
+        changed_at=dict(db.execute("SELECT object, max(version) FROM touched GROUP BY object")),
+        defined_at=defined_at,
+        answered={request: _ANSWER.decode(answer) for request, answer in answered},
+        subscriptions={address: Subscription(until=until, version=version) for address, until in subscriptions},
+        since=since,
+    )
+
+
+MIGRATIONS: Mapping[int, Step] = {
+    # What was before an event is not known of those of the first format: `before` is NULL.
+    1: """
+    ALTER TABLE events ADD COLUMN before TEXT;
+    ALTER TABLE events ADD COLUMN revision TEXT;
+    ALTER TABLE events ADD COLUMN renamed TEXT;
+    ALTER TABLE events ADD COLUMN undoes INTEGER;
+    UPDATE events SET revision = json_object('before', json('{}'), 'after', json(definitions)) WHERE definitions IS NOT NULL;
+    ALTER TABLE events DROP COLUMN definitions;
+    CREATE INDEX revisions ON events (version) WHERE revision IS NOT NULL;
+    CREATE TABLE revised (section TEXT NOT NULL, name TEXT NOT NULL, version INTEGER NOT NULL, PRIMARY KEY (section, name)) WITHOUT ROWID;
+    INSERT INTO revised
+      SELECT of.key, json_extract(one.value, '$.name'), max(version)
+      FROM events, json_each(revision, '$.after') AS of, json_each(of.value) AS one WHERE revision IS NOT NULL GROUP BY 1, 2;
+    CREATE TABLE renamed (name TEXT NOT NULL, version INTEGER NOT NULL, before TEXT NOT NULL, PRIMARY KEY (name, version)) WITHOUT ROWID;
+    """,
+    # The drivers of devices are in packages of their own since.
+    2: "".join(
+        f"UPDATE definitions SET document = replace(document, '{before}:', '{after}:');"
+        for before, after in (
+            ("somrs.devices.person", "somrs.devices.person.device"),
+            *((f"somrs.devices.simulator.{name}", f"somrs.devices.simulator.drivers.{name}") for name in DRIVERS),
+        )
+    ),
+    3: _journaled,
+}
+"""By the format that a file has."""
