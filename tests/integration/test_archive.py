@@ -20,9 +20,9 @@ from somrs.cli import task_commands as tasks
 from somrs.client.export import Format, Table, columns, export, moment
 from somrs.client.task_history import Past, past
 from somrs.errors import UsageError
-from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.storage import archive

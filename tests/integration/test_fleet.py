@@ -14,10 +14,11 @@ from somrs.api.service_presence import UNSEEN, Roster
 from somrs.client.task_history import Past
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
-from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord, WorkView
+from somrs.protocol.messages.clients import WorkView
 from somrs.protocol.messages.directory import Offer, ServicesJoined, ServicesLeft
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.storage import archive
 
 

@@ -28,7 +28,7 @@ from somrs.kernel.component import Answered, Input, Rang, Received, Record, Star
 from somrs.kernel.pending import Entry, Journaled, Pending, Written
 from somrs.kernel.replica import ReplicaDue
 from somrs.planner.model.plan import Link, NoPlan, Plan, Step
-from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord
+from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.storage.journal import KIND, Journal
 from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
 from somrs.task_manager.timers import AnswerDue, BidsDue, PlanWanted, SilenceDue

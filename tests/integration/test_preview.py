@@ -7,9 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import Policy, Preview, Previewed, TaskRecord
+from somrs.protocol.messages.clients import Policy, Preview, Previewed
 from somrs.protocol.messages.envelope import Header
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.records import TaskRecord
 from tests.integration.test_task_manager import WISH
 from tests.support.examples import examples
 from tests.support.lab import request

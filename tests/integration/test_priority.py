@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 from somrs.kernel.codec import Codec, encoded
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
-from somrs.protocol.messages.clients import CancelTask, Phase, Policy, ReadTasks, TaskRecord, Tasks
+from somrs.protocol.messages.clients import CancelTask, Phase, Policy, ReadTasks, Tasks
 from somrs.protocol.messages.directory import AT_ONCE, Offer
 from somrs.protocol.messages.frp import Execute, Outcome, State
+from somrs.protocol.messages.records import TaskRecord
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.device_queue import AtWork, DeviceQueues

@@ -15,8 +15,9 @@ from somrs.gui.pages.history import _row as history_row
 from somrs.gui.pages.task_head import item
 from somrs.gui.pages.task_story import story
 from somrs.gui.pages.tasks import _told as task_row
-from somrs.protocol.messages.clients import TaskRecord, TaskRow, TasksNews, WatchTasks
+from somrs.protocol.messages.clients import TaskRow, TasksNews, WatchTasks
 from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.records import TaskRecord
 from tests.integration.test_recovery import WISH
 from tests.support.virtual_system import Robot, VirtualSystem
 

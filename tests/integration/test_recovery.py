@@ -8,10 +8,11 @@ from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ValueSe
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import CancelTask, Policy, TaskRecord, TaskView
+from somrs.protocol.messages.clients import CancelTask, Policy, TaskView
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import MapChanged, UpdateMap
+from somrs.protocol.messages.records import TaskRecord
 from somrs.runtime.virtual import LATENCY, Work
 from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, ServiceFailed
 from somrs.task_manager.execution.execution_log import undone

@@ -14,7 +14,9 @@ from somrs.kernel.pending import Journaled
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.repository.component import Repository
 from somrs.storage.journal import Journal
+from somrs.storage.repository_store import repository_journal
 from somrs.task_manager.manager import SCHEMA, TaskManager
 from tests.support.paths import ROOT
 from verification.upgrade_runs.snapshot import journals_of, nobody
@@ -81,6 +83,23 @@ def test_what_was_read_once_is_kept_as_this_program_writes_it(release: Path, pac
         journal.close()
     assert before == after
     assert len(before) >= 4, "the Task Manager, the Service Registry and devices"
+
+
+@pytest.mark.parametrize(("release", "packed"), KILLED_AND_LONG_RUN)
+def test_the_map_is_as_it_was(release: Path, packed: Path, tmp_path: Path) -> None:
+    data = unpacked(packed, tmp_path)
+    kept = []
+    for address in ("here", "elsewhere"):
+        journal = repository_journal(data / "repository.sqlite")
+        journaled, again = journal.begin(address, nobody)
+        assert again
+        assert isinstance(journaled.component, Repository)
+        contents = journaled.component.contents
+        assert contents.map.holds("lies", ("letter", "harbour")), "the first task saw to that"
+        kept.append((contents.version, contents.map, len(contents.answered)))
+        journal.close()
+    assert kept[0] == kept[1]
+    assert kept[0][0] > 0
 
 
 def test_there_are_journals_of_each_version_of_the_state() -> None:

@@ -14,16 +14,15 @@ from somrs.protocol.messages.clients import (
     Phase,
     ReadMessages,
     ReadTasks,
-    Records,
     StepView,
     TaskNews,
-    TaskRecord,
     TasksNews,
     WatchTask,
     WatchTasks,
 )
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Fault, Outcome, State
+from somrs.protocol.messages.records import Records, TaskRecord
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime.virtual import Work

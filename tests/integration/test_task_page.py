@@ -12,7 +12,8 @@ from somrs.gui.pages.task_story import story
 from somrs.gui.pages.task_terms import verdict
 from somrs.gui.pages.task_words import gist
 from somrs.ontology.services import Handler, Occasion
-from somrs.protocol.messages.clients import CancelTask, TaskRecord
+from somrs.protocol.messages.clients import CancelTask
+from somrs.protocol.messages.records import TaskRecord
 from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed
 from tests.integration.test_recovery import BOTH, WISH, goes_silent, holding, patrolled, puts_back, until_one_is_done

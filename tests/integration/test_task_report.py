@@ -12,9 +12,10 @@ from somrs.cli.task_report import messages, tell
 from somrs.client import terminal
 from somrs.client.task_report import Story, builtins
 from somrs.client.trace import lines_of, without_heartbeats
-from somrs.protocol.messages.clients import CancelTask, ReadTasks, TaskNews, TaskRecord, Tasks, TaskView, WatchTask
+from somrs.protocol.messages.clients import CancelTask, ReadTasks, TaskNews, Tasks, TaskView, WatchTask
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.records import TaskRecord
 from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Advance, Order
 from tests.integration.test_recovery import BOTH, WISH, goes_silent, holding, patrolled, puts_back, until_one_is_done

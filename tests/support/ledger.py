@@ -6,9 +6,10 @@ from msgspec import Struct
 
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Trouble, Wake
-from somrs.protocol.messages.clients import CancelTask, TaskRecord
+from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.records import TaskRecord
 
 LONG = 1e6
 """Seconds for which everything is said again."""

@@ -22,8 +22,8 @@ from somrs.kernel.component import Rang
 from somrs.ontology.files.loading import load_text
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.protocol.messages.clients import ReadRecords
 from somrs.protocol.messages.orders import RunState
+from somrs.protocol.messages.records import ReadRecords
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents

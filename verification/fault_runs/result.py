@@ -7,9 +7,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import TaskRecord
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.records import TaskRecord
 from verification.fault_runs.draw import draw
 from verification.fault_runs.properties import Violation
 from verification.fault_runs.stage import Parts, Stage

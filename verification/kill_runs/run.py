@@ -17,8 +17,9 @@ from somrs.client.trace import TASK_MANAGER, Line
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import RemoteError, SomrsError
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import Cancelling, CancelTask, ReadRecords, Submit, TaskView
+from somrs.protocol.messages.clients import Cancelling, CancelTask, Submit, TaskView
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.records import ReadRecords
 from verification.kill_runs import truth
 from verification.kill_runs.bystanders import CHANGED, Acknowledged, Bystanders
 from verification.kill_runs.draw import Case, Victim

@@ -12,8 +12,8 @@ from somrs.client.operations import Document, operation
 from somrs.client.refusals import NotFound
 from somrs.client.task_history import Past
 from somrs.errors import UsageError
-from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 
 MEDIA_TYPES = {Format.JSONL: "application/jsonl", Format.CSV: "text/csv; charset=utf-8"}
 

@@ -9,8 +9,9 @@ from collections.abc import Iterable
 import msgspec
 
 from somrs.client.task_history import Past
-from somrs.protocol.messages.clients import ReadRecords, TaskRecord, WorkView
+from somrs.protocol.messages.clients import WorkView
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.records import ReadRecords, TaskRecord
 
 MOST_TASKS = 1000
 """Of those that were over before anybody asked, the latest so many are looked at: what was before them says little of today."""

@@ -13,7 +13,8 @@ from somrs.client.client import Client
 from somrs.client.hub import Hub
 from somrs.client.task_history import Past
 from somrs.errors import RemoteError
-from somrs.protocol.messages.clients import ContractView, Phase, ReadRecords, TaskEvent, TaskRow, TasksNews, TaskView, WatchTask, WatchTasks
+from somrs.protocol.messages.clients import ContractView, Phase, TaskEvent, TaskRow, TasksNews, TaskView, WatchTask, WatchTasks
+from somrs.protocol.messages.records import ReadRecords
 from somrs.runtime.wire import Unanswered
 
 WAIT = 20.0

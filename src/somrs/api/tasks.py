@@ -21,7 +21,6 @@ from somrs.protocol.messages.clients import (
     Phase,
     Preview,
     Previewed,
-    ReadRecords,
     Submit,
     Submitted,
     TaskEvent,
@@ -29,6 +28,7 @@ from somrs.protocol.messages.clients import (
     TaskView,
 )
 from somrs.protocol.messages.envelope import message_id
+from somrs.protocol.messages.records import ReadRecords
 from somrs.runtime.wire import Unanswered
 
 __all__ = ["TaskChanged", "TaskList", "TaskSeen", "TasksChanged", "TasksDesk"]

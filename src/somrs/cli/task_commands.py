@@ -18,9 +18,10 @@ from somrs.client.task_report import Story, builtins, is_named, view
 from somrs.client.trace import Line, lines_from, lines_of, without_heartbeats
 from somrs.errors import FormulaError, UsageError
 from somrs.ontology.services import Handler, Occasion
-from somrs.protocol.messages.clients import ReadRecords, Submit, TaskNews, TaskView
+from somrs.protocol.messages.clients import Submit, TaskNews, TaskView
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.records import ReadRecords
 
 LAST = "last"
 """In place of an id: the task that was stated last."""

@@ -13,7 +13,7 @@ import typer
 from somrs.cli.options import HERE, Data, Formula, Json, awaited, fail, guarded
 
 if TYPE_CHECKING:
-    from somrs.protocol.messages.clients import ReadRecords
+    from somrs.protocol.messages.records import ReadRecords
 
 tasks_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
@@ -169,8 +169,8 @@ def export(
 def _wanted(since: str | None, outcome: OutcomeOption | None, text: str | None, by: str | None) -> ReadRecords | None:
     """The tasks that are over that are asked for; None: all."""
     from somrs.client.export import moment
-    from somrs.protocol.messages.clients import ReadRecords
     from somrs.protocol.messages.frp import Outcome
+    from somrs.protocol.messages.records import ReadRecords
 
     if since is None and outcome is None and not text and not by:
         return None

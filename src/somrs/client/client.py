@@ -16,7 +16,7 @@ import msgspec
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Definition, Ontology
-from somrs.protocol.messages import clients, directory, frp, knowledge
+from somrs.protocol.messages import clients, directory, frp, knowledge, records
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.people import client
@@ -297,9 +297,9 @@ class Client:
             question = msgspec.structs.replace(question, behind=page.tasks[-1].task)
         return tuple(found[:limit])
 
-    async def records(self, wanted: clients.ReadRecords) -> clients.Records:
+    async def records(self, wanted: records.ReadRecords) -> records.Records:
         """A page of what is kept of tasks that are over."""
-        return await self.ask(self.addresses.task_manager, wanted, clients.Records)
+        return await self.ask(self.addresses.task_manager, wanted, records.Records)
 
     async def cancel(self, task: str, reason: str) -> None:
         wanted = clients.CancelTask(task=task, reason=reason)

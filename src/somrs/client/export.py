@@ -20,9 +20,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from somrs.client.task_history import Past, past
 from somrs.errors import UsageError
-from somrs.protocol.messages.clients import ContractView, MessageView, ReadRecords, Records, TaskEvent, TaskRecord, WorkView
+from somrs.protocol.messages.clients import ContractView, MessageView, TaskEvent, WorkView
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 
 PAGE = 100
 """Records that are asked for at once; fewer come when they are long."""

@@ -12,7 +12,7 @@ from msgspec import structs
 
 from somrs.client.client import SYSTEM_FILE, Addresses, Client
 from somrs.errors import RemoteError, UsageError
-from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord
+from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.storage import archive
 from somrs.storage.journal import KIND
 

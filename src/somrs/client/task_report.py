@@ -6,7 +6,8 @@ from typing import Any
 
 import msgspec
 
-from somrs.protocol.messages.clients import ContractView, Phase, Previewed, TaskEvent, TaskRecord, TaskRow, TaskView
+from somrs.protocol.messages.clients import ContractView, Phase, Previewed, TaskEvent, TaskRow, TaskView
+from somrs.protocol.messages.records import TaskRecord
 
 
 class Story(msgspec.Struct, frozen=True, kw_only=True):

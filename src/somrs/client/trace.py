@@ -8,8 +8,9 @@ from typing import Any
 
 import msgspec
 
-from somrs.protocol.messages.clients import MessageView, TaskRecord
+from somrs.protocol.messages.clients import MessageView
 from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.records import TaskRecord
 
 TASK_MANAGER = "TaskManager"
 

@@ -126,7 +126,7 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
     from somrs.planner.model.problem import Problem
     from somrs.planner_service.process import PlannerProcess
     from somrs.planner_service.service import Planner
-    from somrs.protocol.messages.clients import ReadRecords
+    from somrs.protocol.messages.records import ReadRecords
     from somrs.storage.archive import FILE
     from somrs.storage.journal import Journal
     from somrs.task_manager.manager import SCHEMA, TaskManager

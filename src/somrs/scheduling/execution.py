@@ -14,20 +14,12 @@ from somrs.client.task_report import reasons
 from somrs.errors import InputError
 from somrs.kernel.component import Effect, Send
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import (
-    Phase,
-    ReadRecords,
-    Records,
-    Submit,
-    Submitted,
-    TaskNews,
-    TaskRejected,
-    WatchTask,
-)
+from somrs.protocol.messages.clients import Phase, Submit, Submitted, TaskNews, TaskRejected, WatchTask
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault, Outcome
 from somrs.protocol.messages.orders import Run, RunState, StandingOrder
 from somrs.protocol.messages.people import client
+from somrs.protocol.messages.records import ReadRecords, Records
 from somrs.scheduling.book import Book
 
 LATE = 60.0

@@ -13,10 +13,10 @@ from collections.abc import Iterable, Sequence
 import msgspec
 from msgspec import structs
 
-from somrs.protocol.messages.clients import PARTS as LISTS
-from somrs.protocol.messages.clients import ReadRecords, Records, TaskRecord
 from somrs.protocol.messages.envelope import normalised_id
 from somrs.protocol.messages.paging import PAGE_BYTES, fitting, size
+from somrs.protocol.messages.records import PARTS as LISTS
+from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.storage.disk import Disk
 
 FILE = "task-manager.sqlite"

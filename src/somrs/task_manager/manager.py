@@ -7,7 +7,7 @@ from itertools import islice
 
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Answered, Ask, Doing, Effect, Effects, Input, Rang, Received, Send, Started, Trouble, Undelivered, Wake
-from somrs.protocol.messages import clients, frp
+from somrs.protocol.messages import clients, frp, records
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.paging import fitting
@@ -161,7 +161,7 @@ class TaskManager:
                 yield self._read_messages(message, message.body)
             case clients.Preview():
                 yield from self._preview(message, message.body, now)
-            case clients.ReadRecords():
+            case records.ReadRecords():
                 yield self._read_records(message, message.body)
             case frp.Fault():
                 pass  # a Fault is never answered
@@ -216,10 +216,10 @@ class TaskManager:
             passed = self.state.tasks[wanted.task].messages
             page = tuple(fitting(message_view(one.at, one.message) for one in islice(passed, after, None)))
             return self._reply(request, clients.Messages(messages=page, more=after + len(page) < len(passed)))
-        parts = tuple(name for name in clients.PARTS if name != "messages")
-        return self._read_records(request, clients.ReadRecords(task=wanted.task, limit=1, after=after, without=parts))
+        parts = tuple(name for name in records.PARTS if name != "messages")
+        return self._read_records(request, records.ReadRecords(task=wanted.task, limit=1, after=after, without=parts))
 
-    def _read_records(self, request: Message, wanted: clients.ReadRecords) -> Effect:
+    def _read_records(self, request: Message, wanted: records.ReadRecords) -> Effect:
         id = request.header.message_id
         self.state.readers[id] = request
         return Ask(RecordsWanted(id), wanted)
@@ -331,11 +331,11 @@ class TaskManager:
 def _read(request: Message, found: Answer) -> Body:
     """What was asked of the records, for the client that asked for it."""
     match found, request.body:
-        case clients.Records(), clients.ReadRecords():
+        case records.Records(), records.ReadRecords():
             return found
-        case clients.Records(records=(record,)), clients.ReadMessages():
+        case records.Records(records=(record,)), clients.ReadMessages():
             return clients.Messages(messages=record.messages, more=found.rest is not None)
-        case clients.Records(), clients.ReadMessages(task=task):
+        case records.Records(), clients.ReadMessages(task=task):
             return frp.Fault(code="env:Sender", text=f"there is no task {task} here")
         case _:
             return frp.Fault(code="env:Receiver", text=f"the records cannot be read: {found}")

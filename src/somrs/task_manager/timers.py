@@ -8,7 +8,7 @@ from somrs.kernel.component import Trouble
 from somrs.kernel.replica import ReplicaDue
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
-from somrs.protocol.messages.clients import ReadRecords, Records
+from somrs.protocol.messages.records import ReadRecords, Records
 
 
 class BidsDue(Struct, frozen=True, tag=True):

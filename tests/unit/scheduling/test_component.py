@@ -10,10 +10,11 @@ from somrs.kernel.component import Effect, Rang, Received, Record, Send, Started
 from somrs.ontology.files.loading import load_text
 from somrs.protocol.messages import orders
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import Phase, ReadRecords, Records, Submit, Submitted, TaskNews, TaskRejected, TaskView, WatchTask
+from somrs.protocol.messages.clients import Phase, Submit, Submitted, TaskNews, TaskRejected, TaskView, WatchTask
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Fault, Outcome
 from somrs.protocol.messages.orders import Every, OrderSaved, Run, RunState
+from somrs.protocol.messages.records import ReadRecords, Records
 from somrs.scheduling.book import Book, BookChange, RunNoted
 from somrs.scheduling.component import TICK, Scheduler
 from somrs.scheduling.execution import LATE, WAIT, message_for, task_for

@@ -17,8 +17,9 @@ from somrs.client.task_report import reasons
 from somrs.gui.icons import OUTCOMES, clock, lasted
 from somrs.gui.news import follow
 from somrs.gui.shell import guarded, page
-from somrs.protocol.messages.clients import Phase, Records, TaskRecord
+from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.records import Records, TaskRecord
 
 PAGE = 50
 """Tasks on a page."""

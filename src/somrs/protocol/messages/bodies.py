@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from somrs.protocol.messages import clients, directory, frp, knowledge, orders
+from somrs.protocol.messages import clients, directory, frp, knowledge, orders, records
 
 FrpBody = (
     frp.Arrange | frp.Terms | frp.Refuse | frp.Accept | frp.Cancel | frp.Execute | frp.Progress | frp.Completed
@@ -24,7 +24,7 @@ KnowledgeBody = (
 ClientBody = (
     clients.Submit | clients.Submitted | clients.TaskRejected | clients.CancelTask | clients.Cancelling
     | clients.ReadTasks | clients.Tasks | clients.WatchTask | clients.TaskNews | clients.Preview | clients.Previewed
-    | clients.ReadRecords | clients.Records | clients.WatchTasks | clients.TasksNews | clients.ReadMessages | clients.Messages
+    | records.ReadRecords | records.Records | clients.WatchTasks | clients.TasksNews | clients.ReadMessages | clients.Messages
 )  # fmt: skip
 OrderBody = (
     orders.ReadTemplates | orders.TemplatesPage | orders.SaveTemplate | orders.RenameTemplate | orders.RemoveTemplate | orders.TemplateKept
@@ -56,7 +56,7 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     clients.ReadTasks: (clients.Tasks,),
     clients.WatchTask: (clients.TaskNews,),
     clients.Preview: (clients.Previewed,),
-    clients.ReadRecords: (clients.Records,),
+    records.ReadRecords: (records.Records,),
     clients.WatchTasks: (clients.TasksNews,),
     clients.ReadMessages: (clients.Messages,),
     orders.ReadTemplates: (orders.TemplatesPage, orders.OrdersRejected),

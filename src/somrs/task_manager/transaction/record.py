@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from somrs.protocol.messages.clients import TaskRecord
+from somrs.protocol.messages.records import TaskRecord
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import contract_view, event_view, message_view, view
 
