@@ -5,10 +5,11 @@ from __future__ import annotations
 import gzip
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from somrs.kernel.codec import encoded
+from somrs.kernel.codec import encoded, plain
 from somrs.kernel.component import Rang, Send, Started
 from somrs.kernel.pending import Journaled
 from somrs.protocol.messages.clients import Phase
@@ -70,16 +71,31 @@ def test_tasks_that_were_under_way_go_on(release: Path, packed: Path, tmp_path: 
     journal.close()
 
 
+def content(journaled: Journaled) -> Any:
+    """The state, with what is in a set or a list in an order that depends on nothing."""
+
+    def ordered(value: Any) -> Any:
+        match value:
+            case dict():
+                return {key: ordered(one) for key, one in value.items()}
+            case list():
+                return sorted(map(ordered, value), key=repr)
+            case other:
+                return other
+
+    return ordered(plain(encoded(journaled.component.state)))
+
+
 @pytest.mark.parametrize(("release", "packed"), KILLED_AND_LONG_RUN)
 def test_what_was_read_once_is_kept_as_this_program_writes_it(release: Path, packed: Path, tmp_path: Path) -> None:
     data = unpacked(packed, tmp_path)
     before = []
     for journal in journals_of(data):
-        before.append((journal.open, encoded(gone_on(journal).component.state)))
+        before.append((journal.open, content(gone_on(journal))))
         journal.close()
     after = []
     for journal in journals_of(data):
-        after.append((journal.open, encoded(gone_on(journal).component.state)))
+        after.append((journal.open, content(gone_on(journal))))
         journal.close()
     assert before == after
     assert len(before) >= 4, "the Task Manager, the Service Registry and devices"
@@ -95,7 +111,7 @@ def test_the_map_is_as_it_was(release: Path, packed: Path, tmp_path: Path) -> No
         assert again
         assert isinstance(journaled.component, Repository)
         contents = journaled.component.contents
-        assert contents.map.holds("lies", ("letter", "harbour")), "the first task saw to that"
+        assert contents.changed_at["letter"] > 0, "the first task saw to that"
         kept.append((contents.version, contents.map, len(contents.answered)))
         journal.close()
     assert kept[0] == kept[1]
