@@ -226,13 +226,13 @@ class Run:
         result.struck = story.device if case.victim in (Victim.DEVICE, Victim.LINK) else case.victim
         result.missed = self._missed(view)
         self._measure(result, view)
-        result.problems += truth.outcome(case, view, story.device, story.cancelled_at)
         await stage.mend()
         states = await self._sent_home(view.task)
         homeless = list(truth.at_home(states))
         records = await Past(stage.client.records, stage.client).first(ReadRecords(task=view.task), 2)
         if len(records) != 1:
             result.problems.append(f"{len(records)} records of the task are kept, and not one")
+        result.problems += truth.outcome(case, view, records, story.device, story.cancelled_at)
         for record in records:
             result.problems += truth.protocol(truth.told(record))
         result.problems += await self._disagreements(result)

@@ -12,6 +12,7 @@ from somrs.ontology.objects import Map, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.clients import Phase, TaskView
+from somrs.protocol.messages.events import ServiceFailure, ServiceRefused
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Event
 from somrs.protocol.messages.records import TaskRecord
@@ -45,7 +46,7 @@ class Told(Struct, frozen=True, kw_only=True):
 # The outcome
 
 
-def outcome(case: Case, view: TaskView, struck: str, cancelled_at: float | None) -> Iterator[str]:
+def outcome(case: Case, view: TaskView, kept: Iterable[TaskRecord], struck: str, cancelled_at: float | None) -> Iterator[str]:
     """An outcome that the run could have had without a kill. A device that was killed, or was cut off, may have failed."""
     if view.outcome is None or view.phase is not Phase.ENDED:
         yield f"there is no outcome: the task is {view.phase}"
@@ -56,9 +57,15 @@ def outcome(case: Case, view: TaskView, struck: str, cancelled_at: float | None)
     if too_late and view.outcome is Outcome.ACCOMPLISHED:
         return
     # A Service Manager that is killed at work reports Failed; the other robot may not be able to take over, or have failed, too.
-    may_fail = case.victim is Victim.DEVICE and (case.play.one_robot or nobody_left(view)) and struck in view.explanation
+    may_fail = case.victim is Victim.DEVICE and (case.play.one_robot or nobody_left(view)) and struck in given_up(kept)
     if not (may_fail and view.outcome is Outcome.FAILED):
         yield f"the outcome is {view.outcome}, and without the kill it is {' or '.join(case.play.ends)}: {view.explanation}"
+
+
+def given_up(kept: Iterable[TaskRecord]) -> set[str]:
+    """The devices that were given up, or refused, in the task."""
+    told = (happened.event for record in kept for happened in record.events)
+    return {event.service.partition(".")[0] for event in told if isinstance(event, ServiceFailure | ServiceRefused)}
 
 
 def nobody_left(view: TaskView) -> bool:
