@@ -9,7 +9,7 @@ import pytest
 from somrs.kernel.component import Effect, Input
 from somrs.kernel.replica import ReplicaDue
 from somrs.ontology.objects import ObjectRemoved
-from somrs.protocol.messages import frp
+from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.clients import CancelTask, Phase, Policy, Preview, Previewed, Submit, TaskRejected
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
@@ -58,6 +58,24 @@ def test_an_execute_that_was_lost_on_the_way_is_said_again() -> None:
     system.world.reconnect(ROBOT1)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
+
+
+@pytest.mark.parametrize("away", [3.0, 15.0, 100.0])
+@pytest.mark.parametrize("asked", [0, 1])
+def test_who_could_not_answer_while_the_task_manager_was_away_is_not_given_up(away: float, asked: int) -> None:
+    """However long it was away: its question is heard, and so is the answer."""
+    system = VirtualSystem(Robot("Robot1", 10, 60))
+    if not asked:
+        system.world.cut_off(ROBOT1)
+    task = system.submit(WISH)
+    assert system.world.run(60, lambda: ("Arrange", "Robot1") in system.said(task))
+    system.world.kill("tm")
+    system.world.run(away)
+    system.world.reconnect(ROBOT1)
+    system.restart_manager()
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert not any(isinstance(happened.event, events.Replanned) for happened in system.manager.state.tasks[task].events)
 
 
 def test_the_repository_may_be_away_when_the_work_is_done() -> None:

@@ -39,12 +39,12 @@ async def record(folder: Path) -> None:
         await system.start()
         try:
             wanted = await _tasks(data)
+            await system.kill()
+            _pack(data, folder)
+            await system.write_snapshots()
+            _pack(data, folder / "snapshots")
         finally:
-            system.kill()
-            await system.ended()
-        _pack(data, folder)
-        await system.write_snapshots()
-        _pack(data, folder / "snapshots")
+            await system.end()
     (folder / "open.json").write_text(json.dumps(wanted, indent=1) + "\n", encoding="utf-8")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import random
 import signal
@@ -51,8 +52,9 @@ class Tree:
         self._tree, self._site, self._data, self._log = tree, site, data, log
         self._process: asyncio.subprocess.Process | None = None
 
-    async def start(self) -> None:
-        """Start it, and return when it is up. Raises UsageError with what it said when it does not get so far."""
+    async def start(self, world: str | None = None) -> None:
+        """Start it, in that world or one of its own, and return when it is up. Raises UsageError with what it said when it does not
+        get so far."""
         with self._log.open("ab") as log:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
@@ -60,6 +62,7 @@ class Tree:
                 "verification.upgrade_runs.up",
                 str(self._site),
                 str(self._data),
+                *([world] if world is not None else []),
                 cwd=self._tree,
                 env=self._environment,
                 stdin=asyncio.subprocess.DEVNULL,
@@ -86,24 +89,29 @@ class Tree:
     def _environment(self) -> dict[str, str]:
         return {**os.environ, "PYTHONPATH": f"{self._tree / 'src'}{os.pathsep}{self._tree}"}
 
-    def kill(self) -> None:
-        """SIGKILL all its processes at the same time, as a power failure does."""
-        if self._process is None or self._process.returncode is not None:
-            return
-        self._process.send_signal(signal.SIGSTOP)  # so that nothing is started again meanwhile
-        for id in processes(self._data):
-            os.kill(id, signal.SIGKILL)
-        self._process.kill()
-
-    async def ended(self) -> None:
-        if self._process is not None:
-            await self._process.wait()
-        while processes(self._data):
+    async def kill(self) -> None:
+        """SIGKILL all its programs at the same time, as a power failure does. Its world goes on."""
+        assert self._process is not None, "it was started"
+        self._process.send_signal(signal.SIGSTOP)  # it is to start nothing again, and the world ends with it
+        while killed := [id for id, words in processes(self._data) if id != self._process.pid and b"world" not in words]:
+            for id in killed:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(id, signal.SIGKILL)
             await asyncio.sleep(0.05)
 
+    async def end(self) -> None:
+        """SIGKILL whatever there is of it."""
+        if self._process is None or self._process.returncode is not None:
+            return
+        self._process.send_signal(signal.SIGSTOP)
+        for id, _ in processes(self._data):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(id, signal.SIGKILL)
+        await self._process.wait()
 
-def processes(data: Path) -> list[int]:
-    """The programs of the system of a data folder."""
+
+def processes(data: Path) -> list[tuple[int, list[bytes]]]:
+    """The processes of the systems of a data folder, each with its command line."""
     found = []
     for entry in Path("/proc").iterdir():
         try:
@@ -111,7 +119,7 @@ def processes(data: Path) -> list[int]:
         except OSError:  # it has just ended
             continue
         if str(data).encode() in words and int(entry.name) != os.getpid():
-            found.append(int(entry.name))
+            found.append((int(entry.name), words))
     return found
 
 
@@ -124,20 +132,18 @@ async def run(seed: int, release: Path, site: Path, folder: Path) -> Result:
     old, new = Tree(release, site, data, log), Tree(ROOT, site, data, log)
     try:
         await old.start()
+        world = Addresses.read(data).world
         result.amid = len(await _stated(chance, data, result.killed_at))
-        old.kill()
-        await old.ended()
+        await old.kill()
         if seed % 2:
             await old.write_snapshots()
-        await new.start()
+        await new.start(world)
         await _goes_on(data, result)
     except (UsageError, RemoteError, TimeoutError) as error:
         result.problem = str(error) or f"{type(error).__name__}: it did not come so far"
     finally:
-        old.kill()
-        new.kill()
-        await old.ended()
-        await new.ended()
+        await old.end()
+        await new.end()
     return result
 
 

@@ -52,14 +52,25 @@ class Program:
 
 
 class System:
-    """The processes of one system, its data folder, and its addresses. An asynchronous context manager."""
+    """The processes of one system, its data folder, and its addresses. An asynchronous context manager.
+
+    `stage`: where a simulator, or a symbolic world, runs already, as host:port; None: the system has its own.
+    """
 
     def __init__(
-        self, site: Sequence[Path], data: Path, *, speed: str = "1", host: str = "127.0.0.1", fresh: bool = False, windows: bool = False
+        self,
+        site: Sequence[Path],
+        data: Path,
+        *,
+        speed: str = "1",
+        host: str = "127.0.0.1",
+        fresh: bool = False,
+        windows: bool = False,
+        stage: str | None = None,
     ) -> None:
         self.site, self.data, self.speed, self.host, self.fresh = [path.resolve() for path in site], data, speed, host, fresh
         self.programs: dict[str, Program] = {}
-        self.windows = windows
+        self.windows, self.stage = windows, stage
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._listed = False
 
@@ -105,17 +116,16 @@ class System:
             ontology, map = await client.ontology(), await client.map()
         driven = devices(map, ontology)
         bodiless = symbolic(driven)
-        stage = f"{self.host}:{ports[3]}"
+        stage = self.stage or f"{self.host}:{ports[3]}"
         self.addresses = replace(self.addresses, world=stage) if bodiless else replace(self.addresses, simulator=stage)
         # Only now: while another system has the store, its addresses are to stay.
         self.addresses.write(self.data)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
-        await asyncio.gather(
-            self._start("registry", "--port", str(ports[1])),
-            self._start("task-manager", "--port", str(ports[2])),
-            self._start("world" if bodiless else "simulator", "--port", str(ports[3]), "--speed", self.speed),
-        )
+        first = [self._start("registry", "--port", str(ports[1])), self._start("task-manager", "--port", str(ports[2]))]
+        if self.stage is None:
+            first.append(self._start("world" if bodiless else "simulator", "--port", str(ports[3]), "--speed", self.speed))
+        await asyncio.gather(*first)
         last = [self._start("device", driver, "--name", name, label=name) for name, driver in driven]
         last += [self._start("scheduler", "--port", str(ports[6])), self._start("api", "--port", str(ports[5]))]
         if self.addresses.gui is not None:

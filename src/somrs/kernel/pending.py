@@ -44,6 +44,9 @@ FIRST_PAUSE = 0.05
 
 LONGEST_PAUSE = 1.0
 
+AFTER_RESTART = 10.0
+"""Seconds for which a message is sent after a restart at least: while its sender was away, nobody could take it."""
+
 WITHDRAWN = Trouble("withdrawn")
 """The answer to a question that was withdrawn before its component was restarted: nobody works on it any more."""
 

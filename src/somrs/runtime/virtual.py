@@ -33,7 +33,7 @@ from somrs.kernel.component import (
     Wake,
     Withdraw,
 )
-from somrs.kernel.pending import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, Journaled, Written
+from somrs.kernel.pending import AFTER_RESTART, DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, Journaled, Written
 from somrs.protocol.messages.envelope import Message
 
 LATENCY = 0.001
@@ -229,11 +229,8 @@ class World:
         """Take up what the component had under way when it was killed."""
         pending = journaled.pending
         for number, sent in pending.messages.items():
-            overdue = sent.until <= self.now
-            again = _Sent(sent.message, sent.until, life, number, waiting=overdue)
-            if not overdue:
-                self._count_once(sent.message)
-            self._at(self.now, partial(self._give_up if overdue else self._try, again))
+            self._count_once(sent.message)
+            self._at(self.now, partial(self._try, _Sent(sent.message, max(sent.until, self.now + AFTER_RESTART), life, number)))
         for timer, at in pending.timers.items():
             self._set(address, timer, at)
         answers = dict(pending.without_work(journaled.schema.volatile))

@@ -112,6 +112,8 @@ class TaskManager:
                 state.requests.start(now)
                 state.subscriptions.start(now)
                 yield from state.replica.start(now)
+                for task in state.running:
+                    yield from self._transaction(task).restarted(now)
             case Received(message):
                 yield from self._receive(message, now)
             case Rang(timer):

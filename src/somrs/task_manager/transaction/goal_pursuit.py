@@ -211,6 +211,17 @@ class GoalPursuit:
         self._tell(events.ServicesAsked(services=named(invited)), now, run)
         return True, None
 
+    def ask_anew(self, now: float) -> Effects:
+        """Nobody could answer for some time. Who is not heard then is none who does not answer, so that all are asked once more."""
+        yield from self._withdraw("the Task Manager was away, and asks anew", now)
+
+    def _withdraw(self, reason: str, now: float) -> Effects:
+        """Nobody is asked any more."""
+        calls = self._execution.calls
+        for call in calls:
+            yield from self._arrangement.withdraw(call, reason, now)
+        yield from calls.drop()
+
     def bids_due(self, now: float) -> Doing[Next | None]:
         """The time to answer Arrange is over."""
         calls = self._execution.calls
@@ -363,9 +374,7 @@ class GoalPursuit:
             return (yield from self._fail(reasons, now))
         if execution.replans.spent:
             return (yield from self._fail((*reasons, str(execution.replans)), now))
-        for call in execution.calls:
-            yield from self._arrangement.withdraw(call, "the plan changed", now)
-        yield from execution.calls.drop()
+        yield from self._withdraw("the plan changed", now)
         if execution.workflow is not None and execution.workflow.busy:
             execution.replan_because, execution.phase = reasons, Phase.RECOVERING
             return None

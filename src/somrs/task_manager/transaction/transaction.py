@@ -126,6 +126,12 @@ class Transaction:
             case StopDue():
                 yield from self._stop_overdue(now)
 
+    def restarted(self, now: float) -> Effects:
+        """The Task Manager was away."""
+        for execution in self.state.executions:
+            yield from self._pursuit(execution).ask_anew(now)
+        yield from self.proceed(now)
+
     def freed(self, now: float) -> Effects:
         """What the task waits for is free."""
         self._pursuit(self.state.goal).freed(now)
