@@ -22,12 +22,7 @@ demo: setup
 	@$(BIN)/somrs demo $(SCENARIO) --out out/scenario-$(SCENARIO)
 
 test: setup
-	@began=$$(date +%s); \
-	$(MAKE) --no-print-directory lint && \
-	scripts/javascript test && \
-	$(BIN)/pytest tests/unit tests/integration tests/system $(AT_ONCE) && \
-	$(MAKE) --no-print-directory browser && \
-	took=$$(($$(date +%s) - began)) && echo "all tests passed in $$((took / 60)) min $$((took % 60)) s"
+	@scripts/test $(BIN)/pytest tests/unit tests/integration tests/system $(AT_ONCE)
 
 unit: setup
 	@$(BIN)/pytest tests/unit --numprocesses $(JOBS) --dist worksteal
