@@ -140,7 +140,7 @@ class Node:
             self.output.position = self._journal.disk.position
         for effect, number in effects:
             self._come(effect, number)
-        self._last_input = now
+        self._last_input = asyncio.get_running_loop().time()
         if self._journal.due and self._snapshot is None:
             self._snapshot = asyncio.get_running_loop().call_later(QUIET, self._take_snapshot)
 
@@ -219,7 +219,7 @@ class Node:
         self._snapshot = None
         if self._journal is None or self._journaled is None or self._closed or self._broken:
             return
-        if self._journal.overdue or self._clock.now() - self._last_input >= QUIET / 2:
+        if self._journal.overdue or asyncio.get_running_loop().time() - self._last_input >= QUIET / 2:
             self._journal.snapshot(self._journaled)
             self.output.position = self._journal.disk.position
         else:
