@@ -119,7 +119,7 @@ Doing = Generator[Effect, None, T]
 
 
 class Component(Protocol):
-    """A Task Manager, Service Manager, Registry or Repository, without its I/O."""
+    """A Task Manager, Service Manager, Registry, Repository or Scheduler, without its I/O."""
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """What to do about the input. `now` is in seconds and never goes back."""

@@ -1,7 +1,7 @@
 """A SQLite file with one writer: a thread of its own, which puts all that was asked for since its last commit on disk at once.
 
 Write-ahead log with `synchronous=FULL`: what is `durable` survives a kill and a power cut. One process at a time has the file
-open. What is in the file is its owner's: a journal with its archive, or records.
+open. What is in the file is its owner's, such as a journal with its archive.
 """
 
 from __future__ import annotations

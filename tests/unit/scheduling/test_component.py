@@ -41,19 +41,23 @@ class Kept:
         self.journaled = Journaled(Scheduler(HERE, self.located), SCHEMA)
         loaded = load_text(SITE, "site.yaml")
         assert loaded.map is not None
-        self.journaled.component.handle(Started(HERE), 0.0)
-        replica = self.journaled.component.state.replica
+        self.scheduler.handle(Started(HERE), 0.0)
+        replica = self.scheduler.replica
         replica.ontology, replica.map, replica.version = loaded.ontology, loaded.map, 0
         self._snapshot()
 
     @property
+    def scheduler(self) -> Scheduler:
+        assert isinstance(self.journaled.component, Scheduler)
+        return self.journaled.component
+
+    @property
     def book(self) -> Book:
-        book: Book = self.journaled.component.state.book
-        return book
+        return self.scheduler.book
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         if SCHEMA.reads(event):
-            return self.journaled.component.handle(event, now)
+            return self.scheduler.handle(event, now)
         entry = self.journaled.entry(event, now)
         self._entries.append(self._written.entry(entry))
         return [effect for effect, _ in self.journaled.handle(entry)]
@@ -153,7 +157,7 @@ def test_what_was_open_goes_on_and_the_task_is_stated_once(step: int, orderly: b
     answer(one, looked, view(task, Phase.ENDED, Outcome.ACCOMPLISHED), HOUR + 7)
     (run,) = one.book.runs_of(id)
     assert (run.task, run.outcome, run.open) == (task, Outcome.ACCOMPLISHED, False)
-    assert not one.journaled.component.state.questions
+    assert not one.scheduler.state.questions
 
 
 def test_a_question_that_was_open_too_long_is_asked_again_after_a_restart() -> None:
@@ -208,7 +212,7 @@ def test_a_time_of_day_that_was_stated_is_not_stated_again_in_another_zone() -> 
         assert one.book == before
         assert [message.header.message_id for message in sent(again, Submit)] == [message_for(id, due)], "it was not acknowledged"
         next = datetime(2026, 11, 23, 7, tzinfo=ZoneInfo("Europe/London")).timestamp()
-        assert one.journaled.component.next_due == next, "times to come are by the local time of now"
+        assert one.scheduler.next_due == next, "times to come are by the local time of now"
 
 
 def test_the_other_parts_may_be_elsewhere_and_so_may_it() -> None:
@@ -219,7 +223,6 @@ def test_the_other_parts_may_be_elsewhere_and_so_may_it() -> None:
     (followed,) = sent(effects, SubscribeMap)
     assert (followed.header.recipient, followed.header.sender) == ("http://new/repository", "http://new/scheduler")
     assert not sent(one.handle(TICK, HOUR), Submit), "the map there was not read yet"
-    one.restart(HOUR + 1)
     one = scheduler()
     ordered(one)
     one.restart(1.0, located=Located(REPOSITORY, "http://new/task-manager"), at="http://new/scheduler")
@@ -293,12 +296,12 @@ def test_the_same_message_is_the_same_order() -> None:
 def test_what_only_reads_leaves_it_as_it_is() -> None:
     one = scheduler()
     id = ordered(one)
-    before = encoded(one.journaled.component.state)
+    before = encoded(one.scheduler.state)
     for body in (orders.ReadOrders(), orders.ReadRuns(id=id), orders.ReadTemplates(), orders.FillTemplate(name="Nothing")):
         header = Header(sender=CLIENT, recipient=HERE, message_id="urn:uuid:9", reply_to=ANONYMOUS)
         (said,) = one.handle(Received(Message(header=header, body=body)), 2 * HOUR)
         assert isinstance(said, Send)
-    assert encoded(one.journaled.component.state) == before
+    assert encoded(one.scheduler.state) == before
 
 
 def test_news_go_on_after_a_restart() -> None:
