@@ -10,9 +10,10 @@ import aiohttp
 import msgspec
 import pytest
 from aiohttp import web
+from msgspec import Struct
 
-from somrs.errors import RemoteError
-from somrs.kernel.component import Effect, Input, Rang, Received, Record, Send, Undelivered
+from somrs.kernel.codec import Schema
+from somrs.kernel.component import Effect, Input, Rang, Received, Send, Undelivered
 from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.protocol.soap import soap
@@ -20,8 +21,8 @@ from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime import batches
 from somrs.runtime.batches import MEDIA_TYPE, MOST_TOGETHER
 from somrs.runtime.host import Host
-from somrs.storage.disk import Disk
-from tests.integration.test_node_durability import NOTES, Brake, in_time, until
+from somrs.storage.journal import Journal
+from tests.integration.test_node_durability import Brake, in_time, until
 
 
 def said(text: str, to: str, number: int = 0, reply_to: str = "http://nobody") -> Message:
@@ -31,18 +32,31 @@ def said(text: str, to: str, number: int = 0, reply_to: str = "http://nobody") -
     )
 
 
-class Ear:
-    """Notes what it hears, and keeps it, if it is given a disk."""
+class EarState(Struct):
+    heard: list[str] = []
 
-    def __init__(self, keeps: bool = False) -> None:
-        self.heard: list[str] = []
-        self._keeps = keeps
+
+class Ear:
+    """Notes what it hears."""
+
+    def __init__(self, state: EarState | None = None) -> None:
+        self.state = state or EarState()
+
+    @property
+    def heard(self) -> list[str]:
+        return self.state.heard
+
+    @property
+    def open(self) -> list[str]:
+        return []
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        if not (isinstance(event, Received) and isinstance(event.message.body, CancelTask)):
-            return []
-        self.heard.append(event.message.body.task)
-        return [Record(event.message.body.task)] if self._keeps else []
+        if isinstance(event, Received) and isinstance(event.message.body, CancelTask):
+            self.heard.append(event.message.body.task)
+        return []
+
+
+EAR = Schema(component="ear", version=1, state=EarState, timers=None, questions=None, tasks=None, answers=None, restore=Ear)
 
 
 class Mouth:
@@ -296,45 +310,39 @@ def test_each_message_of_a_batch_has_its_own_answer() -> None:
 
 def test_a_batch_is_acknowledged_when_all_of_it_is_on_disk(tmp_path: Path) -> None:
     async def scenario(stage: Stage) -> None:
-        disk = Disk(tmp_path / "notes.sqlite", NOTES)
-        ear = Ear(keeps=True)
-
-        def keep(text: object) -> None:
-            disk.write(lambda db: db.execute("INSERT INTO notes VALUES (?)", (text,)))
-
-        stage.there.add("/keeping", lambda address: ear, keep=keep, disk=disk)
+        journal, ear = Journal(tmp_path / "ear.sqlite", EAR), Ear()
+        stage.there.add_journaled("/keeping", lambda address: ear, journal)
         await stage.say(("/keeping", "hello"))
         await stage.here.delivered(5)
-        brake = Brake(disk)
+        brake = Brake(journal.disk)
         await stage.say(("/keeping", "1"), ("/keeping", "2"))
         await until(lambda: ear.heard == ["hello", "1", "2"])
         await stage.here.delivered(0.2)
         assert stage.relay.kinds[1:] == [MEDIA_TYPE]
-        kept = disk.read(lambda db: [text for (text,) in db.execute("SELECT text FROM notes")])
+        kept = journal.disk.read(lambda db: db.execute("SELECT max(last) FROM entries").fetchone())
         delivered = asyncio.create_task(stage.here.delivered(30))
         await asyncio.sleep(0.1)
         assert not delivered.done(), "it is not on disk"
         brake.release()
         await delivered
-        assert await asyncio.wrap_future(kept) == ["hello", "1", "2"]
+        assert await asyncio.wrap_future(kept) == (4,), "that it started, and what it heard"
         assert ear.heard == ["hello", "1", "2"], "it was acknowledged, and not sent again"
-        disk.close()
+        journal.close()
 
     staged(scenario)
 
 
-def test_a_component_that_can_keep_nothing_more_does_not_stop_its_neighbours() -> None:
+def test_a_component_that_can_keep_nothing_more_does_not_stop_its_neighbours(tmp_path: Path) -> None:
     async def scenario(stage: Stage) -> None:
-        def keep(entry: object) -> None:
-            raise RemoteError("the disk is full")
-
         stage.mouth.patience = 0.5
-        full = Ear(keeps=True)
-        stage.there.add("/full", lambda address: full, keep=keep)
+        journal = Journal(tmp_path / "ear.sqlite", EAR)
+        stage.there.add_journaled("/full", lambda address: Ear(), journal)
+        journal.disk.write(lambda db: db.execute("INSERT INTO nowhere VALUES (1)"))
         await stage.say(("/one", "hello"))
         await stage.here.delivered(5)
         await stage.say(("/full", "lost"), ("/one", "1"), ("/full", "too"), ("/two", "2"))
         await until(lambda: stage.one.heard == ["hello", "1"] and stage.two.heard == ["2"])
         await until(lambda: stage.mouth.lost == ["lost", "too"])
+        journal.close()
 
     staged(scenario)

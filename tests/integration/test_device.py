@@ -81,7 +81,7 @@ class Desk:
 async def _scenario(data: Path) -> tuple[object, object, ServiceManagerState]:
     rim = Host()
     await rim.start()
-    repository = rim.add("/repository", lambda address: Repository(address, contents()), keep=lambda entry: None)
+    repository = rim.add("/repository", lambda address: Repository(address, contents()))
     registry = rim.add("/registry", lambda address: Registry(address, repository=repository.address))
     addresses = Addresses(repository=repository.address, registry=registry.address, task_manager=f"{rim.url}/desk")
     desks: list[Desk] = []

@@ -9,7 +9,6 @@ from pathlib import Path
 from somrs.client.client import Addresses
 from somrs.deployment.device import DeviceRunner
 from somrs.entish.formula import Formula
-from somrs.errors import UsageError
 from somrs.protocol.messages import frp, knowledge
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
@@ -18,6 +17,7 @@ from somrs.repository.component import Repository
 from somrs.runtime.host import Host
 from somrs.runtime.wire import Wire
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
+from somrs.storage.repository_store import repository_journal
 from tests.support.lab import contents
 
 INPUTS = {"Object": "Jar1", "Destination": "Table2"}
@@ -63,7 +63,7 @@ def with_a_carrier(scenario: Callable[[Carrier, Tell], Awaitable[None]], data: P
     async def run() -> None:
         rim, wire = Host(), Wire()
         await rim.start()
-        repository = rim.add("/repository", lambda address: Repository(address, contents()), keep=lambda entry: None)
+        repository = rim.add("/repository", lambda address: Repository(address, contents()))
         registry = rim.add("/registry", lambda address: Registry(address, repository=repository.address))
         carrier = Carrier("Robot1")
         addresses = Addresses(repository=repository.address, registry=registry.address, task_manager=f"{rim.url}/task-manager")
@@ -136,22 +136,24 @@ def test_what_is_wrong_is_said_at_once(tmp_path: Path) -> None:
     with_a_carrier(scenario, tmp_path)
 
 
-def test_a_disk_that_is_full_is_not_the_senders_fault() -> None:
-    def full(entry: object) -> None:
-        raise UsageError("the disk is full")
-
+def test_a_disk_that_is_full_is_not_the_senders_fault(tmp_path: Path) -> None:
     async def run() -> list[object]:
         rim, wire = Host(), Wire()
         await rim.start()
-        address = rim.add("/repository", lambda address: Repository(address, contents()), keep=full).address
+        journal = repository_journal(tmp_path / "repository.sqlite")
+        address = rim.add_journaled("/repository", lambda address: Repository(address, contents()), journal).address
+        journal.disk.do(lambda db: db.execute("PRAGMA max_page_count = 1").fetchone())
+        journal.disk.write(lambda db: db.execute("INSERT INTO entries VALUES ('', -1, zeroblob(100000))"))
         update = knowledge.UpdateMap(situation="Jar1 isOn Table2")
         answers = [await wire.post(Message(header=header(address, message_id(n)), body=update)) for n in range(2)]
         await wire.close()
         await rim.stop()
+        journal.close()
         return [answer and answer.body for answer in answers]
 
     first, second = asyncio.run(run())
     assert isinstance(first, frp.Fault)
     assert isinstance(second, frp.Fault)
     assert first.code == second.code == "env:Receiver"
-    assert "the disk is full" in first.text
+    assert "could not keep what it had to" in first.text
+    assert "is full" in first.text

@@ -16,6 +16,9 @@ from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.repository.component import Repository
+from somrs.scheduling.book import Book
+from somrs.scheduling.component import Scheduler
+from somrs.scheduling.store import orders_journal
 from somrs.storage.journal import Journal
 from somrs.storage.repository_store import repository_journal
 from somrs.task_manager.manager import SCHEMA, TaskManager
@@ -116,6 +119,24 @@ def test_the_map_is_as_it_was(release: Path, packed: Path, tmp_path: Path) -> No
         journal.close()
     assert kept[0] == kept[1]
     assert kept[0][0] > 0
+
+
+@pytest.mark.parametrize(("release", "packed"), KILLED_AND_LONG_RUN)
+def test_the_book_of_orders_is_as_it_was(release: Path, packed: Path, tmp_path: Path) -> None:
+    data = unpacked(packed, tmp_path)
+    books = []
+    for address in ("here", "elsewhere"):
+        journal = orders_journal(data / "orders.sqlite")
+        journaled, again = journal.begin(address, nobody)
+        assert again
+        assert isinstance(journaled.component, Scheduler)
+        books.append(journaled.component.book)
+        journal.close()
+    assert books == [Book(), Book()], "nobody had given orders"
+    journals = journals_of(data)
+    assert data / "orders.sqlite" in [journal.disk.path for journal in journals]
+    for journal in journals:
+        journal.close()
 
 
 def test_there_are_journals_of_each_version_of_the_state() -> None:

@@ -158,7 +158,7 @@ def system(work: Callable[[Addresses, str, Foreigner], None], data: Path) -> lis
     async def run() -> list[Message]:
         rim = Host()
         await rim.start()
-        repository = rim.add("/repository", lambda address: Repository(address, contents()), keep=lambda entry: None)
+        repository = rim.add("/repository", lambda address: Repository(address, contents()))
         registry = rim.add("/registry", lambda address: Registry(address, repository=repository.address))
 
         async def plan(task: object, report: Report) -> object:
@@ -168,7 +168,6 @@ def system(work: Callable[[Addresses, str, Foreigner], None], data: Path) -> lis
             "/task-manager",
             lambda address: TaskManager(address, repository=repository.address, registry=registry.address),
             carry_out=plan,
-            keep=lambda entry: None,
         )
         foreigner = Foreigner(f"{rim.url}/foreigner")
         rim.add("/foreigner", lambda address: foreigner)

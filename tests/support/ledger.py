@@ -36,14 +36,10 @@ class LedgerState(Struct, kw_only=True):
 
 
 class Ledger:
-    """Each amount is receipted to the sink, doubled by an Ask and told to the sink, and told once more by a timer.
+    """Each amount is receipted to the sink, doubled by an Ask and told to the sink, and told once more by a timer."""
 
-    `booked` are the records of an earlier life; what was booked counts, and is said again from the start.
-    """
-
-    def __init__(self, sink: str = "sink", address: str = "ledger", booked: list[object] | None = None, patience: float = 5.0) -> None:
+    def __init__(self, sink: str = "sink", address: str = "ledger", patience: float = 5.0) -> None:
         self.state = LedgerState(sink=sink, address=address, patience=patience)
-        self._booked = [entry for entry in booked or () if isinstance(entry, TaskRecord)]
 
     @classmethod
     def restored(cls, state: LedgerState) -> Ledger:
@@ -88,7 +84,6 @@ class Ledger:
         match event:
             case Started():
                 self.state.starts += 1
-                return [effect for entry in self._booked for effect in self._book(entry, now)]
             case Received(message):
                 return [*self._received(message, now), Send(reply(message, CancelTask(task=str(self.total)), self.address))]
             case Rang(str(timer)):

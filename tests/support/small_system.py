@@ -31,10 +31,11 @@ from somrs.runtime.clock import Clock, TimeOfDay
 from somrs.runtime.host import Host
 from somrs.runtime.http import bound
 from somrs.runtime.node import Node, Report
-from somrs.scheduling.component import TICK, Scheduler
+from somrs.scheduling.component import Scheduler
 from somrs.scheduling.program import put
+from somrs.scheduling.state import OrdersDue
 from somrs.scheduling.store import FILE as ORDERS
-from somrs.scheduling.store import BookFile
+from somrs.scheduling.store import orders_journal
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.storage.archive import FILE
@@ -91,8 +92,8 @@ class SmallSystem:
 
     def __init__(self, data: Path, porters: Sequence[Porter]) -> None:
         self.data, self.porters = data, porters
-        ports = free_ports(HERE, 2)
-        url, self._port = f"http://{HERE}:{ports[0]}", ports[1]
+        ports = free_ports(HERE, 3)
+        url, self._port, self.scheduler_port = f"http://{HERE}:{ports[0]}", ports[1], ports[2]
         task_manager = f"http://{HERE}:{ports[1]}/task-manager"
         self.addresses = Addresses(repository=f"{url}/repository", registry=f"{url}/registry", task_manager=task_manager)
         self._rim = Host(HERE, ports[0])
@@ -181,11 +182,11 @@ async def api_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterat
 
 @asynccontextmanager
 async def scheduler_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[Node]:
-    file = BookFile(system.data / ORDERS)
-    rim = Host(HERE, clock=clock or TimeOfDay())
+    journal = orders_journal(system.data / ORDERS)
+    rim = Host(HERE, system.scheduler_port, clock=clock or TimeOfDay())
     try:
         await rim.start()
-        node = put(rim, file, system.addresses)
+        node = put(rim, journal, system.addresses)
         if isinstance(clock, Time):
             clock.drive(node)
         system.addresses = replace(system.addresses, scheduler=node.address)
@@ -194,7 +195,7 @@ async def scheduler_at(system: SmallSystem, clock: Clock | None = None) -> Async
         yield node
     finally:
         await rim.stop()
-        file.close()
+        journal.close()
 
 
 class Time(Clock):
@@ -217,7 +218,7 @@ class Time(Clock):
         assert isinstance(self._node.component, Scheduler)
         while (due := self._node.component.next_due) is not None and due <= at:
             self._now = max(self._now, due)
-            self._node.feed(Rang(TICK))
+            self._node.feed(Rang(OrdersDue()))
             await self._heard(self._node.component)
         self._now = at
 
@@ -237,5 +238,5 @@ class Time(Clock):
         """As when the machine was asleep."""
         self._now += seconds
         assert self._node is not None
-        self._node.feed(Rang(TICK))
+        self._node.feed(Rang(OrdersDue()))
         await asyncio.sleep(0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 
 from somrs.kernel.component import Answered, Effect, Input, Started
 from somrs.ontology.files.loading import load_text
@@ -133,7 +132,6 @@ class VirtualSystem:
         planning: float = 0.0,
     ) -> None:
         self._planning = planning
-        self._profiles: dict[str, Profile] = {}
         loaded = load_text(site, "site.yaml")
         assert loaded.map is not None
         self.world = World(medium=medium, watch=watch)
@@ -160,7 +158,7 @@ class VirtualSystem:
         address = f"devices/{robot.name}"
         if snapshot:
             self.world.snapshot(address)
-        self.world.revive(address, partial(self._new_device, self._profiles[robot.name]))
+        self.world.revive(address)
 
     def device(self, name: str) -> ServiceManager:
         manager = self.world.components[f"devices/{name}"]
@@ -168,7 +166,6 @@ class VirtualSystem:
         return manager
 
     def _join(self, robot: Robot, profile: Profile) -> None:
-        self._profiles[robot.name] = profile
         self.world.add(f"devices/{robot.name}", self._new_device(profile), robot.carry_out, journaled=SERVICE_MANAGER)
 
     @staticmethod
@@ -189,7 +186,7 @@ class VirtualSystem:
         """The Task Manager is killed, and comes up again with its journal; with a snapshot in it, if that is wanted."""
         if snapshot:
             self.world.snapshot("tm")
-        self.world.revive("tm", self._new_manager)
+        self.world.revive("tm")
 
     @property
     def map(self) -> Map:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
-from somrs.kernel.component import Component, Doing, Effect, Effects, Input, Rang, Received
+from somrs.kernel.component import Doing, Effect, Effects, Input, Rang, Received
 from somrs.protocol.messages.clients import CancelTask, Policy
 from somrs.protocol.messages.frp import Accept, Outcome
 from somrs.runtime.virtual import Moment, World
@@ -225,10 +224,10 @@ def test_a_task_manager_that_does_not_say_that_it_is_over_is_noticed(monkeypatch
 @pytest.mark.parametrize("snapshot", [False, True])
 def test_a_journal_that_loses_what_came_last_is_noticed(snapshot: bool) -> None:
     class Forgetful(Parts):
-        def revive(self, world: World, address: str, make: Callable[[], Component]) -> None:
+        def revive(self, world: World, address: str) -> None:
             if address == "tm1":
-                del world._places[address].entries[-1:]
-            super().revive(world, address, make)
+                del world._journal(address).entries[-1:]
+            super().revive(world, address)
 
     killed = story(Kill(at=4.0, target="tm1", moment=Moment.KEPT, snapshot=snapshot))
     assert noticed(killed) is None
@@ -237,10 +236,10 @@ def test_a_journal_that_loses_what_came_last_is_noticed(snapshot: bool) -> None:
 
 def test_a_service_manager_whose_journal_is_lost_is_noticed() -> None:
     class Blank(Parts):
-        def revive(self, world: World, address: str, make: Callable[[], Component]) -> None:
+        def revive(self, world: World, address: str) -> None:
             if address.startswith("devices/"):
-                world._places[address].entries.clear()
-            super().revive(world, address, make)
+                world._journal(address).entries.clear()
+            super().revive(world, address)
 
     killed = story(Kill(at=4.0, target=AT_WORK))
     assert noticed(killed) is None

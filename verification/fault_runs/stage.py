@@ -61,8 +61,8 @@ class Parts:
     def service_manager_again(self, state: ServiceManagerState, hands: Hands, saw: Saw) -> DeviceManager:
         return self.device_manager.restored(state).given(hands, saw)
 
-    def revive(self, world: World, address: str, make: Callable[[], Component]) -> None:
-        world.revive(address, make)
+    def revive(self, world: World, address: str) -> None:
+        world.revive(address)
 
 
 class Stage:
@@ -100,7 +100,9 @@ class Stage:
             else:
                 self._join(character)
         for address in self.managers:
-            self.world.add(address, self.parts.task_manager(address), partial(self._plan, address), journaled=SCHEMA)
+            manager = self.parts.task_manager(address)
+            schema = structs.replace(SCHEMA, restore=type(manager).restored)
+            self.world.add(address, manager, partial(self._plan, address), journaled=schema)
 
     # What is there
 
@@ -247,18 +249,11 @@ class Stage:
         if self.world.alive(address) or address not in self._fallen or address in self.gone:
             return
         self._note(f"{address} is started again")
-        self.parts.revive(self.world, address, partial(self._made, address))
+        self.parts.revive(self.world, address)
         self.reap()
 
     def _restored(self, address: str, after: Component) -> None:
         self._same(address, self._fallen.pop(address), after)
-
-    def _made(self, address: str) -> Component:
-        if address in self.managers:
-            return self.parts.task_manager(address)
-        if address in self.hands:
-            return self._device(self.hands[address].character)
-        return self._repository() if address == "repository" else self._registry()
 
     def _same(self, address: str, before: Component, after: Component) -> None:
         """FRP, property 7."""

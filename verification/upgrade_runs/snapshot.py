@@ -22,10 +22,20 @@ def setting_of(path: Path) -> str:
     return str(setting)
 
 
+def is_journal(path: Path) -> bool:
+    with contextlib.closing(sqlite3.connect(path)) as db:
+        return db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'life'").fetchone() is not None
+
+
 def journals_of(data: Path) -> list[Journal]:
     """All journals of a data folder, open."""
     files = {data / "task-manager.sqlite": TASK_MANAGER, data / "registry.sqlite": REGISTRY}
     files |= dict.fromkeys(sorted((data / "devices").glob("*.sqlite")), SERVICE_MANAGER)
+    if is_journal(orders := data / "orders.sqlite"):
+        # Schedulers of releases before had no journal, and their code no such schema.
+        from somrs.scheduling.component import SCHEMA as SCHEDULER
+
+        files[orders] = SCHEDULER
     return [Journal(path, schema, setting_of(path)) for path, schema in files.items()]
 
 

@@ -1,8 +1,8 @@
 """The one signature that joins all parts: `handle(input, now) -> effects`.
 
-A component reads no clock and does no I/O. Its node (`runtime.node`) feeds it inputs and carries the effects out in order.
-Durable effects (`Record`) are on disk before a `Send` behind them leaves. Timers, questions and answers are values of the component's
-own types: Structs, which can be compared, hashed and written down.
+A component reads no clock and does no I/O. Its node (`runtime.node`) feeds it inputs and carries the effects out in order. Where inputs
+are kept, they are on disk, with what is recorded of them, before anything else that comes of them is seen. Timers, questions and answers
+are values of the component's own types: Structs, which can be compared, hashed and written down.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Withdraw(Struct, frozen=True):
 
 
 class Record(Struct, frozen=True):
-    """Keep this; it is on disk before any effect behind it is carried out."""
+    """Have this in the archive of the component's journal, if it has one; nothing else of this input leaves before it is there."""
 
     entry: object
 
@@ -119,7 +119,7 @@ Doing = Generator[Effect, None, T]
 
 
 class Component(Protocol):
-    """A Task Manager, Service Manager, Registry or Repository, without its I/O."""
+    """A Task Manager, Service Manager, Registry, Repository or Scheduler, without its I/O."""
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """What to do about the input. `now` is in seconds and never goes back."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import time
+from zoneinfo import ZoneInfo
 
 
 class Clock:
@@ -29,3 +31,16 @@ class TimeOfDay(Clock):
     def now(self) -> float:
         self._latest = max(self._latest, time.time())
         return self._latest
+
+    def not_before(self, at: float) -> None:
+        self._latest = max(self._latest, at)
+
+
+def local_zone() -> str:
+    """The name of the machine's zone in the time zone database, such as `Europe/Berlin`; empty where that cannot be told."""
+    named = os.environ.get("TZ")
+    name = named.removeprefix(":") if named is not None else os.path.realpath("/etc/localtime").partition("/zoneinfo/")[2]
+    try:
+        return ZoneInfo(name).key
+    except (KeyError, ValueError, OSError):
+        return ""

@@ -16,10 +16,9 @@ from somrs.kernel.pending import Journaled
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import Server
-from somrs.runtime.node import CarryOut, Keep, Node, Report, Watch, no_disk
+from somrs.runtime.node import CarryOut, Node, Report, Watch
 from somrs.runtime.outbox import Letter, Outboxes
 from somrs.runtime.wire import Wire
-from somrs.storage.disk import Disk
 from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)
@@ -49,19 +48,10 @@ class Host:
     async def start(self) -> None:
         await self._server.start()
 
-    def add(
-        self,
-        path: str,
-        make: Callable[[str], Component],
-        *,
-        carry_out: CarryOut = _nothing_to_do,
-        keep: Keep = no_disk,
-        disk: Disk | None = None,
-    ) -> Node:
-        """Put a component, made for its address, at a path such as `/repository`, and start it. `disk`: what `keep` writes to, if
-        it does not wait for that."""
+    def add(self, path: str, make: Callable[[str], Component], *, carry_out: CarryOut = _nothing_to_do) -> Node:
+        """Put a component that keeps nothing, made for its address, at a path such as `/repository`, and start it."""
         address = f"{self.url}{path}"
-        return self._start(path, self._node(address, make(address), carry_out, keep=keep, disk=disk), again=False)
+        return self._start(path, self._node(address, make(address), carry_out), again=False)
 
     def add_journaled(
         self,
@@ -79,9 +69,7 @@ class Host:
         address = f"{self.url}{path}"
         journaled, again = journal.begin(address, make)
         self.clock.not_before(journaled.at)
-        node = self._node(
-            address, journaled.component, carry_out, keep=journal.keep, disk=journal.disk, journal=journal, journaled=journaled
-        )
+        node = self._node(address, journaled.component, carry_out, journal=journal, journaled=journaled)
         return self._start(path, node, again=again, notices=notices)
 
     def _node(
@@ -90,8 +78,6 @@ class Host:
         component: Component,
         carry_out: CarryOut,
         *,
-        keep: Keep,
-        disk: Disk | None,
         journal: Journal | None = None,
         journaled: Journaled | None = None,
     ) -> Node:
@@ -102,8 +88,6 @@ class Host:
             clock=self.clock,
             send=self.send,
             delivered=self.delivered,
-            keep=keep,
-            disk=disk,
             journal=journal,
             journaled=journaled,
             watch=self._watch,

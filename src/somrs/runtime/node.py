@@ -12,7 +12,7 @@ import logging
 from collections import deque
 from collections.abc import Awaitable, Callable, Hashable, Sequence
 
-from somrs.errors import InputError, RemoteError
+from somrs.errors import RemoteError
 from somrs.kernel.component import (
     Answered,
     Ask,
@@ -37,7 +37,6 @@ from somrs.runtime.http import NotTaken
 from somrs.runtime.outbox import Letter
 from somrs.runtime.output import Output
 from somrs.runtime.pending_replies import Requesters, in_session, is_waited_for
-from somrs.storage.disk import Disk
 from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)
@@ -55,15 +54,8 @@ Report = Callable[[object], None]
 CarryOut = Callable[[object, Report], Awaitable[object]]
 """Does what an `Ask` wants. Values reported on the way, and the result, come back as `Answered`."""
 
-Keep = Callable[[object], None]
-"""Has a `Record` on disk when it returns; or, when the node is given the disk, when all that was asked for by then is on it."""
-
 Watch = Callable[[Message, float], None]
 """Sees each message of the Failure Recovery Protocol that a component sends or receives, once."""
-
-
-def no_disk(entry: object) -> None:
-    raise RemoteError(f"this node keeps nothing, and was asked to keep {type(entry).__name__}")
 
 
 class Node:
@@ -73,8 +65,7 @@ class Node:
     until none is on its way.
 
     With `journaled`, each input is in its journal before anything that comes of it is seen outside; what only reads is not kept, but
-    waits for those before it. Without, the records among the effects are kept: what is behind one of them waits for it, and so does what
-    comes of later inputs.
+    waits for those before it. Without, nothing is kept, and nothing waits.
     """
 
     def __init__(
@@ -86,15 +77,13 @@ class Node:
         clock: Clock,
         send: Callable[[Letter], None],
         delivered: Callable[[float], Awaitable[None]],
-        keep: Keep = no_disk,
-        disk: Disk | None = None,
         journal: Journal | None = None,
         journaled: Journaled | None = None,
         watch: Watch | None = None,
     ) -> None:
         self.address, self.component = address, component
         self._clock, self._send, self._delivered = clock, send, delivered
-        self._carry_out, self._keep, self._disk, self._watch = carry_out, keep, disk, watch
+        self._carry_out, self._watch = carry_out, watch
         self._journal, self._journaled = journal, journaled
         self._inputs: deque[Input] = deque()
         self._handling = self._closed = False
@@ -104,7 +93,7 @@ class Node:
         self._requesters = Requesters()
         self._snapshot: asyncio.TimerHandle | None = None
         self._last_input = 0.0
-        self.output = Output(disk, self._do, self._break)
+        self.output = Output(journal.disk if journal is not None else None, self._do, self._break)
 
     # Inputs
 
@@ -143,16 +132,15 @@ class Node:
         self._journal.append(entry)
         try:
             effects = self._journaled.handle(entry)
+            for effect, _ in effects:
+                if isinstance(effect, Record):
+                    self._journal.keep(effect.entry)
         finally:
             self._journal.note(self._journaled.component)
             self.output.position = self._journal.disk.position
-        for effect, _ in effects:
-            if isinstance(effect, Record):
-                self._come(effect, 0)
         for effect, number in effects:
-            if not isinstance(effect, Record):
-                self._come(effect, number)
-        self._last_input = now
+            self._come(effect, number)
+        self._last_input = asyncio.get_running_loop().time()
         if self._journal.due and self._snapshot is None:
             self._snapshot = asyncio.get_running_loop().call_later(QUIET, self._take_snapshot)
 
@@ -227,7 +215,7 @@ class Node:
         self._snapshot = None
         if self._journal is None or self._journaled is None or self._closed or self._broken:
             return
-        if self._journal.overdue or self._clock.now() - self._last_input >= QUIET / 2:
+        if self._journal.overdue or asyncio.get_running_loop().time() - self._last_input >= QUIET / 2:
             self._journal.snapshot(self._journaled)
             self.output.position = self._journal.disk.position
         else:
@@ -240,29 +228,18 @@ class Node:
         # Every effect comes this way, and class patterns take longer.
         if isinstance(effect, Wake):
             self._set(effect.timer, effect.at)  # seen by nobody; what its ringing comes to waits in its turn
-        elif isinstance(effect, Record):
-            self._record(effect.entry)
-        else:
+        elif not isinstance(effect, Record):  # those are the journal's
             self.output.put(effect, number)
 
-    def _record(self, entry: object) -> None:
-        try:
-            self._keep(entry)
-        except Exception as error:  # whatever it was, the component is ahead of its disk now, and must not go on
-            raise self._break(error) from error
-        if self._disk is not None:
-            self.output.position = self._disk.position
-
-    def _break(self, error: Exception) -> RemoteError:
+    def _break(self, error: Exception) -> None:
         """Something could not be kept. What is behind it never leaves, and whoever waits for it hears why."""
         # It is this node that was given a bad disk, not the sender that is wrong.
         told = NotTaken(f"{self.address} takes nothing more, because it could not keep what it had to: {error}")
         if not self._broken:
-            log.critical("%s", told, exc_info=None if isinstance(error, InputError) else error)
+            log.critical("%s", told)
         self._broken = str(told)
         self.output.drop(told)
         self._requesters.disappoint(told)
-        return told
 
     def _do(self, effect: Effect, number: int) -> None:
         match effect:

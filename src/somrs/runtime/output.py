@@ -33,7 +33,7 @@ class Output:
     Without a disk, or when it has everything, nothing waits.
     """
 
-    def __init__(self, disk: Disk | None, do: Callable[[Effect, int], None], failed: Callable[[Exception], object]) -> None:
+    def __init__(self, disk: Disk | None, do: Callable[[Effect, int], None], failed: Callable[[Exception], None]) -> None:
         self.position = 0
         self._disk, self._do, self._failed = disk, do, failed
         self._held: deque[_Held] = deque()

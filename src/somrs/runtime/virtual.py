@@ -1,7 +1,7 @@
 """A whole system in one process on virtual time: the rim without sockets, disks or waiting. What takes an hour takes none.
 
 The same components run here as in `node.py`; only who carries their effects out is another. Any of them may be killed at any
-point, and revived from its journal or from its records.
+point, and those that have a journal can be revived from it.
 """
 
 from __future__ import annotations
@@ -9,10 +9,9 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
-from typing import cast
 
 from somrs.errors import RemoteError, UsageError
 from somrs.kernel.codec import Schema
@@ -28,13 +27,13 @@ from somrs.kernel.component import (
     Record,
     Send,
     Started,
-    Stateful,
     Undelivered,
     Wake,
     Withdraw,
 )
-from somrs.kernel.pending import AFTER_RESTART, DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, Journaled, Written
+from somrs.kernel.pending import AFTER_RESTART, DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, Journaled
 from somrs.protocol.messages.envelope import Message
+from somrs.runtime.virtual_journal import VirtualJournal
 
 LATENCY = 0.001
 """Seconds that a message takes."""
@@ -45,7 +44,6 @@ Work = Iterator[tuple[float, object]]
 QUIET = object()
 
 CarryOut = Callable[[object], Work]
-
 
 Medium = Callable[[Message], Sequence[float]]
 """The seconds that a message takes: more than one for a message that comes again, none for one that is lost on the way. What is
@@ -63,7 +61,7 @@ class Moment(StrEnum):
 
     AT_ONCE = "between two inputs"
     UNSEEN = "at its next input, of which nothing is on disk yet"
-    KEPT = "at its next input, when the journal, or its records, are on disk, and nothing else was done"
+    KEPT = "at its next input, when that is in its journal, with what it records, and nothing else was done"
     AMID = "at its next input, after some of the effects were carried out"
 
 
@@ -75,17 +73,6 @@ class _Life:
     component: Component
     journaled: Journaled | None
     doom: tuple[Moment, int] | None = None
-
-
-@dataclass(slots=True, kw_only=True)
-class _Place:
-    """What is known at an address, whatever becomes of the component there: what it carries out with, and what is on its disk."""
-
-    carry_out: CarryOut
-    written: Written | None
-    """How its inputs are written, if they are kept."""
-    entries: list[bytes] = field(default_factory=list)
-    snapshot: bytes | None = None
 
 
 @dataclass(slots=True, eq=False)
@@ -120,11 +107,6 @@ def at_once(answer: Callable[[object], object]) -> CarryOut:
     return work
 
 
-def _stateful(component: Component) -> Stateful:
-    assert hasattr(component, "state"), f"{type(component).__name__} has no state that could be kept"
-    return cast(Stateful, component)
-
-
 def _cannot(task: object) -> object:
     raise RemoteError(f"nobody here can do {type(task).__name__}")
 
@@ -145,9 +127,11 @@ class World:
         """Every message that was sent, in order; a delivery that is tried again counts once."""
         self.components: dict[str, Component] = {}
         self.records: dict[str, list[object]] = {}
+        """What each component recorded, by its address."""
         self._medium, self._watch, self._restored = medium, watch, restored
         self._lives: dict[str, _Life] = {}
-        self._places: dict[str, _Place] = {}
+        self._carry_out: dict[str, CarryOut] = {}
+        self._journals: dict[str, VirtualJournal] = {}
         self._events: list[tuple[float, int, Callable[[], None]]] = []
         self._count = itertools.count()
         self._timers: dict[tuple[str, Hashable], int] = {}
@@ -162,8 +146,10 @@ class World:
         """Put a component at an address, where nothing is known of one before, and start it. `journaled`: its inputs are kept, as data of
         this schema."""
         self.records[address] = []
-        written = Written(journaled) if journaled is not None else None
-        self._places[address] = _Place(carry_out=carry_out or at_once(_cannot), written=written)
+        self._journals.pop(address, None)
+        self._carry_out[address] = carry_out or at_once(_cannot)
+        if journaled is not None:
+            self._journals[address] = VirtualJournal(component, journaled)
         self._begin(address, component)
 
     def remove(self, address: str) -> None:
@@ -188,46 +174,36 @@ class World:
     def alive(self, address: str) -> bool:
         return address in self._lives
 
-    def revive(self, address: str, make: Callable[[], Component]) -> None:
-        """Start the component again with what is on its disk: its journal, if its inputs are kept, which goes on where it stopped;
-        otherwise nothing but what `make` takes from `records`. It is killed before, if it has not been yet.
-        """
+    def revive(self, address: str) -> None:
+        """Start the component again with its journal: it goes on where it stopped. It is killed before, if it has not been yet."""
+        journal = self._journal(address)
         self.remove(address)
-        place = self._places[address]
-        written = place.written
-        if written is None:
-            self._begin(address, make())
-            return
-        journaled = Journaled(_stateful(make()), written.schema) if place.snapshot is None else written.journaled(place.snapshot)
         known = self.records[address]
-        entries = written.entries(written.batch(place.entries))
-        known += [record.entry for record in journaled.replay(entries) if record.entry not in known]
-        self._restored(address, journaled.component)
-        life = _Life(address, journaled.component, journaled)
-        self._lives[address], self.components[address] = life, journaled.component
-        self._resume(address, life, journaled)
-        self._feed(address, Started(address))
-        self._deliver_parked()
+        known += [record for record in journal.restart() if record not in known]
+        self._restored(address, journal.journaled.component)
+        self._begin(address, journal.journaled.component)
 
     def snapshot(self, address: str) -> None:
-        """What a node does from time to time: the journal of a component whose inputs are kept begins anew with its state."""
-        place, journaled = self._places[address], self._lives[address].journaled
-        if journaled is None or place.written is None:
-            raise UsageError(f"{address} keeps no journal of which a snapshot could be taken")
-        place.snapshot = place.written.snapshot(journaled)
-        place.entries.clear()
+        """What a node does from time to time: the journal of a component begins anew with its state."""
+        self._journal(address).snapshot()
+
+    def _journal(self, address: str) -> VirtualJournal:
+        if address not in self._journals:
+            raise UsageError(f"{address} keeps no journal")
+        return self._journals[address]
 
     def _begin(self, address: str, component: Component) -> None:
+        journal = self._journals.get(address)
         self.components[address] = component
-        written = self._places[address].written
-        journaled = Journaled(_stateful(component), written.schema) if written is not None else None
-        self._lives[address] = _Life(address, component, journaled)
+        self._lives[address] = life = _Life(address, component, journal.journaled if journal is not None else None)
+        if life.journaled is not None:
+            self._resume(life, life.journaled)
         self._feed(address, Started(address))
         self._deliver_parked()
 
-    def _resume(self, address: str, life: _Life, journaled: Journaled) -> None:
+    def _resume(self, life: _Life, journaled: Journaled) -> None:
         """Take up what the component had under way when it was killed."""
-        pending = journaled.pending
+        address, pending = life.address, journaled.pending
         for number, sent in pending.messages.items():
             self._count_once(sent.message)
             self._at(self.now, partial(self._try, _Sent(sent.message, max(sent.until, self.now + AFTER_RESTART), life, number)))
@@ -290,13 +266,8 @@ class World:
         if life.doom is not None and life.doom[0] is Moment.UNSEEN:
             self.remove(address)
             return False
-        if (journaled := life.journaled) is not None and not journaled.schema.reads(event):
-            entry, place = journaled.entry(event, self.now), self._places[address]
-            assert place.written is not None, "whatever is journaled has a schema"
-            place.entries.append(place.written.entry(entry))
-            effects = journaled.handle(entry)
-        else:
-            effects = [(effect, 0) for effect in life.component.handle(event, self.now)]
+        journal = self._journals.get(address)
+        effects = journal.handle(event, self.now) if journal else [(effect, 0) for effect in life.component.handle(event, self.now)]
         if life.doom is not None:
             self._end(address, life, effects, *life.doom)
             return False
@@ -339,7 +310,7 @@ class World:
 
     def _ask(self, address: str, question: Hashable, task: object) -> None:
         serial = self._work[address, question] = next(self._count)
-        self._continue(address, question, serial, self._places[address].carry_out(task))
+        self._continue(address, question, serial, self._carry_out[address](task))
 
     def _answer(self, address: str, question: Hashable, value: object, life: _Life) -> None:
         if self._lives.get(address) is life:

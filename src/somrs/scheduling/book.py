@@ -1,9 +1,8 @@
-"""What the Scheduler keeps, as data: templates, standing orders, and what came of each time at which one was due."""
+"""The Scheduler's book: templates, standing orders, and what came of each time at which one was due."""
 
 from __future__ import annotations
 
-import msgspec
-from msgspec import Struct, structs
+from msgspec import Struct, field, structs
 
 from somrs.client.refusals import Changed, NotFound
 from somrs.entish.parse import nearest
@@ -14,30 +13,12 @@ MOST_RUNS = 200
 """Of each order, so many times at which it was due are known."""
 
 
-class BookChange(Struct, frozen=True, kw_only=True, tag=True):
-    """These templates, by name, and orders, by id, are so from now on; None: there is none any more, nor are there its runs."""
-
-    templates: dict[str, Template | None] = {}
-    orders: dict[str, StandingOrder | None] = {}
-
-
-class RunNoted(Struct, frozen=True, kw_only=True, tag=True):
-    """What came of a time at which an order was due; in place of what is known of the same time."""
-
-    order: str
-    run: Run
-
-
-Entry = BookChange | RunNoted
-"""What is to be on disk."""
-
-
 class Book(Struct, kw_only=True):
-    """`runs` by an order's id, the latest last."""
+    """`templates` by name, `orders` by id; `runs` by an order's id, the latest last."""
 
-    templates: dict[str, Template] = msgspec.field(default_factory=dict)
-    orders: dict[str, StandingOrder] = msgspec.field(default_factory=dict)
-    runs: dict[str, tuple[Run, ...]] = msgspec.field(default_factory=dict)
+    templates: dict[str, Template] = field(default_factory=dict)
+    orders: dict[str, StandingOrder] = field(default_factory=dict)
+    runs: dict[str, tuple[Run, ...]] = field(default_factory=dict)
 
     def template(self, name: str) -> Template:
         if name not in self.templates:
@@ -52,41 +33,33 @@ class Book(Struct, kw_only=True):
     def runs_of(self, id: str) -> tuple[Run, ...]:
         return self.runs.get(id, ())
 
-    def enter(self, entry: Entry) -> None:
-        match entry:
-            case RunNoted(order=id, run=run):
-                others = (one for one in self.runs_of(id) if one.due != run.due)
-                self.runs[id] = tuple(sorted([*others, run], key=lambda one: one.due))[-MOST_RUNS:]
-            case BookChange(templates=templates, orders=orders):
-                for name, template in templates.items():
-                    if template is None:
-                        self.templates.pop(name, None)
-                    else:
-                        self.templates[name] = template
-                for id, order in orders.items():
-                    if order is None:
-                        self.orders.pop(id, None)
-                        self.runs.pop(id, None)
-                    else:
-                        self.orders[id] = order
+    def note(self, id: str, run: Run) -> None:
+        """Note what came of a time at which an order was due, in place of what is known of the same time."""
+        others = (one for one in self.runs_of(id) if one.due != run.due)
+        self.runs[id] = tuple(sorted([*others, run], key=lambda one: one.due))[-MOST_RUNS:]
 
-    def without(self, template: Template) -> BookChange:
-        """What removes a template. Raises Changed when an order uses it."""
+    def remove_template(self, template: Template) -> None:
+        """Raises Changed when an order uses it."""
         if users := [order.name for order in self.orders.values() if order.template == template.name]:
             used = f"the template {template.name} is used by the order {', '.join(users)}"
             raise Changed(f"{used}; remove that first, or give it another task")
-        return BookChange(templates={template.name: None})
+        del self.templates[template.name]
 
-    def renamed(self, template: Template, to: str, by: str, now: float) -> BookChange:
-        """What gives a template another name, also where orders use it."""
+    def rename_template(self, template: Template, to: str, by: str, now: float) -> Template:
+        """Give a template another name, also where orders use it."""
         if to != template.name and to in self.templates:
             raise Changed(f"there is a template {to} already; take another name, or remove that one first")
-        made = structs.replace(template, name=to, version=template.version + 1, changed_at=now, changed_by=by)
-        users = [order for order in self.orders.values() if order.template == template.name]
-        return BookChange(
-            templates={template.name: None, to: made},
-            orders={order.id: structs.replace(order, template=to, version=order.version + 1) for order in users},
-        )
+        del self.templates[template.name]
+        self.templates[to] = made = structs.replace(template, name=to, version=template.version + 1, changed_at=now, changed_by=by)
+        for order in self.orders.values():
+            if order.template == template.name:
+                self.orders[order.id] = structs.replace(order, template=to, version=order.version + 1)
+        return made
+
+    def remove_order(self, id: str) -> None:
+        """Take an order back, with what is known of its times."""
+        del self.orders[id]
+        self.runs.pop(id, None)
 
 
 def expect(version: int | None, now: int, what: str, by: str = "") -> None:

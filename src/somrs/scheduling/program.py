@@ -6,11 +6,13 @@ from pathlib import Path
 
 from somrs.client.client import Addresses
 from somrs.deployment.programs import say_ready, until_stopped
-from somrs.runtime.clock import TimeOfDay
+from somrs.runtime.clock import TimeOfDay, local_zone
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node
 from somrs.scheduling.component import Scheduler
-from somrs.scheduling.store import FILE, BookFile
+from somrs.scheduling.state import Located
+from somrs.scheduling.store import FILE, orders_journal
+from somrs.storage.journal import Journal
 
 PATH = "/scheduler"
 
@@ -18,22 +20,19 @@ PATH = "/scheduler"
 async def run_scheduler(data: Path, addresses: Addresses, host: str, port: int) -> None:
     """Keep templates and orders, and state what is due, until this process is to end."""
     data.mkdir(parents=True, exist_ok=True)
-    file = BookFile(data / FILE)
+    journal = orders_journal(data / FILE)
     try:
         rim = Host(host, port, clock=TimeOfDay())
         await rim.start()
-        say_ready("scheduler", put(rim, file, addresses).address)
+        say_ready("scheduler", put(rim, journal, addresses).address)
         await until_stopped()
         await rim.stop()
     finally:
-        file.close()
+        journal.close()
 
 
-def put(rim: Host, file: BookFile, addresses: Addresses) -> Node:
-    """A Scheduler with that file, at its path."""
-    return rim.add(
-        PATH,
-        lambda address: Scheduler(address, addresses.repository, addresses.task_manager, file.load()),
-        keep=file.keep,
-        disk=file.disk,
-    )
+def put(rim: Host, journal: Journal, addresses: Addresses) -> Node:
+    """A Scheduler with that journal, at its path."""
+    located = Located(addresses.repository, addresses.task_manager, local_zone())
+    # The other parts may be elsewhere since the journal was written, and so may the machine.
+    return rim.add_journaled(PATH, lambda address: Scheduler(address, located), journal, notices=(located,))

@@ -1,4 +1,4 @@
-"""When something is to happen again: once, every so often, or on days of the week, by the machine's local time.
+"""When something is to happen again: once, every so often, or on days of the week, by local time.
 
 Times of day that a clock skips, when it is put forward, are taken as if it had not been yet; those that it shows twice happen once.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from datetime import datetime, timedelta, tzinfo
+from zoneinfo import ZoneInfo
 
 import msgspec
 
@@ -18,6 +19,14 @@ LEAST_MINUTES = 0.1
 DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
 _TIME = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)")
+
+
+def zone_of(name: str) -> tzinfo | None:
+    """The zone of this name; None, which is the machine's own, for none, or one that this machine does not know."""
+    try:
+        return ZoneInfo(name) if name else None
+    except (KeyError, ValueError, OSError):
+        return None
 
 
 def checked(when: When, now: float) -> When:

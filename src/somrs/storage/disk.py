@@ -1,7 +1,7 @@
 """A SQLite file with one writer: a thread of its own, which puts all that was asked for since its last commit on disk at once.
 
 Write-ahead log with `synchronous=FULL`: what is `durable` survives a kill and a power cut. One process at a time has the file
-open. What is in the file is its owner's: a journal with its archive, or records.
+open. What is in the file is its owner's, such as a journal with its archive.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Kind:
 
     `application` is SQLite's application_id, by which the file is known; `version` is that of the `tables`. `migrations`: by the version
     of an older file, the step to the next version; a file takes all of its steps, or none. `replaces`: by the application_id of files that
-    were used for the same before, what empties them. No text in these statements has a semicolon in it.
+    were used for the same before, the step that makes one of this kind of them. No text in these statements has a semicolon in it.
     """
 
     owner: str
@@ -49,7 +49,7 @@ class Kind:
     version: int
     tables: str
     migrations: Mapping[int, Step] = field(default_factory=dict)
-    replaces: Mapping[int, str] = field(default_factory=dict)
+    replaces: Mapping[int, Step] = field(default_factory=dict)
 
 
 class Disk:
@@ -189,17 +189,19 @@ class Disk:
         (application,) = db.execute("PRAGMA application_id").fetchone()
         (version,) = db.execute("PRAGMA user_version").fetchone()
         (tables,) = db.execute("SELECT count(*) FROM sqlite_schema").fetchone()
-        emptied = kind.replaces.get(application, "")
-        new = (application == 0 and tables == 0) or bool(emptied)
-        if not new and application != kind.application:
+        if application == 0 and tables == 0:
+            steps: list[Step] = [kind.tables]
+        elif application in kind.replaces:
+            steps = [kind.replaces[application]]
+        elif application != kind.application:
             raise UsageError(f"{self.path}: is a database, but not {kind.owner}; give it a file of its own")
-        old = not new and all(step in kind.migrations for step in range(version, kind.version)) and version < kind.version
-        if not new and not old and version != kind.version:
+        elif version > kind.version or any(step not in kind.migrations for step in range(version, kind.version)):
             raise UsageError(f"{self.path}: has format {version}, this program reads {kind.version}; run the SO-MRS that wrote it")
+        else:
+            steps = [kind.migrations[step] for step in range(version, kind.version)]
         # Exclusive: two that write the same file would both be wrong.
         for pragma in ("locking_mode=EXCLUSIVE", "journal_mode=WAL", "synchronous=FULL"):
             db.execute(f"PRAGMA {pragma}")
-        steps = [emptied, kind.tables] if new else [kind.migrations[step] for step in range(version, kind.version)]
         with self.transaction(db):  # takes the lock now, not at the first write
             for step in steps:
                 execute(db, step)

@@ -48,7 +48,10 @@ KIND = Kind(
     version=3,
     tables=TABLES + archive.TABLES,
     # The files of devices and Registries were of other kinds. What was promised before is not known then, and is said not to be.
-    replaces={0x534F4D44: "DROP TABLE kept;", 0x534F4D53: "DROP TABLE listed;"},
+    replaces={
+        0x534F4D44: "DROP TABLE kept;" + TABLES + archive.TABLES,
+        0x534F4D53: "DROP TABLE listed;" + TABLES + archive.TABLES,
+    },
     migrations={
         # Files of the first format hold a state that only the program that wrote it can read: version 0. Their records stay.
         1: "ALTER TABLE life ADD COLUMN schema INTEGER NOT NULL DEFAULT 0;",

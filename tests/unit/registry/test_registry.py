@@ -273,7 +273,7 @@ def test_what_was_listed_is_listed_after_a_restart_until_its_lease_is_over(snaps
         world.snapshot(REGISTRY)
     told(Retract(provider="Robot2"))
     told(Renew(provider="Robot1", lease=60.0))
-    world.revive(REGISTRY, lambda: Registry(REGISTRY, lab()[0]))
+    world.revive(REGISTRY)
     registry = world.components[REGISTRY]
     assert isinstance(registry, Registry)
     assert names(ask(registry, Discover(), Discovered, now=world.now)) == ["Robot1.TransferObject"]

@@ -1,46 +1,97 @@
-"""The Scheduler without sockets and disks: what it is told, and what it says, in order."""
+"""The Scheduler without sockets and disks: what it is told, and what it says, in order; and how it comes back from its journal."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import datetime
+from zoneinfo import ZoneInfo
 
-import msgspec
+import pytest
 
-from somrs.kernel.component import Effect, Rang, Received, Record, Send, Started, Undelivered
+from somrs.kernel.codec import encoded
+from somrs.kernel.component import Effect, Input, Notified, Rang, Received, Send, Started, Undelivered
+from somrs.kernel.pending import Journaled, Written
 from somrs.ontology.files.loading import load_text
 from somrs.protocol.messages import orders
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.clients import Phase, Submit, Submitted, TaskNews, TaskRejected, TaskView, WatchTask
-from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.frp import Fault, Outcome
-from somrs.protocol.messages.orders import Every, OrderSaved, Run, RunState
+from somrs.protocol.messages.knowledge import SubscribeMap
+from somrs.protocol.messages.orders import Daily, Every, OrderSaved, Run, RunState
 from somrs.protocol.messages.records import ReadRecords, Records
-from somrs.scheduling.book import Book, BookChange, RunNoted
-from somrs.scheduling.component import TICK, Scheduler
+from somrs.scheduling.book import Book
+from somrs.scheduling.component import SCHEMA, Scheduler
 from somrs.scheduling.execution import LATE, WAIT, message_for, task_for
+from somrs.scheduling.state import Located, OrdersDue
 from tests.support.virtual_system import SITE
 
-HERE, MANAGER, CLIENT = "http://here/scheduler", "http://there/task-manager", "http://there/api"
+HERE, REPOSITORY, MANAGER, CLIENT = "http://here/scheduler", "http://there/repository", "http://there/task-manager", "http://there/api"
 WISH = Submit(effect="Jar002 isOn Platform001")
 HOUR = 3600.0
+TICK = Rang(OrdersDue())
 
 
-def scheduler(book: Book | None = None) -> Scheduler:
-    """One that has read the map."""
-    made = Scheduler(HERE, "http://there/repository", MANAGER, book or Book())
-    loaded = load_text(SITE, "site.yaml")
-    assert loaded.map is not None
-    made.handle(Started(HERE), 0.0)
-    made.replica.ontology, made.replica.map, made.replica.version = loaded.ontology, loaded.map, 0
-    return made
+class Kept:
+    """A Scheduler that has read the map, and its journal."""
+
+    def __init__(self, zone: str = "") -> None:
+        self.located = Located(REPOSITORY, MANAGER, zone)
+        self._written = Written(SCHEMA)
+        self.journaled = Journaled(Scheduler(HERE, self.located), SCHEMA)
+        loaded = load_text(SITE, "site.yaml")
+        assert loaded.map is not None
+        self.scheduler.handle(Started(HERE), 0.0)
+        replica = self.scheduler.replica
+        replica.ontology, replica.map, replica.version = loaded.ontology, loaded.map, 0
+        self._snapshot()
+
+    @property
+    def scheduler(self) -> Scheduler:
+        assert isinstance(self.journaled.component, Scheduler)
+        return self.journaled.component
+
+    @property
+    def book(self) -> Book:
+        return self.scheduler.book
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if SCHEMA.reads(event):
+            return self.scheduler.handle(event, now)
+        entry = self.journaled.entry(event, now)
+        self._entries.append(self._written.entry(entry))
+        return [effect for effect, _ in self.journaled.handle(entry)]
+
+    def restart(self, now: float, *, orderly: bool = False, located: Located | None = None, at: str = HERE) -> list[Effect]:
+        """As after a kill, or an orderly stop: what is sent again, and what comes of the start."""
+        if orderly:
+            self._snapshot()
+        self.journaled = self._written.journaled(self._state)
+        self.journaled.replay(self._written.entries(self._written.batch(self._entries)))
+        again: list[Effect] = [Send(sent.message, sent.until) for sent in self.journaled.pending.messages.values() if sent.until > now]
+        for sent in [one for one in self.journaled.pending.messages.values() if one.until <= now]:
+            again += self.handle(Undelivered(sent.message, "its time was over"), now)
+        self.handle(Notified(located or self.located), now)
+        return [*again, *self.handle(Started(at), now)]
+
+    def _snapshot(self) -> None:
+        self._state = self._written.snapshot(self.journaled)
+        self._entries: list[bytes] = []
 
 
-def ask(to: Scheduler, body: Body, now: float, id: str = "urn:uuid:1") -> Sequence[Effect]:
+def scheduler() -> Kept:
+    return Kept()
+
+
+def ask(to: Kept, body: Body, now: float, id: str = "urn:uuid:1") -> Sequence[Effect]:
     header = Header(sender=CLIENT, recipient=HERE, message_id=id, reply_to=CLIENT)
     return to.handle(Received(Message(header=header, body=body)), now)
 
 
-def answer(to: Scheduler, question: Message, body: Body, now: float) -> Sequence[Effect]:
+def answer(to: Kept, question: Message, body: Body, now: float) -> Sequence[Effect]:
+    for number, sent in [*to.journaled.pending.messages.items()]:
+        if sent.message == question:
+            to.journaled.arrived(number)
     header = Header(sender=MANAGER, recipient=HERE, message_id=f"{question.header.message_id}a", relates_to=question.header.message_id)
     return to.handle(Received(Message(header=header, body=body)), now)
 
@@ -49,16 +100,9 @@ def sent(effects: Sequence[Effect], kind: type[Body]) -> list[Message]:
     return [effect.message for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, kind)]
 
 
-def kept(effects: Sequence[Effect]) -> list[object]:
-    return [effect.entry for effect in effects if isinstance(effect, Record)]
-
-
-def ordered(to: Scheduler, now: float = 0.0, *, skip: bool = True) -> str:
+def ordered(to: Kept, now: float = 0.0, *, skip: bool = True) -> str:
     effects = ask(to, orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=WISH, skip=skip)), now)
-    (entry,) = kept(effects)
-    assert isinstance(entry, BookChange)
     (said,) = sent(effects, orders.OrderKept)
-    assert effects.index(Record(entry)) < effects.index(Send(said)), "it is on disk before it is said"
     assert isinstance(said.body, orders.OrderKept)
     assert said.body.order.next == now + HOUR
     return said.body.order.id
@@ -68,48 +112,131 @@ def view(task: str, phase: Phase = Phase.EXECUTING, outcome: Outcome | None = No
     return TaskNews(view=TaskView(task=task, effect=WISH.effect, phase=phase, submitted_at=HOUR, outcome=outcome), events=())
 
 
-def test_a_time_is_noted_before_its_task_is_stated_and_followed_to_its_end() -> None:
+def test_a_time_is_noted_and_its_task_is_stated_and_followed_to_its_end() -> None:
     one = scheduler()
     id = ordered(one)
-    assert not sent(one.handle(Rang(TICK), HOUR - 1), Submit)
-    effects: Sequence[Effect] = one.handle(Rang(TICK), HOUR)
+    assert not sent(one.handle(TICK, HOUR - 1), Submit)
+    effects: Sequence[Effect] = one.handle(TICK, HOUR)
     task = task_for(id, HOUR)
-    assert kept(effects) == [RunNoted(order=id, run=Run(due=HOUR, state=RunState.SUBMITTING, at=HOUR, task=task))]
+    assert one.book.runs_of(id) == (Run(due=HOUR, state=RunState.SUBMITTING, at=HOUR, task=task),)
     (stated,) = sent(effects, Submit)
-    assert isinstance(effects[0], Record), "before it leaves"
     assert stated.header.message_id == message_for(id, HOUR)
     assert (stated.header.sender, stated.header.reply_to) == ("urn:so-mrs:client:order%20Often", HERE)
     (watched,) = sent(answer(one, stated, Submitted(task=task), HOUR + 1), WatchTask)
     (again,) = sent(answer(one, watched, view(task), HOUR + 2), WatchTask)
-    effects = answer(one, again, view(task, Phase.ENDED, Outcome.ACCOMPLISHED), HOUR + 3)
+    answer(one, again, view(task, Phase.ENDED, Outcome.ACCOMPLISHED), HOUR + 3)
     (run,) = one.book.runs_of(id)
     assert (run.state, run.outcome, run.open) == (RunState.SUBMITTED, Outcome.ACCOMPLISHED, False)
-    assert kept(effects) == [RunNoted(order=id, run=run)]
 
 
-def test_what_was_open_in_an_earlier_life_is_asked_for_and_stated_again_as_the_same_message() -> None:
-    before = scheduler()
-    id = ordered(before)
-    (first,) = sent(before.handle(Rang(TICK), HOUR), Submit)
-    after = scheduler(before.book)
-    (looked,) = sent(after.handle(Rang(TICK), HOUR + 5), WatchTask)
-    (searched,) = sent(answer(after, looked, Fault(code="Sender", text="no such task"), HOUR + 6), ReadRecords)
-    (again,) = sent(answer(after, searched, Records(records=()), HOUR + 7), Submit)
-    assert again.header.message_id == first.header.message_id
-    late = scheduler(before.book)
-    (looked,) = sent(late.handle(Rang(TICK), HOUR + LATE + 1), WatchTask)
-    (searched,) = sent(answer(late, looked, Fault(code="Sender", text="no such task"), HOUR + LATE + 2), ReadRecords)
-    assert not sent(answer(late, searched, Records(records=()), HOUR + LATE + 3), Submit)
-    assert [run.state for run in late.book.runs_of(id)] == [RunState.MISSED]
+@pytest.mark.parametrize("orderly", [False, True], ids=["killed", "stopped"])
+@pytest.mark.parametrize("step", range(5))
+def test_what_was_open_goes_on_and_the_task_is_stated_once(step: int, orderly: bool) -> None:
+    """It is restarted behind one of the steps, and the answers that come reach it then."""
+    one = scheduler()
+    id = ordered(one)
+    task, reached = task_for(id, HOUR), 0
+
+    def seen(effects: Sequence[Effect], kind: type[Body], now: float) -> Message:
+        nonlocal reached
+        (asked,) = sent(effects, kind)
+        if reached == step:
+            again = one.restart(now, orderly=orderly)
+            questions = [message for one in (Submit, WatchTask, ReadRecords) for message in sent(again, one)]
+            assert questions == [asked], "nobody acknowledged it yet"
+        reached += 1
+        return asked
+
+    stated = seen(one.handle(TICK, HOUR), Submit, HOUR + 0.5)
+    assert stated.header.message_id == message_for(id, HOUR)
+    watched = seen(answer(one, stated, Submitted(task=task), HOUR + 1), WatchTask, HOUR + 1.5)
+    again = seen(answer(one, watched, view(task), HOUR + 2), WatchTask, HOUR + 2.5)
+    searched = seen(answer(one, again, Fault(code="Sender", text="no such task"), HOUR + 3), ReadRecords, HOUR + 3.5)
+    answer(one, searched, Fault(code="Receiver", text="not now"), HOUR + 4)
+    looked = seen(one.handle(TICK, HOUR + 5.5), WatchTask, HOUR + 6)
+    answer(one, looked, view(task, Phase.ENDED, Outcome.ACCOMPLISHED), HOUR + 7)
+    (run,) = one.book.runs_of(id)
+    assert (run.task, run.outcome, run.open) == (task, Outcome.ACCOMPLISHED, False)
+    assert not one.scheduler.state.questions
+
+
+def test_a_question_that_was_open_too_long_is_asked_again_after_a_restart() -> None:
+    for away, state in ((LATE / 2, RunState.SUBMITTING), (LATE + 1, RunState.MISSED)):
+        one = scheduler()
+        id = ordered(one)
+        (first,) = sent(one.handle(TICK, HOUR), Submit)
+        now = HOUR + away
+        effects = one.restart(now)
+        if state is RunState.SUBMITTING:
+            assert sent(effects, Submit) == [first], "its time is not over"
+            continue
+        (looked,) = sent(one.handle(TICK, now + 2), WatchTask)
+        (searched,) = sent(answer(one, looked, Fault(code="Sender", text="no such task"), now + 3), ReadRecords)
+        assert not sent(answer(one, searched, Records(records=()), now + 4), Submit)
+        assert [run.state for run in one.book.runs_of(id)] == [state]
+
+
+def test_a_task_that_was_not_taken_is_stated_again_as_the_same_message() -> None:
+    one = scheduler()
+    id = ordered(one)
+    (first,) = sent(one.handle(TICK, HOUR), Submit)
+    one.handle(Undelivered(first, "nobody is there"), HOUR + 1)
+    (looked,) = sent(one.handle(TICK, HOUR + 3), WatchTask)
+    (searched,) = sent(answer(one, looked, Fault(code="Sender", text="no such task"), HOUR + 4), ReadRecords)
+    (again,) = sent(answer(one, searched, Records(records=()), HOUR + 5), Submit)
+    assert again.header.message_id == first.header.message_id == message_for(id, HOUR)
+
+
+def test_what_was_due_while_it_was_away_is_stated_at_the_start_or_told_as_missed() -> None:
+    for away, stated, missed in ((30.0, 1, 0), (LATE + 30, 0, 1), (4 * HOUR + 30, 1, 4)):
+        for orderly in (False, True):
+            one = scheduler()
+            id = ordered(one)
+            effects = one.restart(HOUR + away, orderly=orderly)
+            assert len(sent(effects, Submit)) == stated
+            assert sum(run.times for run in one.book.runs_of(id) if run.state is RunState.MISSED) == missed
+
+
+def test_a_time_of_day_that_was_stated_is_not_stated_again_in_another_zone() -> None:
+    """What came before a kill is handled again by the local time of then."""
+    berlin = ZoneInfo("Europe/Berlin")
+    begun, due = (datetime(2026, 11, 23, hour, tzinfo=berlin).timestamp() for hour in (6, 7))
+    for orderly in (False, True):
+        one = Kept("Europe/Berlin")
+        one.handle(Notified(one.located), begun)
+        ask(one, orders.SaveOrder(saved=OrderSaved(name="Daily", when=Daily(at="07:00"), task=WISH)), begun)
+        (id,) = one.book.orders
+        assert sent(one.handle(TICK, due), Submit)
+        before = one.book
+        again = one.restart(due + 1, orderly=orderly, located=Located(REPOSITORY, MANAGER, "Europe/London"))
+        assert one.book == before
+        assert [message.header.message_id for message in sent(again, Submit)] == [message_for(id, due)], "it was not acknowledged"
+        next = datetime(2026, 11, 23, 7, tzinfo=ZoneInfo("Europe/London")).timestamp()
+        assert one.scheduler.next_due == next, "times to come are by the local time of now"
+
+
+def test_the_other_parts_may_be_elsewhere_and_so_may_it() -> None:
+    one = scheduler()
+    ordered(one)
+    moved = Located("http://new/repository", "http://new/task-manager")
+    effects = one.restart(1.0, located=moved, at="http://new/scheduler")
+    (followed,) = sent(effects, SubscribeMap)
+    assert (followed.header.recipient, followed.header.sender) == ("http://new/repository", "http://new/scheduler")
+    assert not sent(one.handle(TICK, HOUR), Submit), "the map there was not read yet"
+    one = scheduler()
+    ordered(one)
+    one.restart(1.0, located=Located(REPOSITORY, "http://new/task-manager"), at="http://new/scheduler")
+    (stated,) = sent(one.handle(TICK, HOUR), Submit)
+    assert (stated.header.recipient, stated.header.reply_to) == ("http://new/task-manager", "http://new/scheduler")
 
 
 def test_who_does_not_answer_is_asked_again() -> None:
     one = scheduler()
     id = ordered(one)
-    (stated,) = sent(one.handle(Rang(TICK), HOUR), Submit)
+    (stated,) = sent(one.handle(TICK, HOUR), Submit)
     one.handle(Undelivered(stated, "nobody is there"), HOUR + LATE)
-    (looked,) = sent(one.handle(Rang(TICK), HOUR + LATE + 2), WatchTask)
-    (again,) = sent(one.handle(Rang(TICK), HOUR + LATE + 2 + WAIT), WatchTask)
+    (looked,) = sent(one.handle(TICK, HOUR + LATE + 2), WatchTask)
+    (again,) = sent(one.handle(TICK, HOUR + LATE + 2 + WAIT), WatchTask)
     assert again.header.message_id != looked.header.message_id
     answer(one, again, view(task_for(id, HOUR), Phase.ENDED, Outcome.FAILED), HOUR + 200)
     assert one.book.runs_of(id)[0].outcome is Outcome.FAILED
@@ -119,9 +246,9 @@ def test_while_the_task_before_runs_a_time_is_skipped_unless_the_order_says_othe
     for skip in (True, False):
         one = scheduler()
         id = ordered(one, skip=skip)
-        (stated,) = sent(one.handle(Rang(TICK), HOUR), Submit)
+        (stated,) = sent(one.handle(TICK, HOUR), Submit)
         answer(one, stated, Submitted(task=task_for(id, HOUR)), HOUR + 1)
-        effects = one.handle(Rang(TICK), 2 * HOUR)
+        effects = one.handle(TICK, 2 * HOUR)
         if skip:
             *_, looked = sent(effects, WatchTask)  # the last: also the one that follows it was not answered for long
             answer(one, looked, view(task_for(id, HOUR)), 2 * HOUR + 1)
@@ -131,10 +258,10 @@ def test_while_the_task_before_runs_a_time_is_skipped_unless_the_order_says_othe
 def test_what_cannot_be_stated_is_refused_and_what_was_slept_through_is_missed() -> None:
     one = scheduler()
     id = ordered(one)
-    (stated,) = sent(one.handle(Rang(TICK), HOUR), Submit)
+    (stated,) = sent(one.handle(TICK, HOUR), Submit)
     answer(one, stated, TaskRejected(problem="there is no Platform001"), HOUR + 1)
     assert [(run.state, run.note) for run in one.book.runs_of(id)] == [(RunState.REFUSED, "there is no Platform001")]
-    assert not sent(one.handle(Rang(TICK), 5 * HOUR + LATE + 1), Submit)
+    assert not sent(one.handle(TICK, 5 * HOUR + LATE + 1), Submit)
     run = one.book.runs_of(id)[-1]
     assert (run.state, run.due, run.times) == (RunState.MISSED, 5 * HOUR, 4)
 
@@ -166,8 +293,25 @@ def test_the_same_message_is_the_same_order() -> None:
     assert len(one.book.orders) == 2
 
 
-def test_the_book_is_plain_data() -> None:
+def test_what_only_reads_leaves_it_as_it_is() -> None:
     one = scheduler()
-    ordered(one)
-    one.handle(Rang(TICK), HOUR)
-    assert msgspec.msgpack.decode(msgspec.msgpack.encode(one.book), type=Book) == one.book
+    id = ordered(one)
+    before = encoded(one.scheduler.state)
+    for body in (orders.ReadOrders(), orders.ReadRuns(id=id), orders.ReadTemplates(), orders.FillTemplate(name="Nothing")):
+        header = Header(sender=CLIENT, recipient=HERE, message_id="urn:uuid:9", reply_to=ANONYMOUS)
+        (said,) = one.handle(Received(Message(header=header, body=body)), 2 * HOUR)
+        assert isinstance(said, Send)
+    assert encoded(one.scheduler.state) == before
+
+
+def test_news_go_on_after_a_restart() -> None:
+    one = scheduler()
+    ask(one, orders.SubscribeOrders(lease=30.0), 0.0)
+    (first,) = sent(
+        ask(one, orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=WISH)), 1.0), orders.OrdersChanged
+    )
+    one.restart(2.0)
+    (second,) = sent(ask(one, orders.RemoveOrder(id=next(iter(one.book.orders))), 3.0), orders.OrdersChanged)
+    assert first.header.message_id != second.header.message_id
+    (subscribed,) = sent(ask(one, orders.SubscribeOrders(lease=30.0), 4.0), orders.OrdersSubscribed)
+    assert subscribed.body == orders.OrdersSubscribed(until=34.0, begun=2.0), "whoever missed news then learns of it"

@@ -128,11 +128,9 @@ class Hall:
         self.world.add(REGISTRY, Registry(REGISTRY, repository=REPOSITORY))
         self.world.add(CLIENT, self.desk)
         ask = asking(self.repository, lambda: self.world.now)
-        self.world.add(WASHER, self._made(), in_virtual_time(self.device, ask, self.reports), journaled=SCHEMA)
+        manager = ServiceManager(self.device.profile(), repository=REPOSITORY, registry=REGISTRY)
+        self.world.add(WASHER, manager, in_virtual_time(self.device, ask, self.reports), journaled=SCHEMA)
         self.world.run(1.0)
-
-    def _made(self) -> ServiceManager:
-        return ServiceManager(self.device.profile(), repository=REPOSITORY, registry=REGISTRY)
 
     @property
     def manager(self) -> ServiceManager:
@@ -145,7 +143,7 @@ class Hall:
         if snapshot:
             self.world.snapshot(WASHER)
         self.device.running.clear()
-        self.world.revive(WASHER, self._made)
+        self.world.revive(WASHER)
 
     def ask(self, step: str, body: CoordinatorBody) -> None:
         session = self.session(step)
