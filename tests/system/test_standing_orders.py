@@ -40,7 +40,7 @@ def test_an_order_is_stated_once_each_time_though_the_scheduler_is_killed(tmp_pa
             keeping = asyncio.create_task(system.keep_running(lambda text: None))
             async with api_of(system.addresses) as api:
                 wish = Submit(effect="Jar002 isOn ?Shelf: Cupboard")  # as it is
-                given = OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=wish, by="Ada")
+                given = OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=wish, by="Ada", skip=False)
                 order = await api.orders.add_order(given)
                 assert order.next is not None
                 for number in range(TIMES):
