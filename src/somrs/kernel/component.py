@@ -76,10 +76,12 @@ Input = Started | Received | Rang | Answered | Undelivered | Notified
 
 
 class Send(Struct, frozen=True):
-    """Send this, again and again until the recipient's node acknowledges it or `until` (seconds, the node's clock)."""
+    """Send this, again and again until the recipient's node acknowledges it or `until` (seconds, the node's clock). After a restart it is
+    sent for some more seconds, as nobody could take it meanwhile; but not if `strict`: later than that it would be wrong."""
 
     message: Message
     until: float | None = None
+    strict: bool = False
 
 
 class Wake(Struct, frozen=True):

@@ -45,7 +45,7 @@ FIRST_PAUSE = 0.05
 LONGEST_PAUSE = 1.0
 
 AFTER_RESTART = 10.0
-"""Seconds for which a message is sent after a restart at least: while its sender was away, nobody could take it."""
+"""Seconds for which a message is sent after a restart at least."""
 
 WITHDRAWN = Trouble("withdrawn")
 """The answer to a question that was withdrawn before its component was restarted: nobody works on it any more."""
@@ -61,10 +61,15 @@ class Entry(Struct, frozen=True, array_like=True):
 
 
 class Sent(Struct, frozen=True):
-    """A message on its way, and until when it is sent again."""
+    """A message on its way, and until when it is sent again (`Send`)."""
 
     message: Message
     until: float
+    strict: bool = False
+
+    def after_restart(self, now: float) -> float:
+        """Until when it is sent by a process that was away."""
+        return self.until if self.strict else max(self.until, now + AFTER_RESTART)
 
 
 Numbered = tuple[Effect, int]
@@ -97,11 +102,11 @@ class Pending:
     def apply(self, effect: Effect, now: float) -> int:
         """An effect is to be carried out. The number of the message, if it is one that has to arrive; otherwise 0."""
         match effect:
-            case Send(message, until):
+            case Send(message, until, strict):
                 if message.header.recipient == ANONYMOUS:
                     return 0  # whoever waited for it on a connection is gone when this process is
                 self.count += 1
-                self.messages[self.count] = Sent(message, until if until is not None else now + DELIVERY_TIME)
+                self.messages[self.count] = Sent(message, until if until is not None else now + DELIVERY_TIME, strict)
                 return self.count
             case Wake(timer, None):
                 self.timers.pop(timer, None)

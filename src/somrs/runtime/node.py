@@ -30,7 +30,7 @@ from somrs.kernel.component import (
     Wake,
     Withdraw,
 )
-from somrs.kernel.pending import AFTER_RESTART, DELIVERY_TIME, Journaled
+from somrs.kernel.pending import DELIVERY_TIME, Journaled
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import NotTaken
@@ -179,7 +179,11 @@ class Node:
     def _resume(self, journaled: Journaled) -> None:
         loop, now, pending = asyncio.get_running_loop(), self._clock.now(), journaled.pending
         for number, sent in [*pending.messages.items()]:
-            self._send(Letter(self, sent.message, max(sent.until, now + AFTER_RESTART), number))
+            letter = Letter(self, sent.message, sent.after_restart(now), number)
+            if letter.until <= now:
+                loop.call_soon(self.given_up, letter, "its time was over while its sender was away")
+            else:
+                self._send(letter)
         for timer, at in pending.timers.items():
             self._set(timer, at)
         answers = dict(pending.without_work(journaled.schema.volatile))

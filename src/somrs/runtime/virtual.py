@@ -31,7 +31,7 @@ from somrs.kernel.component import (
     Wake,
     Withdraw,
 )
-from somrs.kernel.pending import AFTER_RESTART, DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, Journaled
+from somrs.kernel.pending import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, Journaled
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.virtual_journal import VirtualJournal
 
@@ -205,8 +205,11 @@ class World:
         """Take up what the component had under way when it was killed."""
         address, pending = life.address, journaled.pending
         for number, sent in pending.messages.items():
-            self._count_once(sent.message)
-            self._at(self.now, partial(self._try, _Sent(sent.message, max(sent.until, self.now + AFTER_RESTART), life, number)))
+            again = _Sent(sent.message, sent.after_restart(self.now), life, number)
+            again.waiting = overdue = again.until <= self.now
+            if not overdue:
+                self._count_once(sent.message)
+            self._at(self.now, partial(self._give_up if overdue else self._try, again))
         for timer, at in pending.timers.items():
             self._set(address, timer, at)
         answers = dict(pending.without_work(journaled.schema.volatile))
