@@ -174,6 +174,11 @@ class Hall:
     def said(self) -> list[str]:
         return [type(message.body).__name__ for message in self.desk.heard if message.header.transaction is not None]
 
+    def last_word(self, step: str) -> object:
+        """The last that was said of a step, but how far it is."""
+        of_step = [m.body for m in self.desk.heard if m.header.participant == self.session(step).participant]
+        return next(body for body in reversed(of_step) if not isinstance(body, frp.Progress))
+
     def report(self) -> object:
         return next(m.body for m in reversed(self.desk.heard) if not isinstance(m.body, frp.Progress))
 
@@ -208,6 +213,51 @@ def test_a_device_survives_a_registry_that_forgot_it_and_leaves_in_order() -> No
     hall.world.notify(WASHER, Leave())
     hall.world.run(1.0)
     assert hall.offers() == []
+
+
+def test_who_leaves_takes_back_what_it_promised_and_stops_what_it_does() -> None:
+    hall = Hall()
+    hall.executing("at work")
+    hall.arranged("promised")
+    hall.ask("promised", ACCEPT)
+    hall.arranged("offered")
+    hall.world.notify(WASHER, Leave())
+    hall.until("at work", State.FAILED)
+    hall.until("promised", State.FAILED)
+    hall.until("offered", State.ENDED)
+    assert hall.device.running == []
+    last = {step: hall.last_word(step) for step in ("at work", "promised", "offered")}
+    assert last == {
+        "at work": frp.Failed(description="Washer1 is leaving", situation="Jar1 isOn Table1"),
+        "promised": frp.Failed(description="Washer1 is leaving", tried=False),
+        "offered": frp.Refuse(reason="Washer1 is leaving"),
+    }
+    hall.world.run(60.0)
+    assert hall.manager.open == []
+    assert hall.offers() == []
+
+
+def test_who_leaves_while_it_undoes_something_says_where_things_are() -> None:
+    hall = Hall()
+    hall.executing()
+    hall.until("s1", State.COMPLETED)
+    hall.ask("s1", frp.Compensate(situation="Jar1 isOn Table2"))
+    hall.world.run(5.0)
+    hall.world.notify(WASHER, Leave())
+    hall.until("s1", State.STRANDED)
+    stranded = hall.last_word("s1")
+    assert isinstance(stranded, frp.Stranded)
+    assert stranded.description == "Washer1 is leaving"
+
+
+def test_who_left_takes_no_orders_until_it_is_back() -> None:
+    hall = Hall()
+    hall.world.notify(WASHER, Leave())
+    hall.ask("s1", ARRANGE)
+    hall.until("s1", State.ENDED)
+    assert hall.session("s1").reason == "Washer1 is leaving"
+    hall.restart()
+    hall.arranged("s2")
 
 
 class Mover(Device):
