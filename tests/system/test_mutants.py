@@ -114,9 +114,14 @@ def low() -> int:
 
 def forgotten() -> int:
     return 7 * 6
+
+def halved(a: int) -> int:
+    return a // 2
 """
 
 TESTS = """
+import subprocess, sys
+
 from somrs.entish.sums import bounded, low
 
 def test_what_is_less_is_raised():
@@ -124,6 +129,10 @@ def test_what_is_less_is_raised():
 
 def test_low():
     assert low() > 0
+
+def test_halved():
+    program = "from somrs.entish.sums import halved; print(halved(4))"
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout == "2\\n"
 """
 
 
@@ -155,7 +164,7 @@ def mutants_of(project: Path, *options: str) -> tuple[int, str, dict[str, str]]:
 
 def test_what_tests_notice_is_caught_and_the_rest_survives(project: Path) -> None:
     status, said, caught_by = mutants_of(project, "--seed", "3")
-    raised, low = "tests/unit/test_sums.py::test_what_is_less_is_raised", "tests/unit/test_sums.py::test_low"
+    raised, low, halved = (f"tests/unit/test_sums.py::test_{name}" for name in ("what_is_less_is_raised", "low", "halved"))
     assert caught_by == {
         '- LIMITS = {"low": 1}\n+ LIMITS = {"changed": 1}': low,
         '- LIMITS = {"low": 1}\n+ LIMITS = {"low": 2}': "",
@@ -172,6 +181,9 @@ def test_what_tests_notice_is_caught_and_the_rest_survives(project: Path) -> Non
         "- return 7 * 6\n+ return 7 / 6": "",
         "- return 7 * 6\n+ return 8 * 6": "",
         "- return 7 * 6\n+ return 7 * 7": "",
+        "- return a // 2\n+ return None": halved,
+        "- return a // 2\n+ return a * 2": halved,
+        "- return a // 2\n+ return a // 3": halved,
     }
     assert status == 1
     assert re.search(r"SEED=3\b", said)

@@ -35,6 +35,7 @@ class Record:
         self._folder = folder / digest(code)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._importers = _importers(root)
+        self._files: dict[str, Recorded] = {}
         self._read()
 
     @property
@@ -72,6 +73,8 @@ class Record:
     def chosen(self, mutant: Mutant) -> dict[str, float]:
         """The tests that run what is changed, the fastest first, with the seconds that each takes.
 
+        Of programs that a test starts it is only known which functions they call.
+
         What is run when a module is imported shows in what uses the module: these are the tests that reach any function of it, and then
         those that reach one of the modules that import it.
         """
@@ -96,6 +99,12 @@ class Record:
         self._data.read()
         self._measured = {f"src/somrs/{name.rpartition('/src/somrs/')[2]}": name for name in self._data.measured_files()}
         self._reached: dict[str, dict[int, set[str]]] = {}
+        self._called: dict[str, set[tuple[str, int, int]]] = {}
+        calls = self._lines.with_suffix(".calls")
+        for line in calls.read_text(encoding="utf-8").splitlines() if calls.exists() else ():
+            test, file, first, last = line.split("\t")
+            if test in self._seconds:
+                self._called.setdefault(f"src/{file}", set()).add((test, int(first), int(last)))
 
     def _test_files(self) -> dict[str, str]:
         files = sorted(file for folder in TESTED_BY for file in (self._root / folder).rglob("test_*.py"))
@@ -105,8 +114,8 @@ class Record:
         if file not in self._reached:
             contexts = self._data.contexts_by_lineno(self._measured[file]) if file in self._measured else {}
             self._reached[file] = {line: {test for test in tests if test in self._seconds} for line, tests in contexts.items()}
-        reached = self._reached[file]
-        return set().union(*(tests for line, tests in reached.items() if lines is None or line in lines))
+        own = set().union(*(tests for line, tests in self._reached[file].items() if lines is None or line in lines))
+        return own | {test for test, first, last in self._called.get(file, ()) if lines is None or first <= lines[0] <= last}
 
     def _fastest_first(self, tests: set[str]) -> dict[str, float]:
         return {test: self._seconds[test] for test in sorted(tests, key=lambda test: (self._seconds[test], test))}

@@ -104,6 +104,7 @@ class Lines:
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         self._coverage.switch_context(item.nodeid)
+        os.environ["MUTANTS_TEST"] = item.nodeid
         result = yield
         self._coverage.switch_context("")
         return result
@@ -144,6 +145,9 @@ def _run(wanted: Wanted, to: int) -> int:
 def _record(wanted: Wanted, to: int) -> int:
     from coverage import Coverage
 
+    # What a program runs that a test starts is noted by itself.
+    os.environ["MUTANTS_CALLS"] = str(Path(wanted.record).with_suffix(".calls"))
+    os.environ["PYTHONPATH"] += os.pathsep + str(Path(__file__).parent / "inside")
     coverage = Coverage(data_file=wanted.record, source_pkgs=["somrs"], config_file=False)
     coverage.load()
     coverage.start()
