@@ -97,7 +97,9 @@ class Record:
         self._seconds = {test: seconds for file in self._files.values() for test, seconds in file.tests.items()}
         self._data = CoverageData(str(self._lines))
         self._data.read()
-        self._measured = {f"src/somrs/{name.rpartition('/src/somrs/')[2]}": name for name in self._data.measured_files()}
+        self._measured: dict[str, list[str]] = {}
+        for name in self._data.measured_files():
+            self._measured.setdefault(f"src/somrs/{name.rpartition('/src/somrs/')[2]}", []).append(name)
         self._reached: dict[str, dict[int, set[str]]] = {}
         self._called: dict[str, set[tuple[str, int, int]]] = {}
         calls = self._lines.with_suffix(".calls")
@@ -112,8 +114,11 @@ class Record:
 
     def _reaching(self, file: str, lines: range | None = None) -> set[str]:
         if file not in self._reached:
-            contexts = self._data.contexts_by_lineno(self._measured[file]) if file in self._measured else {}
-            self._reached[file] = {line: {test for test in tests if test in self._seconds} for line, tests in contexts.items()}
+            reached: dict[int, set[str]] = {}
+            for name in self._measured.get(file, ()):
+                for line, tests in self._data.contexts_by_lineno(name).items():
+                    reached.setdefault(line, set()).update(test for test in tests if test in self._seconds)
+            self._reached[file] = reached
         own = set().union(*(tests for line, tests in self._reached[file].items() if lines is None or line in lines))
         return own | {test for test, first, last in self._called.get(file, ()) if lines is None or first <= lines[0] <= last}
 
