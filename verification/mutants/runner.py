@@ -165,7 +165,7 @@ def play(wanted: Wanted, to: int) -> None:
     if not process:
         status = 3
         try:
-            log = os.open(wanted.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            log = os.open(wanted.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
             os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
             os.dup2(log, 1)
             os.dup2(log, 2)

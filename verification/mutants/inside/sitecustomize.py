@@ -16,7 +16,7 @@ OPTIMIZED = 1
 def note_calls(place: str, test: str) -> None:
     src = str(Path(__file__).parents[3] / "src") + os.sep
     noted: set[CodeType] = set()
-    to = os.open(place, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    to = os.open(place, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
 
     def called(frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
