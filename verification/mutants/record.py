@@ -79,7 +79,10 @@ class Record:
         those that reach one of the modules that import it.
         """
         if mutant.within is not None:
-            return self._fastest_first(self._reaching(mutant.file, range(mutant.within[0], mutant.within[1] + 1)))
+            lines = range(mutant.within[0], mutant.within[1] + 1)
+            reaching = self._reaching(mutant.file, lines)
+            if reaching or not any(line in self._reached[mutant.file] for line in lines):
+                return self._fastest_first(reaching)
         own = self._fastest_first(self._reaching(mutant.file))
         others = {test for file in self._importers.get(mutant.file, ()) for test in self._reaching(file)}
         return own | self._fastest_first(others - {*own})

@@ -333,6 +333,34 @@ def test_terms_expire() -> None:
     assert hall.session("s1").reason == "the terms expired"
 
 
+def test_who_is_never_told_to_start_is_free_again_when_it_is_too_late() -> None:
+    hall = Hall()
+    finish = hall.world.now + 200
+    hall.arranged("s1", latest_finish=finish)
+    hall.ask("s1", ACCEPT)
+    hall.world.run(130.0)
+    assert hall.session("s1").state is State.COMMITTED
+    hall.until("s1", State.FAILED, within=20.0)
+    assert hall.last_word("s1") == frp.Failed(description="it was not told to start in time", tried=False)
+    assert hall.world.now == pytest.approx(finish - 60, abs=1), "from then on its minute is not enough"
+    assert hall.manager.calendar(hall.world.now) == []
+
+
+class Nowhere(Washer):
+    values = {"PositionX": "left", "PositionY": 5.0, "PositionZ": 0.0}
+
+
+def test_who_is_not_taken_onto_the_map_says_why_and_offers_nothing() -> None:
+    hall = Hall(Nowhere("Washer1"))
+    assert "Washer1" not in hall.repository.contents.map.objects
+    assert [report.joined for report in hall.reports] == [False]
+    assert hall.reports[0].text.startswith("Washer1 cannot join: ")
+    assert "PositionX" in hall.reports[0].text
+    assert hall.offers() == []
+    hall.world.run(300.0)
+    assert len(hall.reports) == 1, "it is said once"
+
+
 def test_a_failure_says_what_holds() -> None:
     device = Washer("Washer1")
     device.trouble = ServiceFailed("the pump is broken", "Jar1 isOn Floor1")
