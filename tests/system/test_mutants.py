@@ -208,3 +208,13 @@ def test_a_copy_is_what_it_was_when_the_change_is_over(tmp_path: Path) -> None:
         assert place.read_bytes() == b"another = 1\n"
         assert place.stat().st_mtime_ns != time
     assert (place.read_bytes(), place.stat().st_mtime_ns) == (before, time)
+
+
+def test_a_copy_that_is_made_again_is_as_the_project_is(tmp_path: Path) -> None:
+    tree = Tree(tmp_path / "copy")
+    changed, added = tree.root / "src" / "somrs" / "errors.py", tree.root / "src" / "somrs" / "added.py"
+    changed.write_text("another = 1\n")
+    added.write_text("another = 1\n")
+    Tree(tmp_path / "copy")
+    assert changed.read_bytes() == (ROOT / "src" / "somrs" / "errors.py").read_bytes()
+    assert not added.exists()

@@ -16,6 +16,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 
+BESIDE = "shared"
+"""What lies beside the project, and tests use where it is."""
+
+COMPILED = "__pycache__"
 LATER = 100_000
 """Seconds by which a changed file is newer: Python takes a compiled file for that of a source of the same size and second."""
 
@@ -32,23 +36,30 @@ class Tree:
 
     def __init__(self, root: Path, project: Path = ROOT) -> None:
         self.root = root
-        shutil.rmtree(root, ignore_errors=True)
-        for name in files(project):
-            to = root / name
-            to.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(project / name, to)
+        wanted = {root / name: project / name for name in files(project)}
+        for place in [*root.rglob("*")] if root.exists() else ():
+            if place.is_file() and place not in wanted and place.parent.name != COMPILED:
+                place.unlink()
+        for place, original in wanted.items():
+            if not place.exists() or _seen(place) != _seen(original):
+                place.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(original, place)
+        shared = root.parent / BESIDE
+        if (project.parent / BESIDE).is_dir() and not shared.exists():
+            shared.symlink_to(project.parent / BESIDE)
 
     @property
     def environment(self) -> dict[str, str]:
-        """Of a process in which the copy is the project; it leaves nothing compiled, which might be that of a mutant."""
+        """Of a process in which the copy is the project."""
         path = os.pathsep.join([str(self.root / "src"), str(self.root)])
-        return {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1", "NO_SHRINKING": "1"}
+        return {**os.environ, "PYTHONPATH": path, "NO_SHRINKING": "1"}
 
     @contextmanager
     def changed(self, file: str, source: bytes) -> Iterator[None]:
         """The file is this one meanwhile."""
         place = self.root / file
         original, stat = place.read_bytes(), place.stat()
+        _forget_compiled(place)
         try:
             place.write_bytes(source)
             os.utime(place, (stat.st_atime, stat.st_mtime + LATER))
@@ -56,6 +67,17 @@ class Tree:
         finally:
             place.write_bytes(original)
             os.utime(place, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+            _forget_compiled(place)
+
+
+def _seen(place: Path) -> tuple[int, int]:
+    return place.stat().st_size, place.stat().st_mtime_ns
+
+
+def _forget_compiled(place: Path) -> None:
+    """One mutant is not to be taken for another of the same size."""
+    for compiled in (place.parent / COMPILED).glob(f"{place.stem}.*"):
+        compiled.unlink()
 
 
 def digest(paths: list[Path]) -> str:

@@ -13,8 +13,8 @@ from verification.mutants.runner import GIVEN_UP, Wanted
 from verification.mutants.running import Runner
 from verification.mutants.tree import Tree
 
-FIRST = 40
-"""Tests that are tried before all others: most mutants go no further, and few files have to be read for them."""
+FIRST = (10, 50)
+"""So many tests are tried before all others, and then so many: most mutants go no further, and few files have to be read for them."""
 
 TIMES, FLOOR = 10.0, 20.0
 """A test is given up after so many times the seconds that it took without a mutant, and so many more, of work."""
@@ -45,7 +45,7 @@ def tried(mutant: Mutant, record: Record, tree: Tree, runner: Runner, log: Path,
     caught_by = ""
     left = iter(chosen.items())
     with tree.changed(mutant.file, mutant.applied(source)):
-        for size in (FIRST, len(chosen)):
+        for size in (*FIRST, len(chosen)):
             tests = dict(islice(left, size))
             if tests and not caught_by:
                 caught_by = _caught(tests, runner, log, floor)
