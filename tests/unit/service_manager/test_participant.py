@@ -614,6 +614,18 @@ def test_what_is_noticed_comes_to_the_map_in_order_whatever_is_down() -> None:
     assert [fact for fact in hall.repository.contents.map.facts() if fact.arguments[0] == "Jar1"] == [Fact("isOn", ("Jar1", "Table2"))]
 
 
+def test_what_is_noticed_of_a_device_that_is_not_on_the_map_yet_waits_until_it_is() -> None:
+    hall = Hall()
+    hall.world.remove(REPOSITORY)
+    hall.restart()
+    hall.world.notify(WASHER, Observed("Jar1 isOn Washer1"))
+    anew = Repository(REPOSITORY, contents())
+    hall.world.add(REPOSITORY, anew)
+    hall.world.run(60.0)
+    assert anew.contents.map.holds("isOn", ("Jar1", "Washer1"))
+    assert [report.text for report in hall.reports if not report.joined] == []
+
+
 def test_what_the_repository_does_not_take_is_told_to_a_person() -> None:
     hall = Hall()
     hall.world.notify(WASHER, Observed("Jar1 isOn Nowhere"))
