@@ -27,7 +27,7 @@ from somrs.runtime.virtual import Moment, World
 from somrs.service_manager.participant.calendar import Commitment, free_from
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
 from somrs.service_manager.participant.speech import CUT_OFF
-from somrs.service_manager.participant.timers import Leave, Observed
+from somrs.service_manager.participant.timers import HeartbeatDue, Leave, Observed
 from somrs.service_manager.sdk.device import Device, Result, Situation, Task, before, service
 from somrs.service_manager.sdk.orders import Order, Refusal, Report, ServiceFailed
 from somrs.service_manager.sdk.values import as_term, money, python_value, seconds
@@ -391,6 +391,7 @@ def test_stop_runs_the_authors_way_to_a_safe_state() -> None:
     hall.until("s1", State.STOPPED)
     assert hall.report() == frp.Stopped(situation="Jar1 isOn Table1")
     assert hall.device.running == []
+    assert not [timer for timer in hall.world.timers(WASHER) if isinstance(timer, HeartbeatDue)], "there is nothing more to tell"
 
 
 def test_compensation() -> None:
