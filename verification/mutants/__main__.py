@@ -44,9 +44,8 @@ def testable(every: list[Mutant]) -> list[Mutant]:
 
 
 def drawn(every: list[Mutant], size: int, seed: int) -> list[Mutant]:
-    """A sample, in the order of the files."""
-    places = random.Random(seed).sample(range(len(every)), min(size, len(every)))
-    return [every[place] for place in sorted(places)]
+    """A sample, in any order, so that what is seen of it on the way is one, too."""
+    return random.Random(seed).sample(every, min(size, len(every)))
 
 
 def asked_for(every: list[Mutant], names: str) -> list[Mutant]:
@@ -86,7 +85,7 @@ def play(mutants: list[Mutant], trees: list[Tree], out: Path, console: Console, 
 
         for done in [workers.submit(work, tree) for tree in trees]:
             done.result()
-    return sorted(results, key=lambda result: mutants.index(result.mutant))
+    return sorted(results, key=lambda result: (result.mutant.file, result.mutant.start))
 
 
 def summary(survivors: list[Result]) -> Table:

@@ -174,6 +174,26 @@ def test_what_can_come_next(marked: str, first: list[str]) -> None:
 
 
 @pytest.mark.parametrize(
+    ("marked", "kind"),
+    [
+        ("", "object"),
+        ("Jar002 ", "relation"),
+        ("Jar002.", "attribute"),
+        ("Door001.Open = ", "value"),
+        ("Jar002.Color = ", "value"),
+        ("Room001.Label = ", "value"),
+        ("Jar002.Weight > 5 ", "unit"),
+        ("?x: ", "type"),
+        ("?Where: Support isPartOf Room001 AND Jar002 isOn ?", "variable"),
+        ("Jar002.Weight ", "operator"),
+        ("Jar002 isOn Table001 ", "keyword"),
+    ],
+)
+def test_what_comes_is_said_to_be_what_it_is(marked: str, kind: str) -> None:
+    assert completing(marked).items[0].kind == kind
+
+
+@pytest.mark.parametrize(
     ("marked", "start", "end", "first"),
     [
         ("Jar|9 isOn Table001", 0, 4, "Jar002"),
