@@ -412,9 +412,9 @@ def test_nothing_is_accepted_before_it_was_offered() -> None:
     one.ask(ARRANGE)
     with pytest.raises(UsageError):
         one.coordinator.accept()
-    assert one.coordinator.state is State.ARRANGING
+    assert one.both() == (State.ARRANGING, State.ARRANGING)
     assert one.coordinator.order == one.participant.order == ARRANGE
     one.answer(TERMS)
     with pytest.raises(UsageError, match="would be accepted"):
         one.coordinator.send(Accept(terms="others"))
-    assert one.coordinator.state is State.OFFERED
+    assert one.both() == (State.OFFERED, State.OFFERED)
