@@ -75,6 +75,7 @@ def test_what_a_module_does_when_it_is_imported_has_no_lines_of_a_function() -> 
         '"""What it is."""',
         "PATIENCE = 10.0",
         "class C(Struct, frozen=True): ...",
+        'class C(StrEnum):\n    A = "a"',
         'x: "C" = y',
         'T = TypeVar("T")',
         "if TYPE_CHECKING:\n    import a",

@@ -15,7 +15,8 @@ What does not, because nobody could tell, or because a test that told would only
 * words for people: docstrings, strings of several words, all within f-strings and what is raised, `__repr__`, what is logged;
 * what only type checkers read: annotations, `cast`, type variables, what is under `TYPE_CHECKING`, `assert`;
 * how a class or a function is kept: decorators, `frozen`, `kw_only` and the like, `strict` of `zip`;
-* settings: numbers to which a module or a class gives a name, as in `PATIENCE = 10.0`.
+* settings: numbers to which a module or a class gives a name, as in `PATIENCE = 10.0`, and what the members of an enumeration are written
+  as. That these are still understood is what `make upgrade-runs` is for.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ ARITHMETIC: dict[type[ast.operator], tuple[str, str]] = {
 
 SWAPPED = {"any": "all", "all": "any", "min": "max", "max": "min"}
 
-KEPT_CLASS = frozenset({"frozen", "kw_only", "slots", "gc", "weakref", "dict", "cache_hash", "eq", "order", "total"})
+KEPT_CLASS = frozenset({"frozen", "kw_only", "slots", "gc", "weakref", "dict", "cache_hash", "eq", "order", "total", "omit_defaults"})
+ENUMERATIONS = frozenset({"Enum", "StrEnum", "IntEnum"})
 """Keywords of a class that say how it is kept, and nothing that its users are told."""
 
 FOR_TYPES = frozenset({"cast", "TypeVar", "NewType", "ParamSpec", "TypeVarTuple"})
@@ -289,8 +291,10 @@ class _Finder(ast.NodeVisitor):
         for keyword in node.keywords:
             if keyword.arg not in KEPT_CLASS:
                 self.visit(keyword.value)
+        enumeration = any(isinstance(base, ast.Name) and base.id in ENUMERATIONS for base in node.bases)
         for statement in node.body:
-            self.visit(statement)
+            if not (enumeration and isinstance(statement, ast.Assign)):
+                self.visit(statement)
         self._functions, self._within = functions, within
 
     def visit_Lambda(self, node: ast.Lambda) -> None:
