@@ -58,6 +58,7 @@ def test_an_execute_that_was_lost_on_the_way_is_said_again() -> None:
     system.world.reconnect(ROBOT1)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
+    assert [(work.service, work.note) for work in view.work] == [("Robot1.TransferObject", "")]
 
 
 def test_the_repository_may_be_away_when_the_work_is_done() -> None:

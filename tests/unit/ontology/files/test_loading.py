@@ -235,6 +235,10 @@ def test_text_that_is_no_such_file(text: str, rule: str) -> None:
     assert rule in {problem.rule for problem in problems(text)}
 
 
+def test_what_is_wrong_with_the_whole_file_is_said_of_the_file() -> None:
+    assert [(p.subject, p.line, p.rule) for p in problems("- a\n- b\n")] == [("file", 1, "structure")]
+
+
 @given(st.data())
 @examples(40)
 def test_no_text_makes_loading_fail_otherwise(data: st.DataObject) -> None:
