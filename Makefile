@@ -11,7 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= auto
 AT_ONCE := --numprocesses $(JOBS) --dist loadgroup --no-loadscope-reorder
 
-.PHONY: setup demo test lint javascript unit integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs upgrade-runs
+.PHONY: setup demo test lint javascript unit integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs upgrade-runs mutants
 
 setup: .venv/.ready
 
@@ -73,6 +73,10 @@ kill-runs: setup
 # A system of the last release is killed amid tasks and started again with today's code; SEED=17 plays one run once more.
 upgrade-runs: setup
 	@$(BIN)/python -m verification.upgrade_runs $(if $(N),--runs $(N)) $(if $(SEED),--seed $(SEED))
+
+# Small changes of the core, one at a time: a test has to fail. SEED=17 is the same sample once more, ONLY=FILE:LINE:NUMBER one alone.
+mutants: setup
+	@$(BIN)/python -m verification.mutants --sample $(or $(N),300) $(if $(SEED),--seed $(SEED)) $(if $(ONLY),--only "$(ONLY)")
 
 # Published multi-agent planning problems, from their files to the goal; DIR has a folder for each domain, and in it one a problem.
 bench-codmap: setup

@@ -58,6 +58,7 @@ def test_an_execute_that_was_lost_on_the_way_is_said_again() -> None:
     system.world.reconnect(ROBOT1)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
+    assert [(work.service, work.note) for work in view.work] == [("Robot1.TransferObject", "")]
 
 
 @pytest.mark.parametrize("away", [3.0, 15.0, 100.0])
@@ -271,3 +272,33 @@ def test_a_robot_that_fails_while_its_terms_for_another_step_are_awaited_does_no
     (view,) = system.finish(system.submit(BOTH, policy=Policy.TIME))
     assert view.outcome is Outcome.ACCOMPLISHED
     assert len(first.orders) == 1
+
+
+def test_who_takes_for_ever_to_stop_is_given_up_and_nothing_is_known_of_what_it_had() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 600, halts=5_000.0))
+    task = system.submit(WISH)
+    until_executing(system, task)
+    began = system.world.now
+    system.ask(CancelTask(task=task))
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.CANCELLED
+    assert 60 <= system.world.now - began < 70, "a robot has a minute to stop"
+    assert system.said(task)[-2:] == [("Stop", "Robot1"), ("End", "Robot1")]
+    assert "nothing is known of Jar002" in view.explanation
+    assert system.map.objects["Jar002"].values["Unknown"] is True
+
+
+def test_who_takes_for_ever_to_undo_something_is_given_up_and_the_task_ends() -> None:
+    def never(order: Order, situation: str) -> Work:
+        yield 5_000.0, None
+
+    system = VirtualSystem(Robot("Robot1", 10, 30, undoes=never))
+    task = system.submit(BOTH)
+    assert system.world.run(100, lambda: ("Completed", "Robot1") in system.said(task))
+    system.world.run(3)
+    began = system.world.now
+    system.ask(CancelTask(task=task))
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.CANCELLED
+    assert system.world.now - began < 600
+    assert "could not be undone, and it left Jar001 isOn Platform001" in view.explanation

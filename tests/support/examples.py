@@ -5,10 +5,13 @@ In a run of all tests they are the same every time: what is found there, everybo
 
 import os
 
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis.database import DirectoryBasedExampleDatabase
 
 FACTOR = int(os.environ.get("EXAMPLES", "1"))
+
+PHASES = [phase for phase in Phase if phase is not Phase.shrink or "NO_SHRINKING" not in os.environ]
+"""Who only asks whether a test fails does not wait for the smallest example with which it does."""
 
 PROFILE = settings(
     deadline=None,  # a busy machine is no defect
@@ -16,6 +19,7 @@ PROFILE = settings(
     derandomize=FACTOR == 1,
     database=None if FACTOR == 1 else DirectoryBasedExampleDatabase(".hypothesis/examples"),
     max_examples=50 * FACTOR,
+    phases=PHASES,
 )
 
 

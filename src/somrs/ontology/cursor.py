@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from enum import StrEnum
+from enum import Enum, auto
 
 from msgspec import Struct, structs
 
@@ -29,30 +29,30 @@ _KEYWORDS = ("AND", "OR", "NOT")
 Tokens = list[tuple[str, str]]
 
 
-class Spot(StrEnum):
+class Spot(Enum):
     """What comes at the cursor."""
 
-    NOWHERE = "nowhere"
+    NOWHERE = auto()
     """A comment, or a place where nothing fits."""
-    ATOM = "atom"
+    ATOM = auto()
     """The beginning of an atom."""
-    RELATION = "relation"
+    RELATION = auto()
     """Behind an object: a relation."""
-    OBJECT = "object"
+    OBJECT = auto()
     """An argument of a relation or function."""
-    ATTRIBUTE = "attribute"
+    ATTRIBUTE = auto()
     """Behind an object and a point."""
-    VALUE = "value"
+    VALUE = auto()
     """Behind a comparison."""
-    TERM = "term"
+    TERM = auto()
     """Behind + - or *."""
-    UNIT = "unit"
+    UNIT = auto()
     """Behind a number."""
-    TYPE = "type"
+    TYPE = auto()
     """Behind a variable and a colon."""
-    VARIABLE = "variable"
+    VARIABLE = auto()
     """Behind a question mark."""
-    ON = "on"
+    ON = auto()
     """Behind what needs nothing more."""
 
 

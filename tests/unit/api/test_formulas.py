@@ -150,6 +150,17 @@ def test_the_first_mistake_is_the_one_that_check_raises(text: str) -> None:
         ("connects(Door001, ", ["Room001", "Room002"]),
         ("range(", ["Robot1", "Robot2"]),
         ("distance(Jar002, Rob", ["Robot1", "Robot2"]),
+        ("distance(Jar002, Robot1) ", ["=", "!=", "<"]),
+        ("distance(Jar002, Robot1) < 3 ", ["m", "mm", "cm", "km", "AND", "OR"]),
+        ("connects(Door001, Room001, ", ["Room001", "Room002"]),
+        ("connects(", ["Door001", "?Door: Door"]),
+        ("Jar002.Weight < 5 kg + 3 ", ["kg", "g", "AND", "OR"]),
+        ("Jar002.Weight < Jar003.Weight * ", ["Jar002", "Jar003"]),
+        ("Jar002.Weight < 3 kg ", ["AND", "OR"]),
+        ("5 kg ", ["=", "!=", "<"]),
+        ("Door001.Open ", ["=", "!="]),
+        ("?x:Jar ", ["isOn", "isPartOf"]),
+        ("?x:Bottle.We", ["Weight"]),
         ("(Jar002 isOn Table001) ", ["AND", "OR"]),
         ("Jar002 isOn Table001 an", ["AND"]),
         ("# jar", []),
@@ -160,6 +171,26 @@ def test_the_first_mistake_is_the_one_that_check_raises(text: str) -> None:
 def test_what_can_come_next(marked: str, first: list[str]) -> None:
     assert words(marked)[: len(first)] == first
     assert first or not words(marked)
+
+
+@pytest.mark.parametrize(
+    ("marked", "kind"),
+    [
+        ("", "object"),
+        ("Jar002 ", "relation"),
+        ("Jar002.", "attribute"),
+        ("Door001.Open = ", "value"),
+        ("Jar002.Color = ", "value"),
+        ("Room001.Label = ", "value"),
+        ("Jar002.Weight > 5 ", "unit"),
+        ("?x: ", "type"),
+        ("?Where: Support isPartOf Room001 AND Jar002 isOn ?", "variable"),
+        ("Jar002.Weight ", "operator"),
+        ("Jar002 isOn Table001 ", "keyword"),
+    ],
+)
+def test_what_comes_is_said_to_be_what_it_is(marked: str, kind: str) -> None:
+    assert completing(marked).items[0].kind == kind
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.kernel.component import Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
-from somrs.kernel.replica import GAP_TIME, LEASE, News, Replica
+from somrs.kernel.replica import GAP_TIME, LEASE, News, Replica, ReplicaDue
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol.messages.bodies import Body
@@ -204,6 +204,23 @@ def test_what_is_no_business_of_the_replica_is_left_to_its_owner(event: Input) -
 def test_what_others_say_of_their_maps_is_left_to_the_owner() -> None:
     body = MapPage(objects=(), facts=(), version=0, more=False)
     assert Replica(OWNER, REPOSITORY).handle(Received(request(body, sender="http://there/other")), 0.0) is None
+
+
+def test_what_could_not_be_delivered_is_asked_again_soon_unless_it_was_asked_again_already() -> None:
+    def wakes(effects: list[Effect]) -> list[float | None]:
+        return [effect.at for effect in effects if isinstance(effect, Wake)]
+
+    replica = Replica(OWNER, REPOSITORY)
+    [first] = [effect.message for effect in replica.start(0.0) if isinstance(effect, Send)]
+    lost = replica.handle(Undelivered(first, "the line is dead"), 1.0)
+    assert lost is not None
+    assert wakes(lost.effects) == [1.0 + GAP_TIME]
+    again = replica.handle(Rang(ReplicaDue()), 1.0 + GAP_TIME)
+    assert again is not None
+    assert [effect.message.body for effect in again.effects if isinstance(effect, Send)] == [first.body]
+    old = replica.handle(Undelivered(first, "the line is dead"), 1.5 + GAP_TIME)
+    assert old is not None
+    assert wakes(old.effects) == wakes(again.effects)
 
 
 # Any medium, any order

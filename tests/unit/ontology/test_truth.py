@@ -260,6 +260,13 @@ def lab() -> tuple[Ontology, Map]:
         ("?Shelf: Shelf isPartOf ?Whole", []),
         ("?Table: Table.Color = ?c", [{"Table": "Table2", "c": "Red"}]),
         ("Jar1.Weight = ?w", [{"w": "0.2 kg"}]),
+        ("Jar1.Weight + 1 = ?w", [{"w": "1.2 kg"}]),
+        ("1 + Jar1.Weight = ?w", [{"w": "1.2 kg"}]),
+        ("Jar1.Weight + 500 g = ?w", [{"w": "0.7 kg"}]),
+        ("500 g + Jar1.Weight = ?w", [{"w": "700 g"}]),
+        ("Jar1.Weight - 100 g = ?w", [{"w": "0.1 kg"}]),
+        ("Jar1.Weight * 2 = ?w", [{"w": "0.4 kg"}]),
+        ("Jar1.Weight + 1 m = ?w", []),
         ("Jar2.Weight = ?w", [{"w": "0.3 kg"}]),  # the type's default
         ("?Jar: Jar.Weight < 250 g", [{"Jar": "Jar1"}]),
         ("Jar1.PositionX = 1.01", [{}]),  # within the tolerance

@@ -27,7 +27,7 @@ from somrs.runtime.virtual import Moment, World
 from somrs.service_manager.participant.calendar import Commitment, free_from
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
 from somrs.service_manager.participant.speech import CUT_OFF
-from somrs.service_manager.participant.timers import Leave, Observed
+from somrs.service_manager.participant.timers import HeartbeatDue, Leave, Observed
 from somrs.service_manager.sdk.device import Device, Result, Situation, Task, before, service
 from somrs.service_manager.sdk.orders import Order, Refusal, Report, ServiceFailed
 from somrs.service_manager.sdk.values import as_term, money, python_value, seconds
@@ -172,6 +172,11 @@ class Hall:
     def said(self) -> list[str]:
         return [type(message.body).__name__ for message in self.desk.heard if message.header.transaction is not None]
 
+    def last_word(self, step: str) -> object:
+        """The last that was said of a step, but how far it is."""
+        of_step = [m.body for m in self.desk.heard if m.header.participant == self.session(step).participant]
+        return next(body for body in reversed(of_step) if not isinstance(body, frp.Progress))
+
     def report(self) -> object:
         return next(m.body for m in reversed(self.desk.heard) if not isinstance(m.body, frp.Progress))
 
@@ -206,6 +211,51 @@ def test_a_device_survives_a_registry_that_forgot_it_and_leaves_in_order() -> No
     hall.world.notify(WASHER, Leave())
     hall.world.run(1.0)
     assert hall.offers() == []
+
+
+def test_who_leaves_takes_back_what_it_promised_and_stops_what_it_does() -> None:
+    hall = Hall()
+    hall.executing("at work")
+    hall.arranged("promised")
+    hall.ask("promised", ACCEPT)
+    hall.arranged("offered")
+    hall.world.notify(WASHER, Leave())
+    hall.until("at work", State.FAILED)
+    hall.until("promised", State.FAILED)
+    hall.until("offered", State.ENDED)
+    assert hall.device.running == []
+    last = {step: hall.last_word(step) for step in ("at work", "promised", "offered")}
+    assert last == {
+        "at work": frp.Failed(description="Washer1 is leaving", situation="Jar1 isOn Table1"),
+        "promised": frp.Failed(description="Washer1 is leaving", tried=False),
+        "offered": frp.Refuse(reason="Washer1 is leaving"),
+    }
+    hall.world.run(60.0)
+    assert hall.manager.open == []
+    assert hall.offers() == []
+
+
+def test_who_leaves_while_it_undoes_something_says_where_things_are() -> None:
+    hall = Hall()
+    hall.executing()
+    hall.until("s1", State.COMPLETED)
+    hall.ask("s1", frp.Compensate(situation="Jar1 isOn Table2"))
+    hall.world.run(5.0)
+    hall.world.notify(WASHER, Leave())
+    hall.until("s1", State.STRANDED)
+    stranded = hall.last_word("s1")
+    assert isinstance(stranded, frp.Stranded)
+    assert stranded.description == "Washer1 is leaving"
+
+
+def test_who_left_takes_no_orders_until_it_is_back() -> None:
+    hall = Hall()
+    hall.world.notify(WASHER, Leave())
+    hall.ask("s1", ARRANGE)
+    hall.until("s1", State.ENDED)
+    assert hall.session("s1").reason == "Washer1 is leaving"
+    hall.restart()
+    hall.arranged("s2")
 
 
 class Mover(Device):
@@ -281,6 +331,34 @@ def test_terms_expire() -> None:
     assert hall.session("s1").reason == "the terms expired"
 
 
+def test_who_is_never_told_to_start_is_free_again_when_it_is_too_late() -> None:
+    hall = Hall()
+    finish = hall.world.now + 200
+    hall.arranged("s1", latest_finish=finish)
+    hall.ask("s1", ACCEPT)
+    hall.world.run(130.0)
+    assert hall.session("s1").state is State.COMMITTED
+    hall.until("s1", State.FAILED, within=20.0)
+    assert hall.last_word("s1") == frp.Failed(description="it was not told to start in time", tried=False)
+    assert hall.world.now == pytest.approx(finish - 60, abs=1), "from then on its minute is not enough"
+    assert hall.manager.calendar(hall.world.now) == []
+
+
+class Nowhere(Washer):
+    values = {"PositionX": "left", "PositionY": 5.0, "PositionZ": 0.0}
+
+
+def test_who_is_not_taken_onto_the_map_says_why_and_offers_nothing() -> None:
+    hall = Hall(Nowhere("Washer1"))
+    assert "Washer1" not in hall.repository.contents.map.objects
+    assert [report.joined for report in hall.reports] == [False]
+    assert hall.reports[0].text.startswith("Washer1 cannot join: ")
+    assert "PositionX" in hall.reports[0].text
+    assert hall.offers() == []
+    hall.world.run(300.0)
+    assert len(hall.reports) == 1, "it is said once"
+
+
 def test_a_failure_says_what_holds() -> None:
     device = Washer("Washer1")
     device.trouble = ServiceFailed("the pump is broken", "Jar1 isOn Floor1")
@@ -311,6 +389,7 @@ def test_stop_runs_the_authors_way_to_a_safe_state() -> None:
     hall.until("s1", State.STOPPED)
     assert hall.report() == frp.Stopped(situation="Jar1 isOn Table1")
     assert hall.device.running == []
+    assert not [timer for timer in hall.world.timers(WASHER) if isinstance(timer, HeartbeatDue)], "there is nothing more to tell"
 
 
 def test_compensation() -> None:
@@ -532,6 +611,18 @@ def test_what_is_noticed_comes_to_the_map_in_order_whatever_is_down() -> None:
     hall.world.run(30.0)
     assert hall.manager.state.reports.pending == []
     assert [fact for fact in hall.repository.contents.map.facts() if fact.arguments[0] == "Jar1"] == [Fact("isOn", ("Jar1", "Table2"))]
+
+
+def test_what_is_noticed_of_a_device_that_is_not_on_the_map_yet_waits_until_it_is() -> None:
+    hall = Hall()
+    hall.world.remove(REPOSITORY)
+    hall.restart()
+    hall.world.notify(WASHER, Observed("Jar1 isOn Washer1"))
+    anew = Repository(REPOSITORY, contents())
+    hall.world.add(REPOSITORY, anew)
+    hall.world.run(60.0)
+    assert anew.contents.map.holds("isOn", ("Jar1", "Washer1"))
+    assert [report.text for report in hall.reports if not report.joined] == []
 
 
 def test_what_the_repository_does_not_take_is_told_to_a_person() -> None:

@@ -88,7 +88,7 @@ def flat(values: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 def _leads(data: Any, path: Path) -> bool:
     for step in path:
-        there = step in data if isinstance(data, dict) else isinstance(data, list) and isinstance(step, int) and step < len(data)
+        there = step in data if isinstance(data, dict) else isinstance(data, list) and isinstance(step, int)
         if not there:
             return False
         data = data[step]

@@ -148,6 +148,9 @@ MISTAKES: list[tuple[str, str, int, str, str]] = [
     ("map: House", "types: {Jar: {parent: Object}}", 1, "duplicate", "in the ontology already"),
     ("map: House", "types: {Vase: {parent: Jar, defaults: {Weight: a lot}}}", 1, "value", "a number in kg"),
     ("map: House", "types: {Vase: {parent: Jar, constraints: [{attribute: Weight}]}}", 1, "constraint", "minimum, maximum or values"),
+    ("map: House", "types: {Vase: {parent: Jar, constraints: [{attribute: Weight, values: [a, [1]]}]}}", 1, "structure", "1 should be"),
+    ("map: House", "services: {Go: {effect: x, cost: [1]}}", 1, "structure", "cost should be"),
+    ("map: House", "services: {Go: {effect: x, cost: {much: 1}}}", 1, "structure", "cost should be"),
     ("map: House", 'types: {Vase: {parent: Jar, constraints: [{formula: "?Self.Wait > 1"}]}}', 1, "formula", "Wait"),
     ("map: House", "attributes: {Heat: {kind: number, unit: wibble}}", 1, "unit", "pint knows no unit wibble"),
     ("map: House", "attributes: {Heat: {kind: numbr}}", 1, "structure", "'number'"),
@@ -155,6 +158,23 @@ MISTAKES: list[tuple[str, str, int, str, str]] = [
     ("map: House", "attributes: {parts: {kind: text}}", 1, "reserved", "another name"),
     ("map: House", "relations: {likes: {joins: [Objct, Object]}}", 1, "unknown-name", "did you mean Object"),
     ("map: House", "functions: {heat: {parameters: [Object], attribute: Wieght}}", 1, "unknown-name", "did you mean Weight"),
+    ("map: House", "relations: {near: {joins: [Jar, Table], symmetric: true}}", 1, "relation", "of the same type"),
+    ("map: House", "relations: {near: {joins: [Jar, Jar, Jar], symmetric: true}}", 1, "relation", "joins two objects"),
+    ("map: House", "attributes: {Heat: {kind: text, unit: K}}", 1, "kind", "only a number has a unit"),
+    ("map: House", "attributes: {Heat: {kind: number, values: [Hot]}}", 1, "kind", "only an enumeration has values"),
+    ("map: House", "attributes: {Heat: {kind: complex, attributes: [Wieght]}}", 1, "unknown-name", "did you mean Weight"),
+    ("map: House", "attributes: {Heat: {kind: complex, attributes: [Weight, Heat]}}", 1, "cycle", "through Heat"),
+    ("map: House", "functions: {heat: {parameters: [Object, Object], attribute: Weight}}", 1, "function", "has one parameter"),
+    ("map: House", "types: {Vase: {parent: Jar, parts: [{type: FurnitureLag}]}}", 1, "unknown-name", "did you mean FurnitureLeg"),
+    ("map: House", "types: {Vase: {parent: Jar, parts: [{type: FurnitureLeg, minimum: 3, maximum: 2}]}}", 1, "parts", "swap"),
+    (
+        "map: House",
+        'types: {Vase: {parent: Jar, constraints: [{attribute: Weight, minimum: 1, formula: "?Self.Weight > 1"}]}}',
+        1,
+        "constraint",
+        "either an attribute",
+    ),
+    ("map: House", 'services: {Weigh: {effect: "?x isOn Table1", inputs: {x: Jar}, outputs: {x: Jar}}}', 1, "duplicate", "twice"),
     ("map: House", 'services: {Move: {effect: "?x isOn ?y AND", inputs: {x: Jar}}}', 1, "formula", "ends too early"),
     ("map: House", 'services: {Move: {effect: "?x isOn ?y", inputs: {x: Jarr}}}', 1, "unknown-name", "did you mean Jar"),
 ]
@@ -167,6 +187,18 @@ def test_mistake_is_named_with_its_line(old: str, new: str, line: int, rule: str
     assert [(problem.line, problem.rule) for problem in found] == [(line, rule)], "one problem, and nothing that only follows from it"
     assert words in found[0].message
     assert str(found[0]).startswith(f"house.yaml:{line}: ")
+
+
+def test_attributes_that_are_made_of_each_other() -> None:
+    outer = "attributes: {Heat: {kind: complex, attributes: [Glow]}, Glow: {kind: complex, attributes: [Fire]}"
+    assert "Fire" in load_text(f"{outer}, Fire: {{kind: complex, attributes: [Weight]}}}}\n").ontology.attributes
+    found = problems(f"{outer}, Fire: {{kind: complex, attributes: [Weight, Heat]}}}}\n")
+    assert [(p.subject, p.rule) for p in found] == [("Heat", "cycle"), ("Glow", "cycle"), ("Fire", "cycle")]
+
+
+def test_what_a_part_may_be_there_for_as_often_as_it_must() -> None:
+    types = "types: {Vase: {parent: Jar, parts: [{type: FurnitureLeg, minimum: 2, maximum: 2}]}}"
+    assert load_text(HOUSE.replace("map: House", f"{types}\nmap: House", 1)).ontology.types["Vase"].parts[0].maximum == 2
 
 
 def test_map_without_an_abstract_object_has_no_root() -> None:
@@ -201,6 +233,10 @@ def test_all_mistakes_are_told_at_once() -> None:
 )
 def test_text_that_is_no_such_file(text: str, rule: str) -> None:
     assert rule in {problem.rule for problem in problems(text)}
+
+
+def test_what_is_wrong_with_the_whole_file_is_said_of_the_file() -> None:
+    assert [(p.subject, p.line, p.rule) for p in problems("- a\n- b\n")] == [("file", 1, "structure")]
 
 
 @given(st.data())

@@ -98,6 +98,16 @@ def test_relations_of_any_arity_are_read_back() -> None:
     assert found.map == map
 
 
+def test_rules_of_the_same_attribute_keep_each_its_meaning_and_place() -> None:
+    rules = (
+        Constraint(attribute="Weight", maximum=2.0, doc="Two hands lift it"),
+        Constraint(attribute="Weight", minimum=0.1, doc="The wind does not"),
+        Constraint(attribute="Weight", maximum=3.0, doc="The shelf holds it"),
+    )
+    ontology = upper().extended([ObjectType(name="Vase", parent="Graspable", constraints=rules)])
+    assert read(export(ontology).decode(), "file", upper()).ontology.types["Vase"].constraints == rules
+
+
 # What others made of it
 
 

@@ -28,6 +28,7 @@ from somrs.protocol.messages.frp import (
     End,
     Execute,
     Failed,
+    Fault,
     Outcome,
     Progress,
     Query,
@@ -360,3 +361,60 @@ def test_a_participant_survives_any_message_of_anybody(script: list[tuple[int, i
         header = Header(sender=TM, recipient=SM, message_id=f"m{identity}", relates_to="x", transaction="t1", participant="A#s1")
         session.receive(Message(header=header, body=body))
         assert session.state not in (State.COMMITTED, State.EXECUTING, State.STOPPING)
+
+
+def test_the_last_report_is_said_again_as_it_was() -> None:
+    one, two, _ = _two()
+    one.ask(ARRANGE)
+    two.ask(ARRANGE)
+    offered = one.participant.send(TERMS)
+    refused = two.participant.send(Refuse(reason="too heavy"))
+    assert one.participant.last_report() == (offered,)
+    assert two.participant.last_report() == (refused,)
+    one.coordinator.receive(offered)
+    one.ask_with(one.coordinator.accept())
+    assert one.participant.last_report() == ()
+    one.ask(EXECUTE)
+    done = one.participant.send(COMPLETED)
+    assert one.participant.last_report() == (done,)
+
+
+def test_an_answer_to_what_was_never_asked_moves_nothing() -> None:
+    one, _, _ = _two()
+    one.ask(ARRANGE)
+    offered = one.participant.send(TERMS)
+    stray = msgspec.structs.replace(offered, header=msgspec.structs.replace(offered.header, relates_to="urn:uuid:other"))
+    heard = one.coordinator.receive(stray)
+    assert (heard.kind, heard.moved, one.coordinator.state) == (Kind.LATE, False, State.ARRANGING)
+    assert one.coordinator.receive(offered).moved
+    assert one.coordinator.state is State.OFFERED
+
+
+def test_a_fault_about_a_question_ends_no_contract_and_one_about_an_order_does() -> None:
+    one, _, _ = _two()
+    asked = one.coordinator.send(ARRANGE)
+    question = one.coordinator.send(Query())
+    for about, state in ((question, State.ARRANGING), (asked, State.ENDED)):
+        header = Header(
+            sender=SM,
+            recipient=TM,
+            message_id=f"f{state}",
+            relates_to=about.header.message_id,
+            transaction="t1",
+            participant=about.header.participant,
+        )
+        one.coordinator.receive(Message(header=header, body=Fault(code="Sender", text="no")))
+        assert one.coordinator.state is state
+
+
+def test_nothing_is_accepted_before_it_was_offered() -> None:
+    one, _, _ = _two()
+    one.ask(ARRANGE)
+    with pytest.raises(UsageError):
+        one.coordinator.accept()
+    assert one.both() == (State.ARRANGING, State.ARRANGING)
+    assert one.coordinator.order == one.participant.order == ARRANGE
+    one.answer(TERMS)
+    with pytest.raises(UsageError, match="would be accepted"):
+        one.coordinator.send(Accept(terms="others"))
+    assert one.both() == (State.OFFERED, State.OFFERED)

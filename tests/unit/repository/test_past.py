@@ -1,0 +1,72 @@
+"""Events of the past: what leads back from them, and as much of them as goes into a message."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.types import AttributeType, Kind
+from somrs.protocol.messages.knowledge import Definitions, Event, Revision
+from somrs.protocol.messages.paging import size
+from somrs.repository.past import inverse, rewound, shortened
+
+CHANGES = tuple(ValueSet(f"Jar{number:03}", "PositionX", float(number)) for number in range(200))
+REVISION = Revision(after=Definitions(attributes=(AttributeType(name="Smell", kind=Kind.TEXT, doc="of what is in it " * 40),)))
+
+
+@pytest.mark.parametrize("revision", [None, REVISION])
+@pytest.mark.parametrize("room", [500, 2_000])
+def test_of_what_is_too_long_the_beginning_is_told_and_how_much_there_is(revision: Revision | None, room: int) -> None:
+    event = Event(version=7, at=1.0, author="a person", changes=CHANGES, before=CHANGES, revision=revision)
+    told = shortened(event, room)
+    assert size(told) < room + 100
+    assert 1 < len(told.changes) < len(CHANGES)
+    assert told.changes == CHANGES[: len(told.changes)]
+    assert (told.before, told.all_changes) == ((), len(CHANGES))
+    assert (told.version, told.author) == (7, "a person")
+    assert (told.revision is not None) == (revision is not None)
+
+
+def test_what_fits_is_told_as_it_is() -> None:
+    event = Event(version=7, at=1.0, author="a person", changes=CHANGES[:3], before=CHANGES[:3], revision=REVISION)
+    assert shortened(event, size(event)) is event
+
+
+names = st.sampled_from(["A", "B", "C"])
+one_change: st.SearchStrategy[Change] = st.one_of(
+    st.builds(ObjectAdded, st.builds(Object, name=names, type=st.sampled_from(["Thing", "Jar"]))),
+    st.builds(ObjectRemoved, names),
+    st.builds(ValueSet, names, st.sampled_from(["Size", "PositionX"]), st.sampled_from([1.0, 2.0, None])),
+    st.builds(FactAdded, st.builds(Fact, st.sampled_from(["between", "isNew"]), st.tuples(names))),
+    st.builds(FactRemoved, st.builds(Fact, st.sampled_from(["between", "isNew"]), st.tuples(names))),
+)
+CHANGED = Map(
+    [Object(name="A", type="Jar", values={"Size": 1.0}), Object(name="B", type="Thing")], [Fact("isNew", ("A",)), Fact("between", ("B",))]
+)
+
+
+def possible(map: Map, changes: list[Change]) -> list[Change]:
+    """Without what speaks of objects that are not there; objects that go have no facts by then, as where rules are kept."""
+    left: list[Change] = []
+    for change in changes:
+        match change:
+            case ObjectRemoved(name) if name not in map.objects or [*map.facts_about(name)]:
+                continue
+            case ValueSet(name) if name not in map.objects:
+                continue
+            case FactAdded(fact) if not set(fact.arguments) <= set(map.objects):
+                continue
+        left.append(change)
+        map = map.changed([change])
+    return left
+
+
+@given(st.lists(one_change, max_size=8))
+def test_what_leads_back_leads_to_the_map_as_it_was(changes: list[Change]) -> None:
+    made = possible(CHANGED, changes)
+    after = CHANGED.changed(made)
+    back = inverse(CHANGED, made)
+    assert after.changed(back) == CHANGED
+    assert rewound(after, [back]) == CHANGED

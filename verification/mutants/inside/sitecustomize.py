@@ -1,0 +1,34 @@
+"""In programs that tests start, while it is recorded what tests reach: Python imports this by itself where its folder is on the path.
+
+Notes each function of the project when it is called for the first time, at once, since most such programs are killed in the end.
+"""
+
+import os
+import sys
+import threading
+from pathlib import Path
+from types import CodeType, FrameType
+
+OPTIMIZED = 1
+"""Of a code object: it is a function, and not a module or the body of a class."""
+
+
+def note_calls(place: str, test: str) -> None:
+    src = str(Path(__file__).parents[3] / "src") + os.sep
+    noted: set[CodeType] = set()
+    to = os.open(place, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+
+    def called(frame: FrameType, event: str, _: object) -> None:
+        code = frame.f_code
+        if event == "call" and code not in noted:
+            noted.add(code)
+            if code.co_flags & OPTIMIZED and code.co_filename.startswith(src):
+                last = max(line for _, _, line in code.co_lines() if line is not None)
+                os.write(to, f"{test}\t{code.co_filename.removeprefix(src)}\t{code.co_firstlineno}\t{last}\n".encode())
+
+    threading.setprofile(called)
+    sys.setprofile(called)
+
+
+if "MUTANTS_CALLS" in os.environ and "MUTANTS_TEST" in os.environ:
+    note_calls(os.environ["MUTANTS_CALLS"], os.environ["MUTANTS_TEST"])

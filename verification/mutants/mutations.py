@@ -1,0 +1,400 @@
+"""The mutants of a file: small changes that no test should miss.
+
+What counts as one:
+
+* a comparison at its border (`<` and `<=`), or turned round (`==` and `!=`, `in` and `not in`, `is` and `is not`);
+* `and` and `or`, `any` and `all`, `min` and `max`, `break` and `continue`, and the operators of arithmetic and of sets, for each other;
+* the condition of an `if`, a `while`, a case, or within a comprehension turned round, a `not` or a minus left out;
+* `True` and `False` for each other, a number one higher, and another string, defaults of parameters among them;
+* a statement left out that does something: a call, a `yield` or `yield from`, an assignment to what outlives the function, `del`, `raise`
+  and a bare `return`;
+* `return None` in place of what is returned.
+
+What does not, because nobody could tell, or because a test that told would only repeat the code:
+
+* words for people: docstrings, strings of several words, all within f-strings and what is raised, `__repr__`, what is logged;
+* what only type checkers read: annotations, `cast`, type variables, what is under `TYPE_CHECKING`, `assert`;
+* how a class or a function is kept: decorators, `frozen`, `kw_only` and the like, `strict` of `zip`;
+* settings: numbers to which a module or a class gives a name, as in `PATIENCE = 10.0`, and what the members of an enumeration are written
+  as. That these are still understood is what `make upgrade-runs` is for.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+COMPARISONS: dict[type[ast.cmpop], tuple[str, str]] = {
+    ast.Lt: ("<", "<="),
+    ast.LtE: ("<=", "<"),
+    ast.Gt: (">", ">="),
+    ast.GtE: (">=", ">"),
+    ast.Eq: ("==", "!="),
+    ast.NotEq: ("!=", "=="),
+    ast.Is: ("is", "is not"),
+    ast.IsNot: (r"is\s+not", "is"),
+    ast.In: ("in", "not in"),
+    ast.NotIn: (r"not\s+in", "in"),
+}
+"""What is written, and what in its place."""
+
+TURNED = (ast.Eq, ast.NotEq, ast.Is, ast.IsNot, ast.In, ast.NotIn)
+"""Of these the change is the same as to turn the whole condition round."""
+
+ARITHMETIC: dict[type[ast.operator], tuple[str, str]] = {
+    ast.Add: ("+", "-"),
+    ast.Sub: ("-", "+"),
+    ast.Mult: ("*", "/"),
+    ast.Div: ("/", "*"),
+    ast.FloorDiv: ("//", "*"),
+    ast.Mod: ("%", "*"),
+    ast.Pow: ("**", "*"),
+    ast.BitOr: ("|", "&"),
+    ast.BitAnd: ("&", "|"),
+    ast.BitXor: ("^", "|"),
+}
+
+SWAPPED = {"any": "all", "all": "any", "min": "max", "max": "min"}
+
+KEPT_CLASS = frozenset({"frozen", "kw_only", "slots", "gc", "weakref", "dict", "cache_hash", "eq", "order", "total", "omit_defaults"})
+ENUMERATIONS = frozenset({"Enum", "StrEnum", "IntEnum"})
+"""Keywords of a class that say how it is kept, and nothing that its users are told."""
+
+FOR_TYPES = frozenset({"cast", "TypeVar", "NewType", "ParamSpec", "TypeVarTuple"})
+NUMBERS = (ast.Constant, ast.UnaryOp, ast.BinOp)
+PLAIN = ("str", "int", "float", "bool", "bytes", "object", "type")
+GENERIC = ("dict", "list", "set", "tuple", "frozenset")
+LITERALS = (ast.Constant, ast.JoinedStr, ast.List, ast.Tuple, ast.ListComp)
+
+WORDS = re.compile(r"\w\s+\S|\S\s+\w")
+SIGN = re.compile(rb"not\s*|-\s*")
+COMMENT = re.compile(rb"#[^\n]*")
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change of one file."""
+
+    file: str
+    """Seen from the root of the project."""
+    line: int
+    number: int
+    """Among those of its line, from 1."""
+    start: int
+    end: int
+    """What is replaced: bytes of the file."""
+    text: str
+    """What comes in its place."""
+    within: tuple[int, int] | None
+    """The lines of which one is run just before it matters; None for what is run when the module is imported."""
+
+    @property
+    def name(self) -> str:
+        """By which it can be asked for."""
+        return f"{self.file.removeprefix('src/somrs/')}:{self.line}:{self.number}"
+
+    def applied(self, source: bytes) -> bytes:
+        return source[: self.start] + self.text.encode() + source[self.end :]
+
+    def diff(self, source: bytes) -> str:
+        """The lines that it changes, before and after."""
+        before, after = source.decode().splitlines(), self.applied(source).decode().splitlines()
+        lines = list(difflib.unified_diff(before, after, lineterm="", n=0))[3:]
+        return "\n".join(line[0] + " " + line[1:].strip() for line in lines)
+
+
+def mutants(file: str, source: bytes) -> list[Mutant]:
+    """All of a file, from its top to its bottom."""
+    finder = _Finder(source)
+    finder.visit(ast.parse(source))
+    found: list[Mutant] = []
+    seen: set[tuple[int, int, str]] = set()
+    numbers: dict[int, int] = {}
+    for start, end, text, within in sorted(finder.found, key=lambda one: one[:3]):
+        if (start, end, text) not in seen:
+            seen.add((start, end, text))
+            line = source.count(b"\n", 0, start) + 1
+            numbers[line] = numbers.get(line, 0) + 1
+            found.append(Mutant(file, line, numbers[line], start, end, text, within))
+    return found
+
+
+def all_mutants(root: Path, packages: tuple[str, ...]) -> list[Mutant]:
+    """Those of all modules of the packages of somrs."""
+    files = sorted(file for package in packages for file in (root / "src" / "somrs" / package).rglob("*.py"))
+    return [mutant for file in files for mutant in mutants(file.relative_to(root).as_posix(), file.read_bytes())]
+
+
+class _Finder(ast.NodeVisitor):
+    """Goes through a module and notes what could be changed, and which lines are run there."""
+
+    def __init__(self, source: bytes) -> None:
+        self.source = source
+        self.found: list[tuple[int, int, str, tuple[int, int] | None]] = []
+        self._starts = [0]
+        for line in source.splitlines(keepends=True):
+            self._starts.append(self._starts[-1] + len(line))
+        self._within: tuple[int, int] | None = None
+        self._functions: list[str] = []
+        self._settings = False
+        """Whether this is the value of a name of the module or of a class."""
+
+    # Where things are
+
+    def _start(self, node: ast.expr | ast.stmt) -> int:
+        return self._starts[node.lineno - 1] + node.col_offset
+
+    def _end(self, node: ast.expr | ast.stmt) -> int:
+        assert node.end_lineno is not None
+        assert node.end_col_offset is not None
+        return self._starts[node.end_lineno - 1] + node.end_col_offset
+
+    def _put(self, start: int, end: int, text: str) -> None:
+        self.found.append((start, end, text, self._within))
+
+    def _between(self, left: ast.expr, right: ast.expr, written: str, text: str) -> None:
+        """Change the operator that stands between two expressions."""
+        start, end = self._end(left), self._start(right)
+        gap = COMMENT.sub(lambda comment: b" " * len(comment[0]), self.source[start:end])
+        if operator := re.search(written.encode(), gap):
+            self._put(start + operator.start(), start + operator.end(), text)
+
+    def _turned(self, test: ast.expr) -> None:
+        """The condition is the other way round, where no change within it comes to the same."""
+        same = (
+            isinstance(test, ast.Constant)
+            or (isinstance(test, ast.UnaryOp) and isinstance(test.op, ast.Not))
+            or (isinstance(test, ast.Compare) and len(test.ops) == 1 and isinstance(test.ops[0], TURNED))
+        )
+        if not same:
+            start, end = self._start(test), self._end(test)
+            self._put(start, end, f"not ({self.source[start:end].decode()})")
+
+    # Statements
+
+    def visit(self, node: ast.AST) -> None:
+        if isinstance(node, ast.stmt) and self._functions:
+            self._within = _lines(node)
+        super().visit(node)
+
+    def _left_out(self, node: ast.stmt, text: str = "pass") -> None:
+        self._put(self._start(node), self._end(node), text)
+
+    def visit_Expr(self, node: ast.Expr) -> None:
+        match node.value:
+            case ast.Constant():  # a docstring, or `...`
+                return
+            case ast.Yield() | ast.YieldFrom():
+                self._left_out(node, "yield from ()")  # the function stays a generator
+            case ast.Call(func) if _called(func).startswith("log."):
+                return
+            case ast.Call() | ast.Await():
+                self._left_out(node)
+        self.generic_visit(node)
+
+    def visit_Assign(self, node: ast.Assign) -> None:
+        names = [target.id for target in node.targets if isinstance(target, ast.Name)]
+        if "__all__" in names or "__slots__" in names:
+            return
+        if not names and self._lasting(node.targets):
+            self._left_out(node)
+        self._value(node.value, settings=bool(names))
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
+        if node.value is not None:
+            self._value(node.value, settings=isinstance(node.target, ast.Name))
+
+    def _value(self, value: ast.expr, *, settings: bool) -> None:
+        before, self._settings = self._settings, settings and not self._functions and isinstance(value, NUMBERS)
+        self.visit(value)
+        self._settings = before
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
+        self._left_out(node)
+        if type(node.op) in ARITHMETIC and not isinstance(node.value, LITERALS[1:]):
+            written, text = ARITHMETIC[type(node.op)]
+            self._between(node.target, node.value, re.escape(written + "="), text + "=")
+        self.visit(node.value)
+
+    def _lasting(self, targets: list[ast.expr]) -> bool:
+        """What the function leaves behind; what `__init__` sets is missed by whoever reads it."""
+        lasting = all(isinstance(target, ast.Attribute | ast.Subscript) for target in targets)
+        return lasting and bool(self._functions) and self._functions[-1] != "__init__"
+
+    def visit_Delete(self, node: ast.Delete) -> None:
+        self._left_out(node)
+        self.generic_visit(node)
+
+    def visit_Raise(self, node: ast.Raise) -> None:
+        if "NotImplementedError" not in ast.dump(node):
+            self._left_out(node)
+
+    def visit_Assert(self, node: ast.Assert) -> None:
+        """For type checkers, and for readers."""
+
+    def visit_Return(self, node: ast.Return) -> None:
+        if node.value is None:
+            self._left_out(node)
+        elif not isinstance(node.value, ast.Constant) or isinstance(node.value.value, str):
+            self._put(self._start(node.value), self._end(node.value), "None")
+        self.generic_visit(node)
+
+    def visit_Break(self, node: ast.Break) -> None:
+        self._left_out(node, "continue")
+
+    def visit_Continue(self, node: ast.Continue) -> None:
+        self._left_out(node, "break")
+
+    def visit_If(self, node: ast.If) -> None:
+        if _called(node.test) == "TYPE_CHECKING":
+            return
+        self._turned(node.test)
+        self.generic_visit(node)
+
+    def visit_While(self, node: ast.While) -> None:
+        self._turned(node.test)
+        self.generic_visit(node)
+
+    def visit_match_case(self, node: ast.match_case) -> None:
+        self._within = (node.pattern.lineno, max(node.pattern.lineno, node.body[0].lineno - 1)) if self._functions else None
+        if node.guard is not None:
+            self._turned(node.guard)
+        self.generic_visit(node)
+
+    # Functions and classes
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+        if node.name == "__repr__":
+            return
+        before = self._within
+        self._within = (node.body[0].lineno, node.body[-1].end_lineno or node.body[-1].lineno)
+        for default in (*node.args.defaults, *node.args.kw_defaults):
+            if default is not None:
+                self.visit(default)
+        self._functions.append(node.name)
+        settings, self._settings = self._settings, False
+        for statement in node.body:
+            self.visit(statement)
+        self._settings = settings
+        self._functions.pop()
+        self._within = before
+
+    def visit_AsyncFunctionDef(self, node: ast.AsyncFunctionDef) -> None:
+        self.visit_FunctionDef(node)  # type: ignore[arg-type]  # has the same parts
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> None:
+        functions, within = self._functions, self._within
+        self._functions, self._within = [], None
+        for keyword in node.keywords:
+            if keyword.arg not in KEPT_CLASS:
+                self.visit(keyword.value)
+        enumeration = any(isinstance(base, ast.Name) and base.id in ENUMERATIONS for base in node.bases)
+        for statement in node.body:
+            if not (enumeration and isinstance(statement, ast.Assign)):
+                self.visit(statement)
+        self._functions, self._within = functions, within
+
+    def visit_Lambda(self, node: ast.Lambda) -> None:
+        self.visit(node.body)
+
+    # Expressions
+
+    def visit_Compare(self, node: ast.Compare) -> None:
+        for left, operator, right in zip([node.left, *node.comparators], node.ops, node.comparators, strict=False):
+            self._between(left, right, *COMPARISONS[type(operator)])
+        self.generic_visit(node)
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> None:
+        written, text = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
+        for left, right in zip(node.values, node.values[1:], strict=False):
+            self._between(left, right, written, text)
+        self.generic_visit(node)
+
+    def visit_BinOp(self, node: ast.BinOp) -> None:
+        types = isinstance(node.op, ast.BitOr) and _is_type(node.left) and _is_type(node.right)
+        if type(node.op) in ARITHMETIC and not types and not _literal(node.left) and not _literal(node.right):
+            written, text = ARITHMETIC[type(node.op)]
+            self._between(node.left, node.right, re.escape(written), text)
+        self.generic_visit(node)
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
+        if isinstance(node.op, ast.Not | ast.USub) and not self._settings:
+            written = SIGN.match(self.source, self._start(node))
+            assert written is not None, "it begins with its operator"
+            self._put(*written.span(), "")
+        self.generic_visit(node)
+
+    def visit_IfExp(self, node: ast.IfExp) -> None:
+        self._turned(node.test)
+        self.generic_visit(node)
+
+    def visit_comprehension(self, node: ast.comprehension) -> None:
+        for test in node.ifs:
+            self._turned(test)
+        self.generic_visit(node)
+
+    def visit_Call(self, node: ast.Call) -> None:
+        called = _called(node.func)
+        if called in SWAPPED:
+            self._put(self._start(node.func), self._end(node.func), SWAPPED[called])
+        self.visit(node.func)
+        for argument in node.args[1:] if called in FOR_TYPES else node.args:
+            self.visit(argument)
+        for keyword in node.keywords if called != "zip" else ():
+            self.visit(keyword.value)
+
+    def visit_Subscript(self, node: ast.Subscript) -> None:
+        self.visit(node.value)
+        if not _is_type(node):
+            self.visit(node.slice)
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
+        """Words for people; and its parts have no places of their own before Python 3.12."""
+
+    def visit_Constant(self, node: ast.Constant) -> None:
+        match node.value:
+            case bool(value):
+                text = str(not value)
+            case int(value) | float(value) if not self._settings:
+                text = repr(value + 1)
+            case str(value) if not WORDS.search(value):
+                text = '"changed"' if value != "changed" else '""'
+            case _:
+                return
+        self._put(self._start(node), self._end(node), text)
+
+
+def _lines(node: ast.stmt) -> tuple[int, int]:
+    """Those of a statement without the statements in it."""
+    last = node.end_lineno or node.lineno
+    inner = [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt | ast.match_case | ast.excepthandler)]
+    if inner:
+        first = min(child.pattern.lineno if isinstance(child, ast.match_case) else child.lineno for child in inner)
+        last = max(node.lineno, min(last, first - 1))
+    return node.lineno, last
+
+
+def _called(function: ast.expr) -> str:
+    return ast.unparse(function) if isinstance(function, ast.Name | ast.Attribute) else ""
+
+
+def _is_type(node: ast.expr) -> bool:
+    """Whether this reads as a type: a name in capitals at its beginning, or such ones with brackets or one of several."""
+    match node:
+        case ast.Name(name) | ast.Attribute(attr=name):
+            return (name[:1].isupper() and (len(name) == 1 or not name.isupper())) or name in PLAIN
+        case ast.Subscript(value):
+            return _is_type(value) or (isinstance(value, ast.Name) and value.id in GENERIC)
+        case ast.BinOp(left, ast.BitOr(), right):
+            return _is_type(left) and _is_type(right)
+        case ast.Constant(value):
+            return value is None
+    return False
+
+
+def _literal(node: ast.expr) -> bool:
+    """With these nothing but `+` goes, and no test is needed to find that out."""
+    return isinstance(node, LITERALS) and not (isinstance(node, ast.Constant) and isinstance(node.value, int | float))

@@ -1,0 +1,153 @@
+"""Which tests reach which lines, and how long each takes: recorded once for a version of the code, and of each file of tests."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+from coverage import CoverageData
+
+from somrs.errors import SomrsError
+from verification.mutants.mutations import Mutant
+from verification.mutants.runner import Wanted
+from verification.mutants.running import Runner
+from verification.mutants.tree import Tree, digest
+
+TESTED_BY = ("tests/unit", "tests/integration")
+
+
+class Recorded(msgspec.Struct):
+    """A file of tests."""
+
+    digest: str
+    tests: dict[str, float]
+    """With the seconds that each took."""
+
+
+class Record:
+    """What was recorded of the code in a tree. Kept in a folder, so that it need not be recorded again."""
+
+    def __init__(self, root: Path, folder: Path) -> None:
+        self._root = root
+        code = [*_python(root / "src"), *_python(root / "tests" / "support"), *root.glob("tests/conftest.py"), root / "pyproject.toml"]
+        self._folder = folder / digest(code)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._importers = _importers(root)
+        self._files: dict[str, Recorded] = {}
+        self._read()
+
+    @property
+    def modules(self) -> Path:
+        """What can be loaded before the project; there only when something was recorded."""
+        return self._folder / "modules"
+
+    @property
+    def stale(self) -> tuple[str, ...]:
+        """Files of tests that were never recorded as they are."""
+        return tuple(name for name, now in self._test_files().items() if self._files.get(name, NEVER).digest != now)
+
+    def renew(self, tree: Tree, each: Callable[[], None]) -> None:
+        """Record what is stale."""
+        stale, now = self.stale, self._test_files()
+        found = {name: Recorded(now[name], {}) for name in stale}
+        failed: list[str] = []
+        log = self._folder / "log"
+        with Runner(tree, None) as runner:
+            for event in runner.play(Wanted(files=stale, record=str(self._lines), log=str(log))):
+                if event.modules:
+                    self.modules.write_text("\n".join(event.modules))
+                elif event.outcome == "failed":
+                    failed.append(event.test)
+                elif event.test:
+                    if event.outcome == "passed":
+                        found[event.test.partition("::")[0]].tests[event.test] = event.seconds
+                    each()
+                elif event.status != 0:
+                    raise SomrsError(f"without any change tests fail, as {log} tells: {', '.join(failed) or 'all'}")
+        self._files = {name: one for name, one in self._files.items() if name in now} | found
+        (self._folder / "tests.json").write_bytes(msgspec.json.encode(self._files))
+        self._read()
+
+    def chosen(self, mutant: Mutant) -> dict[str, float]:
+        """The tests that run what is changed, the fastest first, with the seconds that each takes.
+
+        Of programs that a test starts it is only known which functions they call.
+
+        What is run when a module is imported shows in what uses the module: these are the tests that reach any function of it, and then
+        those that reach one of the modules that import it.
+        """
+        if mutant.within is not None:
+            lines = range(mutant.within[0], mutant.within[1] + 1)
+            reaching = self._reaching(mutant.file, lines)
+            if reaching or not any(line in self._reached[mutant.file] for line in lines):
+                return self._fastest_first(reaching)
+        own = self._fastest_first(self._reaching(mutant.file))
+        others = {test for file in self._importers.get(mutant.file, ()) for test in self._reaching(file)}
+        return own | self._fastest_first(others - {*own})
+
+    def count(self) -> int:
+        return len(self._seconds)
+
+    @property
+    def _lines(self) -> Path:
+        return self._folder / "lines.coverage"
+
+    def _read(self) -> None:
+        place = self._folder / "tests.json"
+        self._files = msgspec.json.decode(place.read_bytes(), type=dict[str, Recorded]) if place.exists() else {}
+        self._seconds = {test: seconds for file in self._files.values() for test, seconds in file.tests.items()}
+        self._data = CoverageData(str(self._lines))
+        self._data.read()
+        self._measured: dict[str, list[str]] = {}
+        for name in self._data.measured_files():
+            self._measured.setdefault(f"src/somrs/{name.rpartition('/src/somrs/')[2]}", []).append(name)
+        self._reached: dict[str, dict[int, set[str]]] = {}
+        self._called: dict[str, set[tuple[str, int, int]]] = {}
+        calls = self._lines.with_suffix(".calls")
+        for line in calls.read_text(encoding="utf-8").splitlines() if calls.exists() else ():
+            test, file, first, last = line.split("\t")
+            if test in self._seconds:
+                self._called.setdefault(f"src/{file}", set()).add((test, int(first), int(last)))
+
+    def _test_files(self) -> dict[str, str]:
+        files = sorted(file for folder in TESTED_BY for file in (self._root / folder).rglob("test_*.py"))
+        return {file.relative_to(self._root).as_posix(): digest([file]) for file in files}
+
+    def _reaching(self, file: str, lines: range | None = None) -> set[str]:
+        if file not in self._reached:
+            reached: dict[int, set[str]] = {}
+            for name in self._measured.get(file, ()):
+                for line, tests in self._data.contexts_by_lineno(name).items():
+                    reached.setdefault(line, set()).update(test for test in tests if test in self._seconds)
+            self._reached[file] = reached
+        own = set().union(*(tests for line, tests in self._reached[file].items() if lines is None or line in lines))
+        return own | {test for test, first, last in self._called.get(file, ()) if lines is None or first <= lines[0] <= last}
+
+    def _fastest_first(self, tests: set[str]) -> dict[str, float]:
+        return {test: self._seconds[test] for test in sorted(tests, key=lambda test: (self._seconds[test], test))}
+
+
+NEVER = Recorded("", {})
+
+
+def _python(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*.py"))
+
+
+def _importers(root: Path) -> dict[str, set[str]]:
+    """By the file of a module, those of the modules that import it, also by way of its package."""
+    files = {file.relative_to(root).as_posix() for file in _python(root / "src" / "somrs")}
+    found: dict[str, set[str]] = {}
+    for file in files:
+        for node in ast.walk(ast.parse((root / file).read_bytes())):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                base = "src/" + node.module.replace(".", "/")
+                for name in (f"{base}.py", f"{base}/__init__.py", *(f"{base}/{alias.name}.py" for alias in node.names)):
+                    if name in files:
+                        found.setdefault(name, set()).add(file)
+    for name, importers in found.items():
+        for package in [one for one in importers if one.endswith("/__init__.py") and one != name]:
+            importers |= found.get(package, set())
+    return found

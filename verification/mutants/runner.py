@@ -1,0 +1,195 @@
+"""Runs tests, each time in a process of its own, forked from one that has loaded what tests need besides the project.
+
+    python -m verification.mutants.runner
+
+in the folder of a `tree`. Reads a `Wanted` a line, and writes what happens, an `Event` a line. Nothing of the project is loaded before the
+fork, so that it is that of the moment.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import os
+import resource
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.support import leftovers
+
+if TYPE_CHECKING:
+    from coverage import Coverage
+
+MEMORY = 4 << 30
+"""Bytes that a process may have: a mutant that collects things without an end is to fail, and not to take the machine along."""
+
+OWN = ("somrs", "tests", "verification", "conftest", "benchmarks", "scripts", "examples", "contestants")
+"""What is never loaded beforehand."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Tests to be run, in this order, up to the first that fails. `limits` has the seconds of work after which each is given up."""
+
+    limits: dict[str, float] = field(default_factory=dict)
+    log: str = os.devnull
+    collect: float = 0.0
+    """The same for what comes before the first test."""
+    files: tuple[str, ...] = ()
+    """To record instead all tests of these files..."""
+    record: str = ""
+    """...here."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """A test has ended, or, when there is none, all of it."""
+
+    test: str = ""
+    outcome: str = ""
+    seconds: float = 0.0
+    status: int = 0
+    """The exit status of pytest; less than 0 is the signal that ended it."""
+    modules: tuple[str, ...] = ()
+    """When recorded: what can be loaded beforehand."""
+
+
+def tell(event: Event, to: int) -> None:
+    os.write(to, json.dumps(asdict(event)).encode() + b"\n")
+
+
+class Chosen:
+    """Runs the tests that are wanted, in their order, each up to its limit, and tells what became of them."""
+
+    def __init__(self, wanted: Wanted, to: int) -> None:
+        self._wanted = wanted
+        self._to = to
+        self._outcome = "passed"
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Iterator[None]:
+        yield
+        if self._wanted.limits:
+            places = {test: place for place, test in enumerate(self._wanted.limits)}
+            items[:] = sorted((item for item in items if item.nodeid in places), key=lambda item: places[item.nodeid])
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        if self._wanted.limits:
+            _limit(self._wanted.limits[item.nodeid])
+        self._outcome, began = "passed", time.perf_counter()
+        result = yield
+        tell(Event(test=item.nodeid, outcome=self._outcome, seconds=time.perf_counter() - began), self._to)
+        return result
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.outcome != "passed" and self._outcome != "failed":
+            self._outcome = report.outcome
+
+
+class Lines:
+    """Records which lines each test reaches."""
+
+    def __init__(self, coverage: Coverage) -> None:
+        self._coverage = coverage
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        self._coverage.switch_context(item.nodeid)
+        os.environ["MUTANTS_TEST"] = item.nodeid
+        result = yield
+        self._coverage.switch_context("")
+        return result
+
+
+GIVEN_UP = (signal.SIGPROF, signal.SIGALRM)
+"""End a process at once, whatever it does."""
+
+WAITING = 10.0
+"""Who works for a second may take so many, on a busy machine and with what it waits for."""
+
+
+def _limit(seconds: float) -> None:
+    """Give up after so many seconds of work, from now on, or a multiple of it by the clock.
+
+    Many a mutant is an endless loop, or waits for what never comes, and no test puts an end to these. Such limits are not for tests: a slow
+    machine makes none of them wrong, and that is why work is measured, which does not count what others do meanwhile.
+    """
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    signal.setitimer(signal.ITIMER_REAL, WAITING * seconds)
+
+
+PYTEST = ["-q", "-p", "no:cacheprovider", "--tb=short"]
+
+
+def _run(wanted: Wanted, to: int) -> int:
+    """In the forked process."""
+    if wanted.record:
+        return _record(wanted, to)
+    for ends in GIVEN_UP:
+        signal.signal(ends, signal.SIG_DFL)
+    _limit(wanted.collect)
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+    paths = list(dict.fromkeys(test.partition("::")[0] for test in wanted.limits))
+    return pytest.main([*PYTEST, "-x", *paths], plugins=[Chosen(wanted, to)])
+
+
+def _record(wanted: Wanted, to: int) -> int:
+    from coverage import Coverage
+
+    # What a program runs that a test starts is noted by itself.
+    os.environ["MUTANTS_CALLS"] = str(Path(wanted.record).with_suffix(".calls"))
+    os.environ["PYTHONPATH"] += os.pathsep + str(Path(__file__).parent / "inside")
+    coverage = Coverage(data_file=wanted.record, source_pkgs=["somrs"], config_file=False)
+    coverage.load()
+    coverage.start()
+    status = pytest.main([*PYTEST, *wanted.files], plugins=[Lines(coverage), Chosen(wanted, to)])
+    coverage.stop()
+    coverage.save()
+    loaded = sorted(name for name in sys.modules if name.partition(".")[0] not in OWN and not name.startswith("_"))
+    tell(Event(test="modules", outcome="modules", modules=tuple(loaded)), to)
+    return status
+
+
+def play(wanted: Wanted, to: int) -> None:
+    """Run the tests in a process of its own, and leave none that they started."""
+    process = os.fork()
+    if not process:
+        status = 3
+        try:
+            log = os.open(wanted.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+            os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+            os.dup2(log, 1)
+            os.dup2(log, 2)
+            status = _run(wanted, to)
+            sys.stdout.flush()
+        finally:
+            os._exit(status)
+    _, ended = os.waitpid(process, 0)
+    leftovers.end({})
+    tell(Event(status=os.waitstatus_to_exitcode(ended)), to)
+
+
+def main() -> None:
+    leftovers.adopt_orphans()
+    to = os.dup(1)
+    os.set_inheritable(to, False)
+    os.dup2(2, 1)
+    for name in Path(sys.argv[1]).read_text().split() if len(sys.argv) > 1 else ():
+        with contextlib.suppress(Exception):
+            importlib.import_module(name)
+    for line in sys.stdin:
+        read = json.loads(line)
+        play(Wanted(**{**read, "files": tuple(read["files"])}), to)
+
+
+if __name__ == "__main__":
+    main()
