@@ -139,6 +139,7 @@ export default {
     settled(name, version) { this.plan.settle(name, version); },
     back(name) { this.plan.back(name); },
     place(type, values = {}) {
+      if (!type && !this.placing) return; // it may come while something is dragged
       this.placing = type ?? false;
       this.values = values;
       this.plan.ghost = null;

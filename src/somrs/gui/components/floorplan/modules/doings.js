@@ -96,6 +96,7 @@ export const doings = {
     plan.target = carrying.thing || this.doing === "pick" ? plan.model.targetAt(to.x, to.y, plan.storey, except) : null;
     this.where = `x ${to.x.toFixed(2)} m, y ${to.y.toFixed(2)} m${plan.target ? `, on ${plan.target}` : ""}`;
     carrying.to = to;
+    carrying.target = plan.target;
     if (this.doing === "pick") {
       plan.ghost = { at: to, form: plan.model.form(carrying.name) };
       plan.arrows = [{ from: carrying.from, to }];
@@ -113,7 +114,7 @@ export const doings = {
   },
   release() {
     const { carrying, plan } = this;
-    const target = plan.target;
+    const target = carrying?.target ?? null;
     this.carrying = false;
     plan.target = null;
     if (!carrying?.to) return this.cancel();
