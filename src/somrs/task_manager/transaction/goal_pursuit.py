@@ -30,6 +30,7 @@ from somrs.task_manager.timers import Answer, PlanWanted
 from somrs.task_manager.transaction.next import CannotBeHad, GoOn, Next, NoPlanFound, Reached, StepLost
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
+from somrs.task_manager.transaction.step_execution import StepExecution
 
 
 class GoalPursuit:
@@ -190,8 +191,8 @@ class GoalPursuit:
             for run in workflow.ready:
                 if execution.phase is not Phase.EXECUTING:
                     break  # the one before found that the plan does not hold any more
-                if (next := (yield from self._execute(run, now))) is not None:
-                    return next
+                if reasons := (yield from StepExecution(execution, self._scope).begin(run, now)):
+                    return (yield from self._replan(now, reasons))
         return None
 
     def _arrange(self, run: StepRun, now: float) -> Doing[tuple[bool, Next | None]]:
@@ -272,8 +273,6 @@ class GoalPursuit:
             event = events.ServiceChosen(service=chosen.offer.service, price=terms.price, currency=terms.currency, duration=terms.duration)
             self._tell(event, now, run)
 
-    # Executing
-
     def run_of(self, member: Member) -> StepRun | None:
         """The step that the participant is asked for, is committed to, or does."""
         execution = self._execution
@@ -281,51 +280,6 @@ class GoalPursuit:
         if call is not None:
             return self._arrangement.run(call)
         return execution.workflow.held_by(member) if execution.workflow is not None else None
-
-    def _execute(self, run: StepRun, now: float) -> Doing[Next | None]:
-        member = self._member(run)
-        assert member is not None, "an arranged step is somebody's"
-        state, context = self._scope.state, self._context
-        rank = (-state.task.priority, run.start, state.submitted_at, state.id)
-        if not context.queues.takes(member.offer, state.id, rank, context.still_at_work):
-            if not run.waits:
-                run.waits = True
-                self._tell(events.WaitsForDevice(device=member.offer.provider), now, run)
-            return None
-        try:
-            situation = self._services.precondition(run)
-        except LookupError as error:
-            yield from self._participants.dismiss(member, "its precondition does not hold any more", now)
-            self._workflow.lose(run)
-            return (yield from self._replan(now, (f"{run.step.service_type} cannot start: {error}",)))
-        self._workflow.move(run, Progress.EXECUTING)
-        state.log.begin(run, self._services.type_of(run.step), member, context.replica.map, context.replica.ontology, now)
-        inputs = {name: str(term) for name, term in run.step.inputs.items()}
-        execute = frp.Execute(inputs=inputs, precondition=str(situation) if situation is not None else None)
-        yield from self._participants.execute(member, execute, now)
-        self._tell(events.StepStarted(service=member.offer.service), now, run)
-        return None
-
-    def reporting(self, run: StepRun) -> None:
-        """The step is over, and what it came to is being put on the map."""
-        self._workflow.move(run, Progress.REPORTING)
-
-    def over(self, run: StepRun, situation: str | None, failed: str | None) -> None:
-        """What became of a step is known, and on the map; what comes of that, `proceed` finds."""
-        if failed is None:
-            self._workflow.move(run, Progress.DONE)
-            self._execution.replans.done()
-            return
-        member = self._member(run)
-        assert member is not None, "somebody did it"
-        run.excluded[member.offer.service] = failed
-        run.reported = parse(situation) if situation is not None else None
-        self._workflow.lose(run, failed)
-
-    def lost(self, run: StepRun, service: str, reason: str) -> None:
-        """Whoever did the step is not heard of any more."""
-        run.excluded[service] = reason
-        self._workflow.lose(run, f"{service} {reason}")
 
     # Recovering
 

@@ -19,6 +19,7 @@ from somrs.task_manager.transaction.goal_pursuit import GoalPursuit
 from somrs.task_manager.transaction.next import GoOn, Next
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
+from somrs.task_manager.transaction.step_execution import StepExecution
 
 GoesOn = tuple[GoalExecution | None, Next] | None
 """What the transaction has to do next, and for which of its goals."""
@@ -139,7 +140,7 @@ class ParticipantEvents:
         member.reported = True
         execution, run = self._at(member)
         if execution is not None and run is not None:
-            self._pursuit(execution).reporting(run)
+            StepExecution(execution, self._scope).reporting(run)
         if (work := self._state.log.of(member)) is not None:
             work.end(member.state, now)
             if member.state is not State.STRANDED and work.state not in (State.COMPENSATED, State.STRANDED):
@@ -187,7 +188,7 @@ class ParticipantEvents:
             services.completed(member.offer.service)
         execution, run = self._at(member)
         if execution is not None and run is not None and run.progress is Progress.REPORTING:
-            self._pursuit(execution).over(run, situation, trouble)
+            StepExecution(execution, self._scope).over(run, situation, trouble)
         tried = member.state is State.STRANDED and member.tried_to_undo
         silent_about = work is not None and (tried or not compensated) and (situation is None or not work.is_told_of_by(parse(situation)))
         if work is not None and trouble is not None and silent_about and not called_off:
@@ -228,5 +229,5 @@ class ParticipantEvents:
             work.state, work.note = State.UNREACHABLE, reason
             self._state.looks.want(work)
         if execution is not None and run is not None:
-            self._pursuit(execution).lost(run, service, reason)
+            StepExecution(execution, self._scope).lost(run, service, reason)
         return GO_ON

@@ -1,0 +1,72 @@
+"""The execution of the steps of one goal: each begins when its device is free and its precondition holds, and ends with what it came to."""
+
+from __future__ import annotations
+
+from somrs.entish.parse import parse
+from somrs.kernel.component import Doing
+from somrs.protocol.messages import events, frp
+from somrs.task_manager.execution.member import Member
+from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
+from somrs.task_manager.transaction.scope import TaskScope
+from somrs.task_manager.transaction.state import GoalExecution
+
+
+class StepExecution:
+    """Made anew whenever it is needed: it has no state of its own."""
+
+    def __init__(self, execution: GoalExecution, scope: TaskScope) -> None:
+        self._execution, self._scope = execution, scope
+
+    def begin(self, run: StepRun, now: float) -> Doing[tuple[str, ...]]:
+        """Have an arranged step executed, unless it has to wait for its device. Why the plan does not hold any more, if so."""
+        state, context, participants = self._scope.state, self._scope.context, self._scope.participants
+        member = self._member(run)
+        rank = (-state.task.priority, run.start, state.submitted_at, state.id)
+        if not context.queues.takes(member.offer, state.id, rank, context.still_at_work):
+            if not run.waits:
+                run.waits = True
+                self._scope.tell(events.WaitsForDevice(device=member.offer.provider), now, run)
+            return ()
+        try:
+            situation = self._scope.services.precondition(run)
+        except LookupError as error:
+            yield from participants.dismiss(member, "its precondition does not hold any more", now)
+            self._workflow.lose(run)
+            return (f"{run.step.service_type} cannot start: {error}",)
+        self._workflow.move(run, Progress.EXECUTING)
+        service_type = self._scope.services.type_of(run.step)
+        state.log.begin(run, service_type, member, context.replica.map, context.replica.ontology, now)
+        inputs = {name: str(term) for name, term in run.step.inputs.items()}
+        execute = frp.Execute(inputs=inputs, precondition=str(situation) if situation is not None else None)
+        yield from participants.execute(member, execute, now)
+        self._scope.tell(events.StepStarted(service=member.offer.service), now, run)
+        return ()
+
+    def reporting(self, run: StepRun) -> None:
+        """The step is over, and what it came to is being put on the map."""
+        self._workflow.move(run, Progress.REPORTING)
+
+    def over(self, run: StepRun, situation: str | None, failed: str | None) -> None:
+        """What became of a step is known, and on the map; what comes of that, the goal's pursuit finds."""
+        if failed is None:
+            self._workflow.move(run, Progress.DONE)
+            self._execution.replans.done()
+            return
+        run.excluded[self._member(run).offer.service] = failed
+        run.reported = parse(situation) if situation is not None else None
+        self._workflow.lose(run, failed)
+
+    def lost(self, run: StepRun, service: str, reason: str) -> None:
+        """Whoever did the step is not heard of any more."""
+        run.excluded[service] = reason
+        self._workflow.lose(run, f"{service} {reason}")
+
+    @property
+    def _workflow(self) -> Workflow:
+        assert self._execution.workflow is not None, "there is a plan"
+        return self._execution.workflow
+
+    def _member(self, run: StepRun) -> Member:
+        member = self._scope.state.members.get(run.participant)
+        assert member is not None, "the step is somebody's"
+        return member
