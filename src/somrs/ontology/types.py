@@ -136,6 +136,7 @@ class Ontology:
         self.services: dict[str, ServiceType] = {}
         self._ancestors: dict[str, tuple[str, ...]] = {}
         self._attributes_of: dict[str, Mapping[str, AttributeType]] = {}
+        self._spread_out: dict[str, Mapping[str, AttributeType]] = {}
         for definition in definitions:
             match definition:
                 case AttributeType():
@@ -186,7 +187,9 @@ class Ontology:
         found: dict[str, AttributeType] = {}
         for ancestor in self.ancestors(type_name):
             for name in (*self.types[ancestor].attributes, *self.types[ancestor].required):
-                found.update(self._spread(name, name))
+                if (spread := self._spread_out.get(name)) is None:
+                    spread = self._spread_out.setdefault(name, dict(self._spread(name, name)))
+                found.update(spread)
         return self._attributes_of.setdefault(type_name, found)
 
     def _spread(self, name: str, path: str) -> Iterator[tuple[str, AttributeType]]:

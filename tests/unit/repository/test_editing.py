@@ -134,7 +134,7 @@ class Editor:
         return Undo(version=int(str(self.of(*range(max(latest - 4, 0), latest + 1)))))
 
 
-@examples(40)
+@examples(15)
 @given(st.data())
 def test_whatever_is_edited_nothing_is_lost(data: st.DataObject) -> None:
     loaded = load_text(WORKSHOP, base=upper())
