@@ -1,8 +1,8 @@
 """What the windows cost their server: poses of 50 robots at 20 Hz, for one, two and four who look. And how long pages take (`pages.py`).
 
-The real server of the windows, as a process of its own. The poses come from the real simulator, in which 50 robots drive to and fro, and,
-as that may not keep 20 Hz beside all else on two cores, from a program that speaks the robot link and plays 50 robots of which every one
-moved in every tick. CPU is the server's alone, from /proc. Run it as `python benchmarks/gui.py`.
+The real server of the windows and the API behind it, a process each. The poses come from the real simulator, in which 50 robots drive to
+and fro, and, as that may not keep 20 Hz beside all else on two cores, from a program that speaks the robot link and plays 50 robots of
+which every one moved in every tick. CPU is that of the two, from /proc. Run it as `python benchmarks/gui.py`.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ import aiohttp
 import pages
 
 from somrs.client.client import Addresses
-from somrs.deployment.system import free_ports
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Answer, Ask, Follow, Mover, Poses, Welcome, Work, read_by_server, written
 from somrs.devices.simulator.link.link import RobotLink
+from somrs.ports import Reservation
 
 ROBOTS = 50
 RATE = 20.0
@@ -57,36 +57,38 @@ def home(robot: int) -> tuple[float, float]:
 
 
 class Processes:
-    """A Repository, a Registry, and the windows of a site, without devices; where the simulator is, is for others to say."""
+    """A Repository, a Registry, and the windows of a site, without devices; `simulator`: where that is, if another than its own."""
 
-    def __init__(self, folder: Path, simulator: str) -> None:
-        ports = free_ports("127.0.0.1", 4)
+    def __init__(self, folder: Path, simulator: str | None = None) -> None:
+        self._reservation = Reservation("127.0.0.1", 6)
+        self.ports = ports = self._reservation.ports
         self.folder = folder
         self.addresses = Addresses(
             repository=f"http://127.0.0.1:{ports[0]}/repository",
             registry=f"http://127.0.0.1:{ports[1]}/registry",
             task_manager=f"http://127.0.0.1:{ports[2]}/task-manager",
-            simulator=simulator,
+            simulator=simulator or f"127.0.0.1:{ports[5]}",
+            api=f"http://127.0.0.1:{ports[4]}/api",
             gui=f"http://127.0.0.1:{ports[3]}",
         )
-        self._ports = ports
         self._stack = ExitStack()
 
     def __enter__(self) -> Processes:
         (self.folder / "hall.yaml").write_text(hall())
         self.addresses.write(self.folder)
-        self.start("repository", self._ports[0], "--site", str(self.folder / "hall.yaml"))
-        self.start("registry", self._ports[1])
-        self.gui = self.start("gui", self._ports[3])
+        self.start("repository", self.ports[0], "--site", str(self.folder / "hall.yaml"))
+        self.start("registry", self.ports[1])
+        self.servers = [self.start("api", self.ports[4]), self.start("gui", self.ports[3])]
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._stack.close()
+        self._reservation.close()
 
     def start(self, program: str, port: int, *more: str) -> int:
         """Start a program, and return its process when it is ready."""
         line = [sys.executable, "-m", "somrs.cli.main", "run", program, "--data", str(self.folder), "--port", str(port), *more]
-        process = subprocess.Popen(line, stdout=subprocess.PIPE)
+        process = subprocess.Popen(line, stdout=subprocess.PIPE, env=self._reservation.environment)
         self._stack.callback(process.wait)
         self._stack.callback(process.terminate)
         assert process.stdout is not None
@@ -94,11 +96,10 @@ class Processes:
             raise SystemExit(f"{program} did not start")
         return process.pid
 
-
-def spent(process: int) -> float:
-    """Seconds of CPU that the process has used."""
-    fields = Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    def spent(self) -> float:
+        """Seconds of CPU that the two servers have used."""
+        fields = [Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2].split() for process in self.servers]
+        return sum(int(own[11]) + int(own[12]) for own in fields) / os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(slots=True)
@@ -129,7 +130,7 @@ def looking(url: str, viewers: int) -> Iterator[list[Seen]]:
 
 
 async def measured(processes: Processes, title: str) -> None:
-    """Print what each number of viewers costs the server of the windows."""
+    """Print what each number of viewers costs the two servers."""
     assert processes.addresses.gui is not None
     shares: dict[int, list[float]] = {viewers: [] for viewers in (0, *VIEWERS)}
     received: dict[int, list[Seen]] = {viewers: [] for viewers in VIEWERS}
@@ -137,11 +138,11 @@ async def measured(processes: Processes, title: str) -> None:
         for viewers, found in shares.items():
             with looking(processes.addresses.gui, viewers) as seen:
                 await asyncio.sleep(WARM_UP)
-                before, began = spent(processes.gui), time.monotonic()
+                before, began = processes.spent(), time.monotonic()
                 start = [(one.ticks, one.moved, one.bytes) for one in seen]
                 await asyncio.sleep(ROUND_TIME)
                 took = time.monotonic() - began
-                found.append((spent(processes.gui) - before) / took)
+                found.append((processes.spent() - before) / took)
                 for one, (ticks, moved, size) in zip(seen, start, strict=True):
                     received[viewers].append(Seen((one.ticks - ticks), (one.moved - moved), (one.bytes - size)))
     print(f"\n{title:44} {'of a core':>10} {'each more':>10} {'ticks/s':>8} {'moved':>6} {'kB/s':>6}")
@@ -172,10 +173,10 @@ async def drive(address: str, robot: int) -> None:
 
 
 async def real() -> None:
-    (port,) = free_ports("127.0.0.1", 1)
-    address = f"127.0.0.1:{port}"
-    with tempfile.TemporaryDirectory() as folder, Processes(Path(folder), address) as processes:
-        processes.start("simulator", port, "--speed", "1")
+    with tempfile.TemporaryDirectory() as folder, Processes(Path(folder)) as processes:
+        processes.start("simulator", processes.ports[5], "--speed", "1")
+        address = processes.addresses.simulator
+        assert address is not None
         driving = [asyncio.create_task(drive(address, robot)) for robot in range(ROBOTS)]
         await measured(processes, "the real simulator, at real time")
         for task in driving:
@@ -231,7 +232,7 @@ async def played() -> None:
 
 
 def main() -> None:
-    print(f"The server's CPU for poses of {ROBOTS} robots at {RATE:.0f} Hz; {ROUNDS} rounds of {ROUND_TIME:.0f} s each")
+    print(f"The servers' CPU for poses of {ROBOTS} robots at {RATE:.0f} Hz; {ROUNDS} rounds of {ROUND_TIME:.0f} s each")
     asyncio.run(played())
     asyncio.run(real())
     pages.main()

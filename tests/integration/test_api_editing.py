@@ -17,12 +17,12 @@ from somrs.api.remote import LiveApi
 from somrs.cli.editing import alter
 from somrs.client.client import Client, Refused, who
 from somrs.client.refusals import trouble
-from somrs.deployment.system import free_ports
 from somrs.errors import InputError, ModelError
 from somrs.ontology.files.loading import load, load_text, upper
 from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.objects import Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import ObjectType, RelationType
+from somrs.ports import Reservation
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.knowledge import Define, Definitions, RenameObject, UpdateMap
 from somrs.protocol.messages.orders import Blank, Daily, OrderSaved, TemplateSaved
@@ -133,9 +133,9 @@ def test_a_dry_run_on_the_command_line_names_them_too(tmp_path: Path, capsys: py
         told = capsys.readouterr().out
         assert "template Bring: it uses type Platform, which would be called Stand" in told
         assert "tasks, orders and templates keep the words that they have" in told
-        (nobody,) = free_ports("127.0.0.1", 1)
-        structs.replace(system.addresses, api=f"http://127.0.0.1:{nobody}/api").write(system.data)
-        assert await alter(change, system.data, dry=True, json=False) == 0
+        with Reservation("127.0.0.1", 1) as nobody:
+            structs.replace(system.addresses, api=f"http://127.0.0.1:{nobody.ports[0]}/api").write(system.data)
+            assert await alter(change, system.data, dry=True, json=False) == 0
         assert "without the tasks, orders and templates" in capsys.readouterr().err
 
     async def run() -> None:

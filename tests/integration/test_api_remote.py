@@ -33,10 +33,11 @@ from somrs.client.refusals import NotFound, Refused
 from somrs.errors import FormulaError, UsageError
 from somrs.gui.proxy import Proxy
 from somrs.ontology.objects import Object, ObjectAdded, ValueSet
+from somrs.ports import bound
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.orders import TemplateSaved
-from somrs.runtime.http import QuietServer, bound
+from somrs.runtime.http import QuietServer
 from somrs.runtime.wire import Unanswered
 from tests.support.small_system import HERE, SmallSystem, running, scheduler_at
 

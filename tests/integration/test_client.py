@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 
 from somrs.client.client import Addresses, Client
-from somrs.deployment.system import free_ports
 from somrs.errors import RemoteError
+from somrs.ports import Reservation
 from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.registry.component import Registry
 from somrs.runtime.host import Host
@@ -16,9 +18,11 @@ from somrs.runtime.host import Host
 HERE = "127.0.0.1"
 
 
-def addresses() -> Addresses:
-    (port,) = free_ports(HERE, 1)
-    return Addresses(repository="", registry=f"http://{HERE}:{port}/registry", task_manager="")
+@contextmanager
+def addresses() -> Iterator[Addresses]:
+    """Where nobody listens until somebody does."""
+    with Reservation(HERE, 1) as reserved:
+        yield Addresses(repository="", registry=f"http://{HERE}:{reserved.ports[0]}/registry", task_manager="")
 
 
 async def registry_at(address: str) -> Host:
@@ -30,25 +34,25 @@ async def registry_at(address: str) -> Host:
 
 def test_a_patient_client_waits_for_a_part_that_is_started() -> None:
     async def run() -> Discovered:
-        where = addresses()
-        async with Client(where) as client:
-            asked = asyncio.create_task(client.ask(where.registry, Discover(), Discovered, patience=20))
-            await asyncio.sleep(0.3)
-            assert not asked.done()
-            host = await registry_at(where.registry)
-            try:
-                return await asked
-            finally:
-                await host.stop()
+        with addresses() as where:
+            async with Client(where) as client:
+                asked = asyncio.create_task(client.ask(where.registry, Discover(), Discovered, patience=20))
+                await asyncio.sleep(0.3)
+                assert not asked.done()
+                host = await registry_at(where.registry)
+                try:
+                    return await asked
+                finally:
+                    await host.stop()
 
     assert asyncio.run(run()) == Discovered(offers=(), more=False)
 
 
 def test_other_clients_are_told_at_once_that_nobody_is_there() -> None:
     async def run() -> None:
-        where = addresses()
-        async with Client(where) as client:
-            await asyncio.wait_for(client.ask(where.registry, Discover(), Discovered), 20)
+        with addresses() as where:
+            async with Client(where) as client:
+                await asyncio.wait_for(client.ask(where.registry, Discover(), Discovered), 20)
 
     with pytest.raises(RemoteError, match="cannot be reached"):
         asyncio.run(run())
@@ -56,9 +60,9 @@ def test_other_clients_are_told_at_once_that_nobody_is_there() -> None:
 
 def test_even_a_patient_client_gives_up() -> None:
     async def run() -> None:
-        where = addresses()
-        async with Client(where) as client:
-            await asyncio.wait_for(client.ask(where.registry, Discover(), Discovered, patience=0.3), 60)
+        with addresses() as where:
+            async with Client(where) as client:
+                await asyncio.wait_for(client.ask(where.registry, Discover(), Discovered, patience=0.3), 60)
 
     with pytest.raises(RemoteError, match="cannot be reached"):
         asyncio.run(run())

@@ -17,11 +17,11 @@ from somrs.api.remote import LiveApi, live_api
 from somrs.api.service import desk_of
 from somrs.client.client import Addresses
 from somrs.deployment.device import DeviceRunner
-from somrs.deployment.system import free_ports
 from somrs.kernel.component import Rang
 from somrs.ontology.files.loading import load_text
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
+from somrs.ports import Reservation, bound
 from somrs.protocol.messages.orders import RunState
 from somrs.protocol.messages.records import ReadRecords
 from somrs.registry.component import Registry
@@ -29,7 +29,6 @@ from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.runtime.clock import Clock, TimeOfDay
 from somrs.runtime.host import Host
-from somrs.runtime.http import bound
 from somrs.runtime.node import Node, Report
 from somrs.scheduling.component import Scheduler
 from somrs.scheduling.program import put
@@ -92,7 +91,8 @@ class SmallSystem:
 
     def __init__(self, data: Path, porters: Sequence[Porter]) -> None:
         self.data, self.porters = data, porters
-        ports = free_ports(HERE, 3)
+        self._reservation = Reservation(HERE, 3)
+        ports = self._reservation.ports
         url, self._port, self.scheduler_port = f"http://{HERE}:{ports[0]}", ports[1], ports[2]
         task_manager = f"http://{HERE}:{ports[1]}/task-manager"
         self.addresses = Addresses(repository=f"{url}/repository", registry=f"{url}/registry", task_manager=task_manager)
@@ -154,6 +154,7 @@ class SmallSystem:
         await self._rim.stop()
         if self._kept is not None:
             self._kept.close()
+        self._reservation.close()
 
 
 @asynccontextmanager

@@ -13,8 +13,9 @@ import pytest
 
 from somrs.api.remote import Api, api_of
 from somrs.client.client import Addresses, Client
-from somrs.deployment.system import System, free_ports
+from somrs.deployment.system import System
 from somrs.errors import RemoteError, UsageError
+from somrs.ports import Reservation
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.orders import Every, OrderSaved, Run, RunState
@@ -93,11 +94,11 @@ def test_orders_are_stated_while_neither_the_api_nor_the_windows_run(tmp_path: P
 
 def test_without_the_api_the_command_line_says_what_to_do() -> None:
     async def run() -> None:
-        (port,) = free_ports("127.0.0.1", 1)
-        nobody = Addresses(repository="", registry="", task_manager="", api=f"http://127.0.0.1:{port}/api")
-        async with api_of(nobody) as api:
-            with pytest.raises(RemoteError, match=r"does not answer.*`somrs up` starts it"):
-                await api.orders.runs("x")
+        with Reservation("127.0.0.1", 1) as free:
+            nobody = Addresses(repository="", registry="", task_manager="", api=f"http://127.0.0.1:{free.ports[0]}/api")
+            async with api_of(nobody) as api:
+                with pytest.raises(RemoteError, match=r"does not answer.*`somrs up` starts it"):
+                    await api.orders.runs("x")
         with pytest.raises(UsageError, match="without the API"):
             async with api_of(Addresses(repository="", registry="", task_manager="")):
                 pass

@@ -18,7 +18,8 @@ from somrs.api.rest import application
 from somrs.api.service import Desk, desk_of
 from somrs.client.client import Addresses
 from somrs.deployment.programs import say_ready, until_stopped
-from somrs.runtime.http import KEPT_TIME, QuietServer, bound
+from somrs.ports import bound
+from somrs.runtime.http import KEPT_TIME, QuietServer
 
 PATH = "/api"
 

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import shutil
 import signal
-import socket
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from somrs.deployment.programs import Ready, has_windows
 from somrs.errors import RemoteError, SomrsError, UsageError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
+from somrs.ports import Reservation
 
 START_TIME = 90.0
 """Seconds that a program has to be ready; a cold first start on a slow machine takes long."""
@@ -73,6 +73,7 @@ class System:
         self.windows, self.stage = windows, stage
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._listed = False
+        self._reservation: Reservation | None = None
 
     def _check_site(self) -> None:
         """A map that is kept from an earlier run is gone on with, but only if it began with the same files."""
@@ -100,7 +101,8 @@ class System:
         if self.fresh and self.data.exists():
             shutil.rmtree(self.data)
         self.data.mkdir(parents=True, exist_ok=True)
-        ports = free_ports(self.host, 7, self._ports_before())
+        self._reservation = Reservation(self.host, 7, self._ports_before())
+        ports = self._reservation.ports
         self.addresses = Addresses(
             repository=f"http://{self.host}:{ports[0]}/repository",
             registry=f"http://{self.host}:{ports[1]}/registry",
@@ -159,9 +161,22 @@ class System:
         log.parent.mkdir(exist_ok=True)
         line = [sys.executable, "-m", "somrs.cli.main", "run", command, *arguments, "--data", str(self.data), "--host", self.host]
         log.unlink(missing_ok=True)
-        program = self.programs[name] = Program(name, line, await _process(line, log), log)
+        program = self.programs[name] = Program(name, line, await self._process(line, log), log)
         await _ready(program)
         return program
+
+    async def _process(self, line: list[str], log: Path) -> asyncio.subprocess.Process:
+        assert self._reservation is not None, "made before any program is started"
+        environment = self._reservation.environment
+        with log.open("ab") as errors:
+            return await asyncio.create_subprocess_exec(
+                *line,
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=errors,
+                env=environment,
+                start_new_session=True,
+            )
 
     async def keep_running(self, tell: Callable[[str], None]) -> None:
         """Start again whatever ends without having been told to, until cancelled. What it had kept on disk, it still has."""
@@ -188,7 +203,7 @@ class System:
         program = self.programs[name]
         await program.process.wait()
         program.restarts += 1
-        program.process = await _process(program.line, program.log)
+        program.process = await self._process(program.line, program.log)
         await _ready(program)
 
     async def stop(self) -> None:
@@ -200,15 +215,10 @@ class System:
                 with contextlib.suppress(ProcessLookupError):  # it has ended, and nobody noticed yet
                     program.process.send_signal(signal.SIGTERM)
             await asyncio.gather(*(_end(program) for program in group))
+        if self._reservation is not None:
+            self._reservation.close()
         if self._listed:
             (self.data / SYSTEM_FILE).unlink(missing_ok=True)
-
-
-async def _process(line: list[str], log: Path) -> asyncio.subprocess.Process:
-    with log.open("ab") as errors:
-        return await asyncio.create_subprocess_exec(
-            *line, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=errors, start_new_session=True
-        )
 
 
 async def _ready(program: Program) -> None:
@@ -255,29 +265,3 @@ def symbolic(driven: Sequence[tuple[str, str]]) -> bool:
         what = f"{without[0]} is a device of a symbolic world, and {simulated[0]} one of the simulator"
         raise UsageError(f"{what}; a system has one of the two, so take one of them from the map")
     return bool(without)
-
-
-def free_ports(host: str, count: int, wanted: Sequence[int] = ()) -> list[int]:
-    """Ports that nobody listens at now: those that are wanted, as far as nobody does, and others."""
-    sockets = [_bound(host, port) for port in [*wanted, *[0] * count][:count]]
-    try:
-        return [one.getsockname()[1] for one in sockets]
-    finally:
-        for one in sockets:
-            one.close()
-
-
-def _bound(host: str, port: int) -> socket.socket:
-    """A socket at the port, or at any that is free."""
-    if port:
-        one = socket.socket()
-        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # connections of the last run may linger there
-        try:
-            one.bind((host, port))
-        except OSError:
-            one.close()
-        else:
-            return one
-    one = socket.socket()
-    one.bind((host, 0))
-    return one

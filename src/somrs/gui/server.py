@@ -18,7 +18,8 @@ from somrs.client.api_client import address_of
 from somrs.client.client import Addresses
 from somrs.deployment.programs import say_ready, until_stopped
 from somrs.gui.proxy import Proxy
-from somrs.runtime.http import QuietServer, bound
+from somrs.ports import bound
+from somrs.runtime.http import QuietServer
 
 if TYPE_CHECKING:
     from fastapi import FastAPI

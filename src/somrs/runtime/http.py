@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import socket
 from collections.abc import Awaitable, Callable, Iterator
 from typing import TypeVar
 from urllib.parse import unquote, urlsplit
@@ -22,6 +21,7 @@ from starlette.types import Receive, Scope
 from starlette.types import Send as SendPart
 
 from somrs.errors import InputError, RemoteError, UsageError, WireError
+from somrs.ports import bound
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.soap import soap
@@ -54,18 +54,6 @@ STOPPING = "this component is stopping"
 
 class NotTaken(RemoteError):
     """Nobody has taken the message: whoever sends it again is to go on doing so."""
-
-
-def bound(host: str, port: int) -> socket.socket:
-    """A socket at the port; at a free one, if it is 0. Raises UsageError when the port cannot be had."""
-    one = socket.socket()
-    one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        one.bind((host, port))
-    except OSError as error:
-        one.close()
-        raise UsageError(f"cannot listen at {host}:{port}: {error.strerror}; another --port may be free") from None
-    return one
 
 
 class Server:

@@ -22,7 +22,8 @@ from somrs.devices.symbolic.lines import (
     written,
 )
 from somrs.devices.symbolic.world import SymbolicWorld
-from somrs.errors import UsageError, WireError
+from somrs.errors import WireError
+from somrs.ports import bound
 
 log = logging.getLogger(__name__)
 
@@ -36,10 +37,7 @@ class WorldServer:
 
     async def start(self) -> None:
         """Listen. `port` is then the real one."""
-        try:
-            self._listener = await asyncio.start_server(self._serve, self.host, self.port, limit=LONGEST)
-        except OSError as error:
-            raise UsageError(f"the symbolic world cannot listen at {self.host}:{self.port}: {error}; give another port") from None
+        self._listener = await asyncio.start_server(self._serve, sock=bound(self.host, self.port), limit=LONGEST)
         self.port = self._listener.sockets[0].getsockname()[1]
 
     async def stop(self) -> None:

@@ -50,6 +50,7 @@ from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.server.ways import leg_lengths
 from somrs.devices.simulator.world.camera import Camera, following
 from somrs.errors import SimulationError, UsageError, WireError
+from somrs.ports import bound
 
 log = logging.getLogger(__name__)
 
@@ -112,10 +113,7 @@ class Server:
 
     async def start(self) -> None:
         """Listen, and let time begin. `port` is then the real one."""
-        try:
-            self._listener = await asyncio.start_server(self._serve, self.host, self.port, limit=LONGEST)
-        except OSError as error:
-            raise UsageError(f"the simulator cannot listen at {self.host}:{self.port}: {error}; give another port") from None
+        self._listener = await asyncio.start_server(self._serve, sock=bound(self.host, self.port), limit=LONGEST)
         self.port = self._listener.sockets[0].getsockname()[1]
         self._running = asyncio.create_task(self._run())
 
