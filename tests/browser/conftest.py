@@ -220,7 +220,7 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
         pages.append(page)
         page.set_default_timeout(1000 * PATIENCE)
         page.set_viewport_size({"width": width, "height": height})
-        page.emulate_media(color_scheme="dark" if dark else "light")
+        page.emulate_media(color_scheme="dark" if dark else "light", reduced_motion="reduce")
 
         def said(message: ConsoleMessage) -> None:
             wrong = message.type == "error" and "ERR_CONNECTION" not in message.text

@@ -70,6 +70,7 @@ def _application(desk: LiveApi, data: Path) -> FastAPI:
         show_welcome_message=False,
         reconnect_timeout=RECONNECT_TIME,
         language="en-US",
+        tailwind=False,  # the look is all in look.css; Tailwind would read every page anew at each of its changes
     )
     return pages
 
