@@ -7,11 +7,12 @@ BIN := .venv/bin
 # Tests start Python a hundred times: it is not to compile everything as often, whatever the environment says.
 unexport PYTHONDONTWRITEBYTECODE
 
-# So many tests at the same time, one at a time to whoever is free.
+# So many tests at the same time: as many as there are cores, twice as many where most wait for other programs.
 JOBS ?= auto
-AT_ONCE := --numprocesses $(JOBS) --dist loadgroup --no-loadscope-reorder
+MORE_JOBS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
+AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test lint javascript unit integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs upgrade-runs mutants
+.PHONY: setup demo test tests lint javascript unit integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs clean kill-runs upgrade-runs mutants
 
 setup: .venv/.ready
 
@@ -22,7 +23,11 @@ demo: setup
 	@$(BIN)/somrs demo $(SCENARIO) --out out/scenario-$(SCENARIO)
 
 test: setup
-	@scripts/test $(BIN)/pytest tests/unit tests/integration tests/system $(AT_ONCE)
+	@scripts/test
+
+# All tests but those in a browser.
+tests: setup
+	@$(BIN)/pytest tests/unit tests/integration tests/system $(AT_ONCE)
 
 unit: setup
 	@$(BIN)/pytest tests/unit --numprocesses $(JOBS) --dist worksteal
@@ -50,7 +55,7 @@ javascript: setup
 
 # The windows in a real browser; pictures of the pages come to out/screenshots.
 browser: setup
-	@$(BIN)/pytest tests/browser --numprocesses 3 --dist loadfile
+	@$(BIN)/pytest tests/browser --numprocesses $(JOBS) --dist loadscope --no-loadscope-reorder
 
 # Slow suites: each prints `N passed, N failed`.
 scenarios: setup

@@ -4,9 +4,11 @@ something is missing, which is said loudly."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadScopeScheduling  # type: ignore[import-untyped]
 
 from tests.support import leftovers
 from tests.support.examples import PROFILE
@@ -14,8 +16,35 @@ from tests.support.examples import PROFILE
 settings.register_profile("somrs", PROFILE)
 settings.load_profile("somrs")
 
-FOLDERS = ("system", "integration", "unit")
+FOLDERS = ("browser", "system", "integration", "unit")
 """Tests of whole systems wait most: they begin first, and others fill the gaps."""
+
+TOGETHER = {
+    "browser/test_api": "quiet pages",
+    "browser/test_history": "quiet pages",
+    "browser/test_owl": "quiet pages",
+    "browser/test_start": "quiet pages",
+    "browser": "",
+    "system/test_cli_editing": "",
+    "system/test_fault_runs": "",
+}
+"""Files, and folders of files, whose tests are all run by one worker, as they share what takes long to make; files of one name, too."""
+
+
+class Together(LoadScopeScheduling):  # type: ignore[misc]
+    """Gives single tests to whoever is free, and those that belong `TOGETHER` to one worker."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = nodeid.partition("::")[0].removesuffix(".py")
+        for place, name in TOGETHER.items():
+            if f"{file}/".startswith(f"tests/{place}/"):
+                return name or file
+        return nodeid
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Together | None:
+    return Together(config, log) if config.getvalue("dist") == "loadscope" else None
 
 
 def pytest_configure() -> None:
@@ -57,3 +86,5 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         reasons[reason] = reasons.get(reason, 0) + 1
     for reason, count in sorted(reasons.items()):
         terminalreporter.write_line(f"NOT TESTED ({count} test{'s' if count > 1 else ''} skipped): {reason}", yellow=True, bold=True)
+    failed = sum(len(terminalreporter.stats.get(kind, ())) for kind in ("failed", "error"))
+    terminalreporter.write_line(f"{len(terminalreporter.stats.get('passed', ()))} passed, {failed} failed")

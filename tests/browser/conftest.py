@@ -12,13 +12,12 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
-from xdist.scheduler import LoadFileScheduling  # type: ignore[import-untyped]
 
 from somrs.client.client import Addresses
 from somrs.errors import UsageError
+from tests.conftest import TOGETHER
 from tests.support.paths import ROOT, SCENARIO_1
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
@@ -123,23 +122,6 @@ def _end_with_parent() -> None:
     ctypes.CDLL(None).prctl(1, signal.SIGINT)
 
 
-QUIET = ("test_api", "test_history", "test_owl", "test_start")
-"""Files whose tests move nothing and count nothing that others leave behind: they share a system, as each takes long to start."""
-
-
-class Files(LoadFileScheduling):  # type: ignore[misc]
-    """Has all tests of a file run by one worker, and those of the files that share a system, too."""
-
-    def _split_scope(self, nodeid: str) -> str:
-        file = str(super()._split_scope(nodeid))
-        return "quiet" if Path(file).stem in QUIET else file
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Files | None:
-    return Files(config, log) if config.getvalue("dist") == "loadfile" else None
-
-
 @contextmanager
 def running_in(folder: Path, speed: str = "4") -> Iterator[Running]:
     running = Running(folder / "data", speed=speed)
@@ -159,7 +141,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 @pytest.fixture(scope="module")
 def system(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """The paper's scenario, for all tests of one file, or of those that share it."""
-    if request.path.stem in QUIET:
+    if f"browser/{request.path.stem}" in TOGETHER:
         yield request.getfixturevalue("shared")
     else:
         with running_in(tmp_path_factory.mktemp("browser")) as running:
@@ -275,10 +257,3 @@ def shoot(page: Page, name: str) -> Path:
     file = SCREENSHOTS / f"{name}.png"
     page.screenshot(path=str(file), animations="disabled")
     return file
-
-
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """The closing line that all slow suites have."""
-    stats = terminalreporter.stats
-    failed = len(stats.get("failed", ())) + len(stats.get("error", ()))
-    terminalreporter.write_line(f"{len(stats.get('passed', ()))} passed, {failed} failed")

@@ -15,8 +15,6 @@ from somrs.ontology.files.loading import load_definitions, upper
 from tests.support.command import somrs
 from tests.support.paths import SCENARIO_1
 
-pytestmark = pytest.mark.xdist_group("a Repository that runs as a program")
-
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:

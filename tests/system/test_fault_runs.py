@@ -40,14 +40,12 @@ def many() -> Result:
 
 
 @pytest.mark.long
-@pytest.mark.xdist_group("fault runs")
 def test_whatever_goes_wrong_the_properties_hold(many: Result) -> None:
     assert not many.failed
     assert many.runs == 150
 
 
 @pytest.mark.long
-@pytest.mark.xdist_group("fault runs")
 def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many: Result) -> None:
     assert sum(many.troubled.values()) > 150
     for outcome in Outcome:
