@@ -78,6 +78,8 @@ def test_a_task_outlives_the_whole_system(tmp_path: Path) -> None:
             for program in system.programs.values():
                 program.process.kill()
             await asyncio.gather(*(program.process.wait() for program in system.programs.values()))
+            await system.stop()
+        system.addresses.write(tmp_path)  # a power cut leaves it behind
         host, _, port = addresses.task_manager.removeprefix("http://").partition("/")[0].partition(":")
         async with await asyncio.start_server(lambda reader, writer: None, host, int(port)):
             with pytest.raises(UsageError, match="1 task is open") as told:
