@@ -264,7 +264,7 @@ def export(out: Annotated[Path, typer.Argument(help="The YAML file to write.")],
 
 
 def main() -> None:
-    app()
+    app(prog_name="somrs")
 
 
 if __name__ == "__main__":

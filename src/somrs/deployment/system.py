@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import shutil
 import signal
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ import msgspec
 from msgspec.structs import replace
 
 from somrs.client.client import SYSTEM_FILE, Addresses, Client
+from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.programs import Ready, has_windows
 from somrs.errors import RemoteError, SomrsError, UsageError
 from somrs.ontology.objects import Map
@@ -44,8 +44,8 @@ class Program:
     """One process of the system."""
 
     name: str
-    line: list[str]
-    process: asyncio.subprocess.Process
+    arguments: list[str]
+    process: Process
     log: Path
     at: str = ""
     restarts: int = 0
@@ -74,6 +74,7 @@ class System:
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._listed = False
         self._reservation: Reservation | None = None
+        self._launcher = Launcher()
 
     def _check_site(self) -> None:
         """A map that is kept from an earlier run is gone on with, but only if it began with the same files."""
@@ -159,24 +160,15 @@ class System:
         name = label or command
         log = self.data / "logs" / f"{name}.log"
         log.parent.mkdir(exist_ok=True)
-        line = [sys.executable, "-m", "somrs.cli.main", "run", command, *arguments, "--data", str(self.data), "--host", self.host]
+        line = ["run", command, *arguments, "--data", str(self.data), "--host", self.host]
         log.unlink(missing_ok=True)
         program = self.programs[name] = Program(name, line, await self._process(line, log), log)
         await _ready(program)
         return program
 
-    async def _process(self, line: list[str], log: Path) -> asyncio.subprocess.Process:
+    async def _process(self, arguments: list[str], log: Path) -> Process:
         assert self._reservation is not None, "made before any program is started"
-        environment = self._reservation.environment
-        with log.open("ab") as errors:
-            return await asyncio.create_subprocess_exec(
-                *line,
-                stdin=asyncio.subprocess.DEVNULL,
-                stdout=asyncio.subprocess.PIPE,
-                stderr=errors,
-                env=environment,
-                start_new_session=True,
-            )
+        return await self._launcher.start(arguments, log, self._reservation.environment)
 
     async def keep_running(self, tell: Callable[[str], None]) -> None:
         """Start again whatever ends without having been told to, until cancelled. What it had kept on disk, it still has."""
@@ -203,7 +195,7 @@ class System:
         program = self.programs[name]
         await program.process.wait()
         program.restarts += 1
-        program.process = await self._process(program.line, program.log)
+        program.process = await self._process(program.arguments, program.log)
         await _ready(program)
 
     async def stop(self) -> None:
@@ -215,6 +207,7 @@ class System:
                 with contextlib.suppress(ProcessLookupError):  # it has ended, and nobody noticed yet
                     program.process.send_signal(signal.SIGTERM)
             await asyncio.gather(*(_end(program) for program in group))
+        await self._launcher.stop()
         if self._reservation is not None:
             self._reservation.close()
         if self._listed:
@@ -223,7 +216,6 @@ class System:
 
 async def _ready(program: Program) -> None:
     """Wait until a program says that it is ready."""
-    assert program.process.stdout is not None
     before = program.log.stat().st_size
     try:
         said = await asyncio.wait_for(program.process.stdout.readline(), START_TIME)
