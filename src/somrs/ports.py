@@ -39,7 +39,7 @@ class Reservation:
     def __init__(self, host: str, count: int, wanted: Sequence[int] = ()) -> None:
         self._sockets: list[socket.socket] = []
         for port in [*wanted, *[0] * count][:count]:
-            self._sockets.append(_bound(host, port if _is_free(host, port) else 0, socket.SO_REUSEPORT))
+            self._sockets.append(_held(host, port if _is_free(host, port) else 0))
         self.ports: list[int] = [one.getsockname()[1] for one in self._sockets]
         _reserved.update(self.ports)
 
@@ -68,6 +68,14 @@ def _is_free(host: str, port: int) -> bool:
     except OSError:
         return False
     return True
+
+
+def _held(host: str, port: int) -> socket.socket:
+    """A socket that keeps others from the port; where connections linger of who did not reserve it, only those who ask for a free one."""
+    try:
+        return _bound(host, port, socket.SO_REUSEPORT)
+    except OSError:
+        return _bound(host, port, socket.SO_REUSEPORT, socket.SO_REUSEADDR)
 
 
 def _bound(host: str, port: int, *options: int) -> socket.socket:

@@ -62,11 +62,15 @@ def test_a_port_is_had_again_unless_somebody_else_has_it_now() -> None:
                 assert other.ports != now.ports[2:]
 
 
-def test_connections_that_linger_do_not_keep_it() -> None:
-    with Reservation(HERE, 1) as before, bound(HERE, before.ports[0]) as one:
-        one.listen()
-        with socket.create_connection((HERE, before.ports[0])):
-            one.accept()[0].close()  # the server hangs up first: its end lingers
+@pytest.mark.parametrize("is_reserved", [True, False])
+def test_connections_that_linger_do_not_keep_it(is_reserved: bool) -> None:
+    with Reservation(HERE, 1) as before:
+        if not is_reserved:
+            before.close()
+        with bound(HERE, before.ports[0]) as one:
+            one.listen()
+            with socket.create_connection((HERE, before.ports[0])), one.accept()[0]:  # the server hangs up first: its end lingers
+                pass
     with Reservation(HERE, 1, before.ports) as now:
         assert now.ports == before.ports
         bound(HERE, now.ports[0]).close()
