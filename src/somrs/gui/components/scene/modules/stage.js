@@ -2,6 +2,9 @@
 import { THREE } from "nicegui-scene";
 
 const SHADOWS = 2048; // texels
+const COARSE_SHADOWS = 512; // without a graphics card, while something moves
+const COARSE = 0.7; // pixels of the picture to those of the screen, in each direction, likewise
+const SLOW_FRAME = 80; // ms from one picture to the next without a graphics card: others need the processor, too
 const REST = 250; // ms after which all is at rest
 const FARTHEST = 30; // m around what is looked at in which shadows fall, in large buildings
 
@@ -21,7 +24,7 @@ export class Stage {
     // Without a graphics card every pixel is paid for: while something moves they are few, and many once all is at rest.
     this.slow = drawnByProcessor();
     this.fine = Math.min(devicePixelRatio, 2);
-    this.ratio = this.slow ? 1 : this.fine;
+    this.ratio = this.slow ? COARSE : this.fine;
     if (this.slow) this.fine = 2;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.slow, alpha: true, powerPreference: "low-power" });
     this.renderer.setPixelRatio(this.ratio);
@@ -33,6 +36,7 @@ export class Stage {
     this.camera.up.set(0, 0, 1);
     this.step = step;
     this.frames = 0;
+    this.began = 0;
     this.wanted = false;
     this.resting = false;
     this.light();
@@ -121,7 +125,13 @@ export class Stage {
     // Something is otherwise than it is drawn.
     if (this.wanted || this.resting) return;
     this.wanted = true;
-    this.request = requestAnimationFrame(() => this.frame());
+    const soon = this.slow ? this.began + SLOW_FRAME - performance.now() : 0;
+    if (soon > 0) this.pause = setTimeout(() => this.request(), soon);
+    else this.request();
+  }
+
+  request() {
+    this.requested = requestAnimationFrame(() => this.frame());
   }
 
   rest(resting) {
@@ -133,7 +143,8 @@ export class Stage {
   frame() {
     this.wanted = false;
     if (this.resting) return;
-    const goesOn = this.step(performance.now() / 1000);
+    this.began = performance.now();
+    const goesOn = this.step(this.began / 1000);
     this.render(this.ratio);
     this.frames++;
     this.drawn?.();
@@ -150,15 +161,23 @@ export class Stage {
     const shadows = this.refined ? THREE.PCFSoftShadowMap : THREE.BasicShadowMap;
     if (this.renderer.shadowMap.type !== shadows) {
       this.renderer.shadowMap.type = shadows;
-      this.renderer.shadowMap.needsUpdate = true;
+      this.shadows(this.refined ? SHADOWS : COARSE_SHADOWS);
       this.scene.traverse(({ material }) => material && (material.needsUpdate = true));
     }
     this.renderer.render(this.scene, this.camera);
   }
 
+  shadows(texels) {
+    this.sun.shadow.mapSize.set(texels, texels);
+    this.sun.shadow.map?.dispose();
+    this.sun.shadow.map = null;
+    this.renderer.shadowMap.needsUpdate = true;
+  }
+
   dispose() {
     clearTimeout(this.refining);
-    cancelAnimationFrame(this.request);
+    clearTimeout(this.pause);
+    cancelAnimationFrame(this.requested);
     this.resting = true;
     this.ground.geometry.dispose();
     this.ground.material.dispose();
