@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -45,6 +46,7 @@ SCREENSHOTS = ROOT / "out" / "screenshots"
 WIDTHS = {"1280": (1280, 800), "1920": (1920, 1080), "820": (820, 1180)}
 SIZES = {**WIDTHS, "640": (640, 480)}
 """The smallest is for what takes long to draw, and not for how it looks."""
+SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 UP_TIME = 300.0
 """Seconds that a system has to start, on a machine that does much else, too."""
 PATIENCE = 120.0
@@ -197,11 +199,10 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
     def opened(url: str, size: str = "1280", *, dark: bool = False, may_reload: bool = False) -> Page:
         if len(pages) == len(profiles):
             profiles.append(browser.new_context())
-        width, height = SIZES[size]
         page = profiles[len(pages)].new_page()
         pages.append(page)
         page.set_default_timeout(1000 * PATIENCE)
-        page.set_viewport_size({"width": width, "height": height})
+        resize(page, size)
         page.emulate_media(color_scheme="dark" if dark else "light", reduced_motion="reduce")
 
         def said(message: ConsoleMessage) -> None:
@@ -249,6 +250,20 @@ def stands(drawn: Locator) -> None:
 def fits(page: Page) -> bool:
     """Whether nothing is wider than the window, once all signs are there, without which their names would be shown."""
     return bool(page.evaluate("document.fonts.ready.then(() => document.documentElement.scrollWidth <= window.innerWidth)"))
+
+
+def every_look(page: Page) -> Iterator[str]:
+    """The page in windows of all `WIDTHS`, light and dark; what each is called."""
+    for size in WIDTHS:
+        resize(page, size)
+        for scheme in SCHEMES:
+            page.emulate_media(color_scheme=scheme)
+            yield f"{size}-{scheme}"
+
+
+def resize(page: Page, size: str) -> None:
+    width, height = SIZES[size]
+    page.set_viewport_size({"width": width, "height": height})
 
 
 def shoot(page: Page, name: str) -> Path:

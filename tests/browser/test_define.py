@@ -11,7 +11,7 @@ from urllib.parse import quote
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from .conftest import WIDTHS, Running, fits, shoot, stands
+from .conftest import Running, every_look, fits, shoot, stands
 
 
 def asked(system: Running, method: str, path: str, body: object | None = None) -> Any:
@@ -293,15 +293,13 @@ def test_what_was_typed_outlives_the_server(system: Running, opened: Callable[..
     expect(page.get_by_text("cheapest, high priority, within 15 min")).to_be_visible()
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_it_looks_as_it_should(opened: Callable[..., Page], dark: bool) -> None:
-    page = opened(effect="Carton001 isOn Shelf001", dark=dark)
+def test_it_looks_as_it_should(opened: Callable[..., Page]) -> None:
+    page = opened(effect="Carton001 isOn Shelf001")
     page.get_by_role("button", name="Preview").click()
     expect(page.locator(".somrs-define-graph svg")).to_be_visible()
-    for size, (width, height) in WIDTHS.items():
-        page.set_viewport_size({"width": width, "height": height})
+    for look in every_look(page):
         page.get_by_role("button", name="Show all").click()
         page.evaluate("scrollTo(0, 0)")
         page.wait_for_timeout(400)
-        shoot(page, f"define-{size}-{'dark' if dark else 'light'}")
+        shoot(page, f"define-{look}")
         assert fits(page)

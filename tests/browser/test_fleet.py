@@ -14,7 +14,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from somrs.client.client import Client
@@ -23,7 +22,7 @@ from somrs.ontology.services import ServiceType
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Offer, Publish, Published, Retract, Retracted
 
-from .conftest import PATIENCE, WORK_TIME, Running, fits, shoot
+from .conftest import PATIENCE, WORK_TIME, Running, every_look, fits, shoot
 
 Open = Callable[..., Page]
 
@@ -53,10 +52,8 @@ def ask(system: Running, body: Body, expected: type[Any]) -> None:
         beside.submit(asyncio.run, asking()).result()
 
 
-@pytest.mark.parametrize("dark", [False, True])
-@pytest.mark.parametrize("size", ["1280", "1920", "820"])
-def test_every_device_is_there_with_what_it_offers(system: Running, window: Open, size: str, dark: bool) -> None:
-    page = window(f"{system.url}/fleet", size, dark=dark)
+def test_every_device_is_there_with_what_it_offers(system: Running, window: Open) -> None:
+    page = window(f"{system.url}/fleet")
     for name, price in (("Robot1", "10 EUR"), ("Robot2", "25 EUR")):
         card = device(page, name)
         expect(card).to_contain_text("PioneerP3DX")
@@ -64,8 +61,9 @@ def test_every_device_is_there_with_what_it_offers(system: Running, window: Open
         expect(card.get_by_role("listitem")).to_contain_text([price])
         expect(card.get_by_role("progressbar", name="Battery")).to_have_attribute("aria-valuenow", "100")
     expect(page.get_by_role("status").first).to_contain_text("2 on offer")
-    assert fits(page)
-    shoot(page, f"fleet-{size}-{'dark' if dark else 'light'}")
+    for look in every_look(page):
+        assert fits(page)
+        shoot(page, f"fleet-{look}")
 
 
 def test_the_command_line_shows_the_same(system: Running) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import PATIENCE, Running, fits, shoot
+from .conftest import PATIENCE, Running, every_look, fits, shoot
 from .test_fleet import state_task
 
 Open = Callable[..., Page]
@@ -45,17 +45,16 @@ def rows(page: Page) -> list[str]:
     return [row.inner_text() for row in page.locator("tbody tr").all()]
 
 
-@pytest.mark.parametrize("dark", [False, True])
-@pytest.mark.parametrize("size", ["1280", "1920", "820"])
-def test_tasks_that_are_over_are_listed_with_how_they_ended(system: Running, window: Open, ended: list[str], size: str, dark: bool) -> None:
-    page = window(f"{system.url}/history", size, dark=dark)
+def test_tasks_that_are_over_are_listed_with_how_they_ended(system: Running, window: Open, ended: list[str]) -> None:
+    page = window(f"{system.url}/history")
     first = page.locator("tbody tr").first
     expect(first).to_contain_text(FAILS)
     expect(first).to_contain_text("Failed")
     expect(first).to_contain_text("no plan")
     expect(page.locator("tbody tr").nth(1)).to_contain_text("Accomplished")
-    assert fits(page)
-    shoot(page, f"history-{size}-{'dark' if dark else 'light'}")
+    for look in every_look(page):
+        assert fits(page)
+        shoot(page, f"history-{look}")
 
 
 def test_filters_narrow_the_list_and_are_in_the_address(system: Running, window: Open, ended: list[str]) -> None:

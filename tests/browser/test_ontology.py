@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from .conftest import WIDTHS, Running, fits, shoot
+from .conftest import WIDTHS, Running, every_look, fits, shoot
 
 Open = Callable[..., Page]
 
@@ -416,16 +416,17 @@ def test_every_kind_of_definition_is_read(system: Running, window: Open) -> None
     shoot(page, "ontology-service-1280-light")
 
 
-@pytest.mark.parametrize(("size", "dark"), [("1280", True), ("1920", False), ("820", False)])
-def test_sheet_and_form_fit_every_window(system: Running, window: Open, size: str, dark: bool) -> None:
-    page = window(f"{system.url}/ontology?type=Jar", size, dark=dark)
+def test_sheet_and_form_fit_every_window(system: Running, window: Open) -> None:
+    page = window(f"{system.url}/ontology?type=Jar")
     expect(heading(page, "Jar")).to_be_visible()
-    assert fits(page), "the sheet is wider than the window"
-    shoot(page, f"ontology-jar-{size}-{'dark' if dark else 'light'}")
+    for look in every_look(page):
+        assert fits(page), "the sheet is wider than the window"
+        shoot(page, f"ontology-jar-{look}")
     page.get_by_role("button", name="Edit").click()
     expect(heading(page, "Edit Jar")).to_be_visible()
-    assert fits(page), "the form is wider than the window"
-    shoot(page, f"ontology-edit-{size}-{'dark' if dark else 'light'}")
+    for look in every_look(page):
+        assert fits(page), "the form is wider than the window"
+        shoot(page, f"ontology-edit-{look}")
 
 
 def test_attributes_relations_functions_and_services_are_written(system: Running, window: Open) -> None:

@@ -9,7 +9,7 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
@@ -18,11 +18,9 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from tests.support.paths import SCENARIO_1
 
-from .conftest import WIDTHS, WORK_TIME, Running, fits, shoot
+from .conftest import WIDTHS, WORK_TIME, Running, every_look, fits, shoot
 
 Open = Callable[..., Page]
-
-SCHEMES: tuple[Literal["dark", "light"], ...] = ("dark", "light")
 
 
 def call(system: Running, path: str, body: object = None, *, post: bool = False) -> Any:
@@ -158,14 +156,11 @@ def _export(page: Page, folder: Path) -> None:
 
 
 def _every_size(page: Page, name: str) -> None:
-    for size, (width, height) in WIDTHS.items():
-        page.set_viewport_size({"width": width, "height": height})
-        for scheme in SCHEMES:
-            page.emulate_media(color_scheme=scheme)
-            page.evaluate("window.scrollTo(0, 0)")
-            page.wait_for_timeout(400)
-            assert fits(page), f"wider than {size}"
-            shoot(page, f"{name}-{size}-{scheme}")
+    for look in every_look(page):
+        page.evaluate("window.scrollTo(0, 0)")
+        page.wait_for_timeout(400)
+        assert fits(page), f"wider than {look}"
+        shoot(page, f"{name}-{look}")
 
 
 @pytest.mark.usefixtures("jar_at_home")

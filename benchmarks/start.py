@@ -1,0 +1,89 @@
+"""What the start of a system costs: CPU and memory of its programs, out of the launcher and each started by itself, in turns.
+
+The paper's scenario with its windows. CPU is what each process has used when all are ready, from /proc; memory is what is its own (Pss: of
+what several processes share, each has its share). Run it as `python benchmarks/start.py`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from somrs.deployment.launcher import Launcher, Process
+from somrs.deployment.system import System
+
+SITE = Path(__file__).parents[1] / "src" / "somrs" / "demo" / "data" / "scenario-1.yaml"
+ROUNDS = 5
+
+
+class Singly(Launcher):
+    """Starts each program as a Python of its own."""
+
+    async def start(self, arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> Process:
+        line = [sys.executable, "-m", "somrs.cli.main", *arguments]
+        read, write = os.pipe()
+        reader = asyncio.StreamReader()
+        await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(read, "rb"))
+        with log.open("ab") as errors:
+            program = subprocess.Popen(line, stdin=subprocess.DEVNULL, stdout=write, stderr=errors, env={**environment})
+        os.close(write)
+        process = Process(program.pid, reader)
+        self._waiting = [*getattr(self, "_waiting", []), asyncio.create_task(self._wait(program, process))]
+        return process
+
+    async def _wait(self, program: subprocess.Popen[bytes], process: Process) -> None:
+        process.ended(await asyncio.to_thread(program.wait))
+
+
+@dataclass(slots=True)
+class Cost:
+    wall: float
+    cpu: float
+    memory: float
+
+
+def cpu(process: int) -> float:
+    """Seconds that the process has used."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def memory(process: int) -> float:
+    """Megabytes."""
+    lines = Path(f"/proc/{process}/smaps_rollup").read_text().splitlines()
+    return sum(int(line.split()[1]) for line in lines if line.startswith("Pss:")) / 1024
+
+
+async def started(launcher: Launcher) -> Cost:
+    with tempfile.TemporaryDirectory() as folder:
+        system = System([SITE], Path(folder), windows=True)
+        system._launcher = launcher
+        began = time.perf_counter()
+        async with system:
+            wall = time.perf_counter() - began
+            processes = [program.process.pid for program in system.programs.values()]
+            if launcher._program is not None:
+                processes.append(launcher._program.pid)
+            return Cost(wall, sum(map(cpu, processes)), sum(map(memory, processes)))
+
+
+def main() -> None:
+    found: dict[str, list[Cost]] = {"out of the launcher": [], "each by itself": []}
+    for _ in range(ROUNDS):
+        found["out of the launcher"].append(asyncio.run(started(Launcher())))
+        found["each by itself"].append(asyncio.run(started(Singly())))
+    for name, costs in found.items():
+        wall, spent, own = (statistics.median(getattr(cost, what) for cost in costs) for what in ("wall", "cpu", "memory"))
+        print(f"{name:22} {wall:5.1f} s, {spent:5.1f} s of CPU, {own:5.0f} MB")
+
+
+if __name__ == "__main__":
+    main()
