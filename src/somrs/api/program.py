@@ -17,7 +17,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from somrs.api.rest import application
 from somrs.api.service import Desk, desk_of
 from somrs.client.client import Addresses
-from somrs.deployment.programs import say_ready, until_stopped
+from somrs.deployment.programs import until_stopped
 from somrs.ports import bound
 from somrs.runtime.http import KEPT_TIME, QuietServer
 
@@ -28,8 +28,7 @@ async def run_api(data: Path, addresses: Addresses, host: str, port: int) -> Non
     """Serve the API until this process is to end."""
     listening = bound(host, port)
     async with desk_of(addresses, data, host) as desk, served(desk, listening) as url:
-        say_ready("api", url)
-        await until_stopped()
+        await until_stopped("api", url)
 
 
 @asynccontextmanager

@@ -17,7 +17,7 @@ from types import ModuleType
 from urllib.parse import urlsplit
 
 from somrs.client.client import Addresses
-from somrs.deployment.programs import run_program, say_ready, until_stopped
+from somrs.deployment.programs import run_program, until_stopped
 from somrs.errors import DeviceError, InputError, RemoteError
 from somrs.kernel.component import Notified
 from somrs.protocol.messages.bodies import Body
@@ -179,8 +179,7 @@ async def serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.
     addresses = Addresses.read(data)
     runner = DeviceRunner(kind(name, addresses.simulator or addresses.world), addresses, data, host)
     try:
-        say_ready(name, await runner.start())
-        await until_stopped()
+        await until_stopped(name, await runner.start())
     finally:
         await runner.stop()
 

@@ -51,13 +51,16 @@ class Ready(msgspec.Struct, frozen=True, kw_only=True):
     at: str
 
 
-async def until_stopped() -> None:
-    """Return when somebody wants this process to end, or when its parent is gone."""
+async def until_stopped(name: str = "", at: str = "") -> None:
+    """Return when somebody wants this process to end, or when its parent is gone. A program that has a name says that it is ready,
+    and where: from then on it ends in good order when it is told to."""
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
     for wanted in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(wanted, stopped.set)
     parent = os.getppid()
+    if name:
+        say_ready(name, at)
     while not stopped.is_set() and os.getppid() == parent:
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stopped.wait(), PARENT_CHECK)
@@ -94,8 +97,7 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
         rim = Host(host, port)
         await rim.start()
         node = rim.add_journaled("/repository", made, journal, carry_out=journal.carry_out)
-        say_ready("repository", node.address)
-        await until_stopped()
+        await until_stopped("repository", node.address)
         await rim.stop()
     finally:
         journal.close()
@@ -113,8 +115,7 @@ async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -
         rim = Host(host, port)
         await rim.start()
         node = rim.add_journaled("/registry", lambda address: Registry(address, upper(), addresses.repository), journal)
-        say_ready("registry", node.address)
-        await until_stopped()
+        await until_stopped("registry", node.address)
         await rim.stop()
     finally:
         journal.close()
@@ -152,8 +153,7 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
                 journal,
                 carry_out=carry_out,
             )
-            say_ready("task-manager", node.address)
-            await until_stopped()
+            await until_stopped("task-manager", node.address)
             await rim.stop()
         trace.close()
     finally:
@@ -227,8 +227,7 @@ async def run_world(addresses: Addresses, host: str, port: int, speed: float | N
         world = SymbolicWorld(await client.ontology(), await client.map())
     server = WorldServer(world, host=host, port=port, speed=speed)
     await server.start()
-    say_ready("world", f"{server.host}:{server.port}")
-    await until_stopped()
+    await until_stopped("world", f"{server.host}:{server.port}")
     await server.stop()
 
 
@@ -243,8 +242,8 @@ async def _serve_robots(simulation: Simulation, host: str, port: int, speed: flo
 
     server = Server(simulation, host=host, port=port, speed=speed)
     await server.start()
-    say_ready("simulator", f"{server.host}:{server.port}")
-    running = [asyncio.create_task(until_stopped()), asyncio.create_task(server.ended())]
+    told = asyncio.create_task(until_stopped("simulator", f"{server.host}:{server.port}"))
+    running = [told, asyncio.create_task(server.ended())]
     await asyncio.wait(running, return_when=asyncio.FIRST_COMPLETED)
     for task in running:
         task.cancel()

@@ -16,7 +16,7 @@ import uvicorn
 from somrs.api.remote import LiveApi, live_api
 from somrs.client.api_client import address_of
 from somrs.client.client import Addresses
-from somrs.deployment.programs import say_ready, until_stopped
+from somrs.deployment.programs import until_stopped
 from somrs.gui.proxy import Proxy
 from somrs.ports import bound
 from somrs.runtime.http import QuietServer
@@ -44,8 +44,7 @@ async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> Non
         serving = asyncio.create_task(server.serve(sockets=[listening]))
         while not server.started and not serving.done():
             await asyncio.sleep(0.01)
-        say_ready("gui", f"http://{host}:{listening.getsockname()[1]}")
-        await until_stopped()
+        await until_stopped("gui", f"http://{host}:{listening.getsockname()[1]}")
         server.should_exit = True
         with contextlib.suppress(asyncio.CancelledError):
             await serving

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from somrs.client.client import Addresses
-from somrs.deployment.programs import say_ready, until_stopped
+from somrs.deployment.programs import until_stopped
 from somrs.runtime.clock import TimeOfDay, local_zone
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node
@@ -24,8 +24,7 @@ async def run_scheduler(data: Path, addresses: Addresses, host: str, port: int) 
     try:
         rim = Host(host, port, clock=TimeOfDay())
         await rim.start()
-        say_ready("scheduler", put(rim, journal, addresses).address)
-        await until_stopped()
+        await until_stopped("scheduler", put(rim, journal, addresses).address)
         await rim.stop()
     finally:
         journal.close()
