@@ -62,7 +62,8 @@ def memory(process: int) -> float:
     return sum(int(line.split()[1]) for line in lines if line.startswith("Pss:")) / 1024
 
 
-async def started(launcher: Launcher) -> Cost:
+async def started(kind: type[Launcher]) -> Cost:
+    launcher = kind()
     with tempfile.TemporaryDirectory() as folder:
         system = System([SITE], Path(folder), windows=True)
         system._launcher = launcher
@@ -78,8 +79,8 @@ async def started(launcher: Launcher) -> Cost:
 def main() -> None:
     found: dict[str, list[Cost]] = {"out of the launcher": [], "each by itself": []}
     for _ in range(ROUNDS):
-        found["out of the launcher"].append(asyncio.run(started(Launcher())))
-        found["each by itself"].append(asyncio.run(started(Singly())))
+        found["out of the launcher"].append(asyncio.run(started(Launcher)))
+        found["each by itself"].append(asyncio.run(started(Singly)))
     for name, costs in found.items():
         wall, spent, own = (statistics.median(getattr(cost, what) for cost in costs) for what in ("wall", "cpu", "memory"))
         print(f"{name:22} {wall:5.1f} s, {spent:5.1f} s of CPU, {own:5.0f} MB")

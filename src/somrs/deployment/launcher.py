@@ -98,7 +98,7 @@ class Launcher:
         self._program: asyncio.subprocess.Process | None = None
         self._channel: socket.socket | None = None
         self._listening: asyncio.Task[None] | None = None
-        self._stdout = asyncio.StreamReader()
+        self._stdout: asyncio.StreamReader | None = None
         self._started: asyncio.Queue[Process | None] = asyncio.Queue()
         self._running: dict[int, Process] = {}
 
@@ -109,9 +109,9 @@ class Launcher:
             if self._listening is None or self._listening.done():
                 await self._begin()
             assert self._channel is not None, "made when it begins"
-            self._stdout = asyncio.StreamReader()
+            self._stdout = stdout = asyncio.StreamReader()
             read, write = os.pipe()
-            await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(self._stdout), os.fdopen(read, "rb"))
+            await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(stdout), os.fdopen(read, "rb"))
             with os.fdopen(write, "wb") as output, log.open("ab") as errors, contextlib.suppress(ConnectionError):  # the queue tells
                 sent = socket.send_fds(self._channel, [request], [output.fileno(), errors.fileno()])
                 self._channel.sendall(request[sent:])
@@ -147,6 +147,7 @@ class Launcher:
         while line := await said.readline():
             match _ANSWERS.decode(line):
                 case Started(pid=pid):
+                    assert self._stdout is not None, "made before it is asked for"
                     process = self._running[pid] = Process(pid, self._stdout)
                     started.put_nowait(process)
                 case Ended(pid=pid, code=code):
