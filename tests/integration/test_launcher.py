@@ -68,7 +68,7 @@ def test_a_program_writes_where_it_is_to_and_its_end_is_told(tmp_path: Path) -> 
     launching(use)
 
 
-def test_each_has_an_environment_of_its_own_and_input_from_nobody(tmp_path: Path) -> None:
+def test_each_has_an_environment_of_its_own(tmp_path: Path) -> None:
     async def use(launcher: Launcher) -> None:
         wide = await launcher.start(["--help"], tmp_path / "log", {**os.environ, "COLUMNS": "200"})
         narrow = await launcher.start(["--help"], tmp_path / "log", {**os.environ, "COLUMNS": "60"})
@@ -95,6 +95,7 @@ def test_who_looks_at_the_processes_sees_what_each_is(tmp_path: Path) -> None:
         program = await repository(launcher, tmp_path / "data")
         line = Path(f"/proc/{program.pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
         assert line.startswith("somrs run repository --site")
+        assert os.readlink(f"/proc/{program.pid}/fd/0") == os.devnull, "nobody is there to type anything"
         assert os.getsid(program.pid) == program.pid, "Ctrl-C is for who started the system, and not for each of its programs"
         program.send_signal(signal.SIGTERM)
         assert await program.wait() == 0
