@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import re
 import signal
 import subprocess
@@ -224,7 +225,7 @@ def test_a_robot_that_falls_silent_with_the_jar_ends_the_task_and_is_not_asked_a
 
 
 def test_whatever_is_killed_is_started_again(tmp_path: Path) -> None:
-    """One process after the other; then a task, as if nothing had been."""
+    """One process after the other, and then the one that they come out of, which ends them all; then a task, as if nothing had been."""
 
     async def run() -> None:
         async with running(tmp_path / "run", SCENARIO_1) as (system, client, _):
@@ -235,6 +236,13 @@ def test_whatever_is_killed_is_started_again(tmp_path: Path) -> None:
                 async with asyncio.timeout(120):
                     while f"{name} is back" not in told:
                         await asyncio.sleep(0.05)
+            (launcher,) = {
+                int(Path(f"/proc/{one.process.pid}/stat").read_text().rpartition(")")[2].split()[1]) for one in system.programs.values()
+            }
+            os.kill(launcher, signal.SIGKILL)
+            async with asyncio.timeout(120):
+                while {told.count(f"{name} is back") for name in system.programs} != {2}:
+                    await asyncio.sleep(0.05)
             keeping.cancel()
             assert f"Robot1 ended (signal SIGKILL; see {tmp_path / 'run' / 'logs' / 'Robot1.log'}); starting it again" in told
             async with asyncio.timeout(120):

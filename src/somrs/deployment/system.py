@@ -173,13 +173,14 @@ class System:
     async def keep_running(self, tell: Callable[[str], None]) -> None:
         """Start again whatever ends without having been told to, until cancelled. What it had kept on disk, it still has."""
         while True:
-            ends = {asyncio.create_task(program.process.wait()): program for program in self.programs.values()}
+            ends = [asyncio.create_task(program.process.wait()) for program in self.programs.values()]
             try:
-                done, _ = await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+                await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
             finally:
                 for waiting in ends:
                     waiting.cancel()
-            for program in (ends[one] for one in done):
+            # As they were started: devices want the Repository, and several may have ended at the same time.
+            for program in [one for one in self.programs.values() if one.process.returncode is not None]:
                 tell(f"{program.name} ended ({_how(program.process.returncode)}; see {program.log}); starting it again")
                 await asyncio.sleep(min(0.2 * 2**program.restarts, MOST_PAUSE))
                 try:
