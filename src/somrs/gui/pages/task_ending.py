@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from nicegui import ui
 
@@ -16,6 +16,8 @@ DONE = (State.COMPLETED, State.FAILED, State.STOPPED, State.UNREACHABLE)
 
 def consequences(view: TaskView) -> list[str]:
     """What cancelling the task now means, a sentence each."""
+    if view.phase is Phase.ENDED:
+        return ["The task is over: there is nothing left to cancel."]
     at_work = [work for work in view.work if work.state is State.EXECUTING]
     arranged = [step for step in view.steps if step.state is State.COMMITTED]
     said = [f"{work.service} is stopped ({work.step}{_object(work)})." for work in at_work]
@@ -39,14 +41,15 @@ def _object(work: WorkView) -> str:
 
 
 class Ending:
-    """A dialog. `view` says how the task is at the moment when it is opened."""
+    """A dialog. While it is open it follows the task: what cancelling means changes with each step."""
 
-    def __init__(self, desk: LiveApi, view: Callable[[], TaskView]) -> None:
+    def __init__(self, desk: LiveApi, view: TaskView) -> None:
         self._desk, self._view = desk, view
+        self._shown: list[str] = []
         with ui.dialog() as self._dialog, ui.card().classes("somrs-dialog"):
             ui.label("Cancel this task?").classes("somrs-title").props('role="heading" aria-level="2"')
-            self._wish = ui.label().classes("somrs-formula")
-            self._said = ui.element("ul").classes("somrs-consequences")
+            self._wish = ui.label(view.effect).classes("somrs-formula")
+            self._said = ui.element("ul").classes("somrs-consequences").props('aria-live="polite"')
             self._reason = ui.input("Reason, kept with the task", placeholder="not needed any more").props("outlined dense autofocus")
             self._reason.classes("somrs-wide").on("keydown.enter", guarded(self._cancel))
             with ui.element("div").classes("somrs-dialog-ways"):
@@ -55,20 +58,27 @@ class Ending:
                 self._button.props("unelevated no-caps color=negative")
 
     def ask(self) -> None:
-        view = self._view()
-        self._wish.set_text(view.effect)
-        self._said.clear()
-        with self._said:
-            for sentence in consequences(view):
-                with ui.element("li"):
-                    ui.label(sentence)
         self._dialog.open()
+        self.show(self._view)
+
+    def show(self, view: TaskView) -> None:
+        self._view = view
+        if not self._dialog.value:
+            return
+        said = consequences(view)
+        if said != self._shown:
+            self._shown = said
+            self._said.clear()
+            with self._said:
+                for sentence in said:
+                    with ui.element("li"):
+                        ui.label(sentence)
+        self._button.set_enabled(view.phase is not Phase.ENDED)
 
     async def _cancel(self) -> None:
-        view = self._view()
-        if view.phase is Phase.ENDED:
+        if self._view.phase is Phase.ENDED:
             tell("The task is over already.")
         else:
-            await self._desk.tasks.cancel(view.task, str(self._reason.value or "").strip() or "cancelled by the client")
+            await self._desk.tasks.cancel(self._view.task, str(self._reason.value or "").strip() or "cancelled by the client")
             tell("Cancelling: what runs is stopped, and what was done is undone.")
         self._dialog.close()

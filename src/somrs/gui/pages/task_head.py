@@ -23,7 +23,7 @@ class Head:
 
     def __init__(self, desk: LiveApi, view: TaskView) -> None:
         self._view = view
-        self._ending = Ending(desk, lambda: self._view)
+        self._ending = Ending(desk, view)
         with ui.element("header").classes("somrs-sheet somrs-task-head"):
             with ui.element("div").classes("somrs-task-line"):
                 ui.link("Tasks", "/tasks").classes("somrs-task-back").props('aria-label="Back to all tasks"')
@@ -68,6 +68,7 @@ class Head:
         tone = "good" if view.outcome == "accomplished" else "soft" if over else "accent"
         self._fill.style(f"background: var(--{tone})")
         self._cancel.visible = not over
+        self._ending.show(view)
         self._record.props(f'href="/api/{"records" if over else "tasks"}/{view.task}"')
         why = reasons(view)
         if why != self._told:
