@@ -177,7 +177,6 @@ def test_a_task_is_cancelled_and_undone(system: Running, window: Open) -> None:
     expect(asked).to_contain_text("Robot1.TransferObject is stopped (step")
     expect(asked).to_contain_text(f"is undone: again {first['before']}.")
     asked.get_by_label("Reason").fill("the shelf is full")
-    page.wait_for_timeout(500)  # until it has come all the way
     shoot(page, "task-cancel-1280-light")
     until(system, task, carries)
     asked.get_by_role("button", name="Cancel the task").click()

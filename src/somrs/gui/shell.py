@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
-from typing import Literal, ParamSpec, TypeVar
+from typing import Literal, ParamSpec, Protocol, TypeVar
 
 from nicegui import app, ui
 
@@ -17,6 +17,13 @@ from somrs.gui.unavailable_banner import Unreachable
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+class Focusable(Protocol):
+    """An element of a page that can be typed into, or pressed."""
+
+    @property
+    def id(self) -> int: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +46,11 @@ PLACES = (
 )
 
 LOOK = "/look/look.css"
+
+for popup in (ui.select, ui.menu, ui.dialog):
+    # Lists, menus and dialogs come and go at once. While one moves, Quasar holds back where the focus is to go, and takes it there
+    # afterwards, from wherever somebody types by then.
+    popup.default_props("transition-duration=0")
 
 
 @contextmanager
@@ -94,6 +106,16 @@ def tell(text: str, *, bad: bool = False) -> None:
     """A message that stays until it is read, when it is a bad one."""
     kind: Literal["negative", "positive"] = "negative" if bad else "positive"
     ui.notify(text, type=kind, timeout=0 if bad else 4000, close_button="Close" if bad else False, multi_line=True)
+
+
+def focus(field: Focusable, *, unless_left: Focusable | None = None) -> None:
+    """Have what is typed go into the field, at once: Quasar's own `focus` waits until lists have closed, and takes what is typed by then
+    from where it is meant to go. With `unless_left`, only for who is still there, or nowhere."""
+    go = f"const field = getHtmlElement({field.id}); (field?.querySelector('input, textarea') ?? field)?.focus();"
+    if unless_left is not None:
+        still = f"[document.body, null].includes(at) || getHtmlElement({unless_left.id})?.contains(at)"
+        go = f"const at = document.activeElement; if ({still}) {{ {go} }}"
+    ui.run_javascript(f"(() => {{ {go} }})()")
 
 
 def guarded(action: Callable[P, Awaitable[R]]) -> Callable[P, Awaitable[R | None]]:

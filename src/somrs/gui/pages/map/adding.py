@@ -14,7 +14,7 @@ from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.pages.map.fields import Field, Raw
 from somrs.gui.pages.map.fields import Spot as AttributeSpot
 from somrs.gui.pages.map.proposals import Spot, adding, form_for, name_for
-from somrs.gui.shell import guarded
+from somrs.gui.shell import focus, guarded
 from somrs.ontology.objects import Change
 from somrs.ontology.types import ABSTRACT, PHYSICAL, ROOT, Ontology, Value
 
@@ -157,7 +157,7 @@ class _New:
         map, ontology = self._desk.context.map, self._desk.context.ontology
         if not name or name in map.objects:
             self._name.error = "there is an object of this name already" if name else "it needs a name"
-            self._name.run_method("focus")
+            focus(self._name)
             return
         changes = adding(self._type, name, values, self._spot, map, ontology)
         version = await self._change(changes, f"{name} was added")

@@ -12,6 +12,7 @@ from nicegui.events import ValueChangeEventArguments
 
 from somrs.errors import InputError
 from somrs.gui.pages.map.readings import in_limits, limits, read, text_of, unit
+from somrs.gui.shell import focus
 from somrs.ontology.types import AttributeType, Kind, Ontology, Value
 
 Raw = str | bool | None
@@ -106,7 +107,7 @@ class Field:
         return True
 
     def focus(self) -> None:
-        self._input.run_method("focus")
+        focus(self._input)
 
     def enable(self, on: bool) -> None:
         self._input.set_enabled(on)

@@ -6,6 +6,7 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from somrs.api.remote import LiveApi
+from somrs.gui.shell import focus
 from somrs.ontology.types import ROOT
 
 MOST = 30
@@ -27,7 +28,7 @@ class ObjectPicker:
         return str(found) if found else None
 
     def focus(self) -> None:
-        self._field.run_method("focus")
+        focus(self._field)
 
     async def _typed(self, event: GenericEventArguments) -> None:
         await self._find(str(event.args or ""))

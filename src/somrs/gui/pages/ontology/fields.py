@@ -15,6 +15,7 @@ from somrs.gui.components.draft_storage import Keeper
 from somrs.gui.components.formula import FormulaField
 from somrs.gui.pages.ontology.drafts import Draft
 from somrs.gui.pages.ontology.pieces import Word, icon_button
+from somrs.gui.shell import focus
 from somrs.ontology.types import ObjectType
 
 F = TypeVar("F", ui.input, ui.textarea, ui.select)
@@ -34,8 +35,6 @@ class Shown(Protocol):
 
     @property
     def is_deleted(self) -> bool: ...
-
-    def run_method(self, name: str) -> object: ...
 
 
 class Formula:
@@ -64,9 +63,6 @@ class Formula:
     @property
     def is_deleted(self) -> bool:
         return self.field.is_deleted
-
-    def run_method(self, name: str) -> object:
-        return self.field.run_method(name)
 
 
 class Fields:
@@ -120,7 +116,7 @@ class Fields:
         """Go to the first field that something is wrong with."""
         for element in self._at.values():
             if not element.is_deleted and element.error:
-                element.run_method("focus")
+                focus(element)
                 return
 
     # Fields
@@ -240,13 +236,11 @@ class Fields:
                 self.keep()
                 first = next((field for known, field in self._at.items() if f"{known}.".startswith(f"{path}.{last}.")), None)
                 if first is not None:
-                    # Whoever was quicker has opened its list already, which focusing would close.
-                    quicker = f"document.getElementById('c{first.id}')?.contains(document.activeElement)"
-                    ui.run_javascript(f"if (!{quicker}) runMethod({first.id}, 'focus', [])")
+                    focus(first, unless_left=button)
 
             again()
             with ui.element("div"):
-                ui.button(f"Add {one}", icon="add", on_click=add).props("flat dense no-caps")
+                button = ui.button(f"Add {one}", icon="add", on_click=add).props("flat dense no-caps")
                 if more is not None:
                     more()
         return again
