@@ -22,8 +22,8 @@ SMALL = "640"
 
 @pytest.fixture(scope="module")
 def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """Robots in real time, so that a busy machine draws them often enough on their way."""
-    with running_in(tmp_path_factory.mktemp("scene"), speed="1") as running:
+    """Robots that take their time, so that a busy machine, too, draws them often enough on their way."""
+    with running_in(tmp_path_factory.mktemp("scene"), speed="3") as running:
         yield running
 
 

@@ -1,0 +1,24 @@
+"""Units: what maps usually say is known without pint, and is as pint has it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from somrs.ontology.units import USUAL, _registry, converted
+from tests.support.paths import SCENARIO_1
+
+
+@given(value=st.floats(-1e4, 1e4, allow_nan=False))
+@pytest.mark.parametrize(("unit", "to"), USUAL)
+def test_the_usual_units_are_as_pint_has_them(unit: str, to: str, value: float) -> None:
+    assert converted(value, unit, to) == float(_registry().convert(value, unit, to))
+
+
+def test_a_map_in_usual_units_is_read_without_pint() -> None:
+    program = "import sys; from somrs.ontology.files.loading import load; load(sys.argv[1:]); assert 'pint' not in sys.modules"
+    subprocess.run([sys.executable, "-c", program, str(SCENARIO_1)], check=True)
