@@ -76,6 +76,11 @@ def message(page: Page, type: str) -> Locator:
     return panel(page, "Messages").locator(".somrs-msg").filter(has_text=type)
 
 
+def flat(page: Page) -> None:
+    """Show the floor plan, which is drawn in a moment, instead of the scene; that is remembered."""
+    page.get_by_role("button", name="Floor plan").click()
+
+
 @pytest.fixture
 def jar_at_home(system: Running) -> Iterator[None]:
     """Afterwards robots are whole, and the jar is where it was."""
@@ -166,7 +171,7 @@ def _every_size(page: Page, name: str) -> None:
 @pytest.mark.usefixtures("jar_at_home")
 def test_a_task_is_cancelled_and_undone(system: Running, window: Open) -> None:
     page = window(f"{system.url}/tasks/{stated(system, 'Shelf001 isOn Platform001')}")
-    page.get_by_role("button", name="Floor plan").click()
+    flat(page)
     wish = "Jar003 isOn Shelf001 AND Carton001 isOn Shelf001"
     task = stated(system, wish)  # by the cheaper robot, one after the other: time enough to change one's mind
     page.goto(f"{system.url}/tasks/{task}")
@@ -214,6 +219,7 @@ def test_the_list_is_found_in_and_folded_panels_stay_so(system: Running, window:
     expect(page.get_by_role("link", name="Shelf001 isOn Table002").first).to_be_visible()
     _every_size(page, "tasks")
     page.goto(f"{system.url}/tasks/{task}")
+    flat(page)
     end = time.monotonic() + WORK_TIME / 1000
     while panel(page, "Plan").get_attribute("open") is not None:
         assert time.monotonic() < end, "what is folded is there unfolded again"
@@ -230,6 +236,7 @@ def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: 
     context = browser.new_context()  # whose console may tell of what did not answer for a while
     page = context.new_page()
     page.goto(f"{system.url}/tasks/{task}")
+    flat(page)
     until(system, task, carries)
     system.kill("task-manager")
     system.kill("gui")
@@ -258,6 +265,7 @@ def test_a_question_of_a_task_is_answered_on_its_page(with_anna: Running, window
     breaks_down(with_anna, "Robot1", carried=1.0, fault=Fault.SILENT)
     task = stated(with_anna, "Jar002 isOn Platform001")
     page.goto(f"{with_anna.url}/tasks/{task}")
+    flat(page)
     asked = page.get_by_role("region", name="Question 1")
     expect(asked).to_contain_text("Anna is asked", timeout=WORK_TIME)
     expect(asked).to_contain_text("Where is Jar002")

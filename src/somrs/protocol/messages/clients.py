@@ -7,6 +7,7 @@ from enum import StrEnum
 from msgspec import Struct
 
 from somrs.ontology.services import Handler
+from somrs.protocol.messages.body import MessageBody
 from somrs.protocol.messages.events import Event, EventKind, GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 
@@ -37,7 +38,7 @@ class Phase(StrEnum):
     ENDED = "ended"
 
 
-class Submit(Struct, frozen=True, kw_only=True, tag=True):
+class Submit(MessageBody, frozen=True, kw_only=True, tag=True):
     """A task: make `effect` true. `precondition` is the initial situation, if the client wants to state it. `deadline` in
     seconds from now. `time_value`: what a second is worth, in the currency of the terms, for the weighted policy. `handlers`
     go before those that come with service types. `priority`: of tasks that wait for the same things, or for the same devices,
@@ -52,22 +53,22 @@ class Submit(Struct, frozen=True, kw_only=True, tag=True):
     priority: int = 0
 
 
-class Submitted(Struct, frozen=True, kw_only=True, tag=True):
+class Submitted(MessageBody, frozen=True, kw_only=True, tag=True):
     task: str
 
 
-class TaskRejected(Struct, frozen=True, kw_only=True, tag=True):
+class TaskRejected(MessageBody, frozen=True, kw_only=True, tag=True):
     """The task is not one: what is wrong with it."""
 
     problem: str
 
 
-class CancelTask(Struct, frozen=True, kw_only=True, tag=True):
+class CancelTask(MessageBody, frozen=True, kw_only=True, tag=True):
     task: str
     reason: str = "cancelled by the client"
 
 
-class Cancelling(Struct, frozen=True, kw_only=True, tag=True):
+class Cancelling(MessageBody, frozen=True, kw_only=True, tag=True):
     task: str
 
 
@@ -155,7 +156,7 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     """Those that are at work now."""
 
 
-class ReadTasks(Struct, frozen=True, kw_only=True, tag=True):
+class ReadTasks(MessageBody, frozen=True, kw_only=True, tag=True):
     """The tasks that this Task Manager knows, newest first, up to `limit`: all, or those that are not over yet (`running`).
     `behind`: those behind this one in that order."""
 
@@ -164,7 +165,7 @@ class ReadTasks(Struct, frozen=True, kw_only=True, tag=True):
     behind: str | None = None
 
 
-class Tasks(Struct, frozen=True, kw_only=True, tag=True):
+class Tasks(MessageBody, frozen=True, kw_only=True, tag=True):
     """`more`: there are older ones. A page ends early when it becomes too long for a message. Of a plan that is too long for one by itself,
     the first steps come; TaskNews has them all."""
 
@@ -172,7 +173,7 @@ class Tasks(Struct, frozen=True, kw_only=True, tag=True):
     more: bool = False
 
 
-class WatchTasks(Struct, frozen=True, kw_only=True, tag=True):
+class WatchTasks(MessageBody, frozen=True, kw_only=True, tag=True):
     """Answer as soon as a task changed after the change of number `after`, or there is a new one; at the latest after `wait` seconds. 0:
     all tasks that are known."""
 
@@ -180,7 +181,7 @@ class WatchTasks(Struct, frozen=True, kw_only=True, tag=True):
     wait: float = 20.0
 
 
-class TasksNews(Struct, frozen=True, kw_only=True, tag=True):
+class TasksNews(MessageBody, frozen=True, kw_only=True, tag=True):
     """Those that changed, as they are now, in the order in which they did. `version`: the number of the last of these changes; ask for
     those after it. `more`: there are some already. `begun`: since when tasks are known here; when that is another than before, what was
     heard before is out of date."""
@@ -227,7 +228,7 @@ class ContractView(Struct, frozen=True, kw_only=True):
     """Whether it answered that it does not do the step; SO-MRS 0.1 did not keep that."""
 
 
-class WatchTask(Struct, frozen=True, kw_only=True, tag=True):
+class WatchTask(MessageBody, frozen=True, kw_only=True, tag=True):
     """Answer as soon as there is an event behind number `after`, at the latest after `wait` seconds. With `messages`, also as soon as
     there are more messages of the protocol than so many; with `contracts`, also as soon as one changed after the change of that number.
     `parts`: of the view's steps and work, in this order, those behind the first so many."""
@@ -240,7 +241,7 @@ class WatchTask(Struct, frozen=True, kw_only=True, tag=True):
     parts: int = 0
 
 
-class TaskNews(Struct, frozen=True, kw_only=True, tag=True):
+class TaskNews(MessageBody, frozen=True, kw_only=True, tag=True):
     """`more`: there are events, or contracts, behind these already. `rest`: the view is too long for one message; ask again for its
     `parts` behind so many. `messages`: how many there are. `contracts`: those that changed, if they were asked for, and `contracts_at` the
     number of the last of these changes. Of a task that is over, its record has contracts and messages."""
@@ -254,7 +255,7 @@ class TaskNews(Struct, frozen=True, kw_only=True, tag=True):
     rest: int | None = None
 
 
-class Preview(Struct, frozen=True, kw_only=True, tag=True):
+class Preview(MessageBody, frozen=True, kw_only=True, tag=True):
     """Plan, but do not carry it out. With `quotes`, services are asked for their terms, too, which nobody accepts; the best are chosen as
     they would be in a task with this `policy`, `time_value` and `deadline`."""
 
@@ -300,7 +301,7 @@ class Obstacle(StrEnum):
     """Something would be in two places at a time."""
 
 
-class Previewed(Struct, frozen=True, kw_only=True, tag=True):
+class Previewed(MessageBody, frozen=True, kw_only=True, tag=True):
     """The steps of the plan; or none, and why there is none: no steps and no `reasons` mean that it is so already. `waits`: a task would
     wait for others first, and for whom. With quotes: what services answered, in the order of the steps; the `price` of all steps together,
     and in how many `seconds` the last of them would be done; None where nobody offers a step (`unserved`: which, and why), or in several
@@ -335,14 +336,14 @@ class MessageView(Struct, frozen=True, kw_only=True):
     body: str
 
 
-class ReadMessages(Struct, frozen=True, kw_only=True, tag=True):
+class ReadMessages(MessageBody, frozen=True, kw_only=True, tag=True):
     """The messages of a task, whether it runs or is over, behind the first `after`, in the order in which they passed."""
 
     task: str
     after: int = 0
 
 
-class Messages(Struct, frozen=True, kw_only=True, tag=True):
+class Messages(MessageBody, frozen=True, kw_only=True, tag=True):
     """`more`: there are some behind these already."""
 
     messages: tuple[MessageView, ...]

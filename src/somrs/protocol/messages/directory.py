@@ -6,6 +6,7 @@ from msgspec import Struct
 
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
+from somrs.protocol.messages.body import MessageBody
 
 AT_ONCE = "AtOnce"
 """The attribute of a service whose device performs several services at the same time: so many. Without it, one at a time."""
@@ -23,7 +24,7 @@ class Offer(Struct, frozen=True, kw_only=True):
     attributes: dict[str, Value] = {}
 
 
-class Publish(Struct, frozen=True, kw_only=True, tag=True):
+class Publish(MessageBody, frozen=True, kw_only=True, tag=True):
     """Offer these services for `lease` seconds. Publishing again renews, and replaces what the provider offered."""
 
     provider: str
@@ -31,32 +32,32 @@ class Publish(Struct, frozen=True, kw_only=True, tag=True):
     lease: float
 
 
-class Published(Struct, frozen=True, kw_only=True, tag=True):
+class Published(MessageBody, frozen=True, kw_only=True, tag=True):
     """Kept until `until`, on the Registry's clock; renew at the latest every `renew_within` seconds."""
 
     until: float
     renew_within: float
 
 
-class Renew(Struct, frozen=True, kw_only=True, tag=True):
+class Renew(MessageBody, frozen=True, kw_only=True, tag=True):
     """Still there: another lease. Answered by Published, or by a Fault when the Registry does not know the provider."""
 
     provider: str
     lease: float
 
 
-class Retract(Struct, frozen=True, kw_only=True, tag=True):
+class Retract(MessageBody, frozen=True, kw_only=True, tag=True):
     """Withdraw a provider's services: those named, or all."""
 
     provider: str
     services: tuple[str, ...] = ()
 
 
-class Retracted(Struct, frozen=True, kw_only=True, tag=True):
+class Retracted(MessageBody, frozen=True, kw_only=True, tag=True):
     services: tuple[str, ...]
 
 
-class Discover(Struct, frozen=True, kw_only=True, tag=True):
+class Discover(MessageBody, frozen=True, kw_only=True, tag=True):
     """Which services fit all that is given: a service type (its sub-types included), a provider, equal attributes, and a
     formula that the service's effect can make true. `after` is the last service of the page before."""
 
@@ -67,28 +68,28 @@ class Discover(Struct, frozen=True, kw_only=True, tag=True):
     after: str = ""
 
 
-class Discovered(Struct, frozen=True, kw_only=True, tag=True):
+class Discovered(MessageBody, frozen=True, kw_only=True, tag=True):
     """In the order of the services' names; `more` says whether another page follows."""
 
     offers: tuple[Offer, ...]
     more: bool = False
 
 
-class SubscribeServices(Struct, frozen=True, kw_only=True, tag=True):
+class SubscribeServices(MessageBody, frozen=True, kw_only=True, tag=True):
     """Tell the sender who comes and goes, for `lease` seconds."""
 
     lease: float
 
 
-class ServicesSubscribed(Struct, frozen=True, kw_only=True, tag=True):
+class ServicesSubscribed(MessageBody, frozen=True, kw_only=True, tag=True):
     until: float
 
 
-class ServicesJoined(Struct, frozen=True, kw_only=True, tag=True):
+class ServicesJoined(MessageBody, frozen=True, kw_only=True, tag=True):
     offers: tuple[Offer, ...]
 
 
-class ServicesLeft(Struct, frozen=True, kw_only=True, tag=True):
+class ServicesLeft(MessageBody, frozen=True, kw_only=True, tag=True):
     """`reason`: retracted, or expired (the device fell silent)."""
 
     services: tuple[str, ...]

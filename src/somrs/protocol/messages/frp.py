@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from msgspec import Struct
-
 from somrs.ontology.types import Value
+from somrs.protocol.messages.body import MessageBody
 
 
 class State(StrEnum):
@@ -46,7 +45,7 @@ class Outcome(StrEnum):
     CANCELLED = "cancelled"
 
 
-class Arrange(Struct, frozen=True, kw_only=True, tag=True):
+class Arrange(MessageBody, frozen=True, kw_only=True, tag=True):
     """The intention: can you, and on what terms? `inputs` are Entish terms by the service type's input names."""
 
     service_type: str
@@ -58,7 +57,7 @@ class Arrange(Struct, frozen=True, kw_only=True, tag=True):
     reply_by: float | None = None
 
 
-class Terms(Struct, frozen=True, kw_only=True, tag=True):
+class Terms(MessageBody, frozen=True, kw_only=True, tag=True):
     """The commitment the service would enter. `price` in `currency`, `duration` in seconds."""
 
     effect: str
@@ -71,25 +70,25 @@ class Terms(Struct, frozen=True, kw_only=True, tag=True):
     valid_until: float | None = None
 
 
-class Refuse(Struct, frozen=True, kw_only=True, tag=True):
+class Refuse(MessageBody, frozen=True, kw_only=True, tag=True):
     """Cannot, or will not."""
 
     reason: str
 
 
-class Accept(Struct, frozen=True, kw_only=True, tag=True):
+class Accept(MessageBody, frozen=True, kw_only=True, tag=True):
     """The commitment holds. `terms` is the message id of the Terms."""
 
     terms: str
 
 
-class Cancel(Struct, frozen=True, kw_only=True, tag=True):
+class Cancel(MessageBody, frozen=True, kw_only=True, tag=True):
     """Leave before execution: a losing bid, or a plan that changed."""
 
     reason: str
 
 
-class Execute(Struct, frozen=True, kw_only=True, tag=True):
+class Execute(MessageBody, frozen=True, kw_only=True, tag=True):
     """Start. `precondition` is the situation as it is now."""
 
     inputs: dict[str, str]
@@ -97,7 +96,7 @@ class Execute(Struct, frozen=True, kw_only=True, tag=True):
     begin_by: float | None = None
 
 
-class Progress(Struct, frozen=True, kw_only=True, tag=True):
+class Progress(MessageBody, frozen=True, kw_only=True, tag=True):
     """Monitoring and liveness: the fraction done (0 to 1), the situation if it changed, and a word for people."""
 
     fraction: float
@@ -105,14 +104,14 @@ class Progress(Struct, frozen=True, kw_only=True, tag=True):
     note: str = ""
 
 
-class Completed(Struct, frozen=True, kw_only=True, tag=True):
+class Completed(MessageBody, frozen=True, kw_only=True, tag=True):
     """The effect holds; this is the situation now."""
 
     situation: str
     outputs: dict[str, Value] = {}
 
 
-class Failed(Struct, frozen=True, kw_only=True, tag=True):
+class Failed(MessageBody, frozen=True, kw_only=True, tag=True):
     """The effect does not hold; here is what does, as far as it is known. `tried` FALSE: nothing was begun, and things are as they were."""
 
     description: str
@@ -120,32 +119,32 @@ class Failed(Struct, frozen=True, kw_only=True, tag=True):
     tried: bool = True
 
 
-class Stop(Struct, frozen=True, kw_only=True, tag=True):
+class Stop(MessageBody, frozen=True, kw_only=True, tag=True):
     """Stop executing."""
 
     reason: str
 
 
-class Stopped(Struct, frozen=True, kw_only=True, tag=True):
+class Stopped(MessageBody, frozen=True, kw_only=True, tag=True):
     """It stopped, safely."""
 
     situation: str | None = None
 
 
-class Compensate(Struct, frozen=True, kw_only=True, tag=True):
+class Compensate(MessageBody, frozen=True, kw_only=True, tag=True):
     """Undo: the situation to restore, or an equivalent from which the task can go on."""
 
     situation: str
     begin_by: float | None = None
 
 
-class Compensated(Struct, frozen=True, kw_only=True, tag=True):
+class Compensated(MessageBody, frozen=True, kw_only=True, tag=True):
     """Undone."""
 
     situation: str
 
 
-class Stranded(Struct, frozen=True, kw_only=True, tag=True):
+class Stranded(MessageBody, frozen=True, kw_only=True, tag=True):
     """Could not be undone; a person or another service must. `tried` FALSE: nothing was done about it, and things are as they were."""
 
     description: str
@@ -153,24 +152,24 @@ class Stranded(Struct, frozen=True, kw_only=True, tag=True):
     tried: bool = True
 
 
-class Query(Struct, frozen=True, kw_only=True, tag=True):
+class Query(MessageBody, frozen=True, kw_only=True, tag=True):
     """What state are you in?"""
 
 
-class Status(Struct, frozen=True, kw_only=True, tag=True):
+class Status(MessageBody, frozen=True, kw_only=True, tag=True):
     """The state, and the id of the last message sent."""
 
     state: State
     last_message: str | None = None
 
 
-class End(Struct, frozen=True, kw_only=True, tag=True):
+class End(MessageBody, frozen=True, kw_only=True, tag=True):
     """The transaction is over for you."""
 
     outcome: Outcome
 
 
-class Fault(Struct, frozen=True, kw_only=True, tag=True):
+class Fault(MessageBody, frozen=True, kw_only=True, tag=True):
     """The message could not be processed (malformed, unknown version, not allowed). `code` is a SOAP fault (sub)code."""
 
     code: str

@@ -14,6 +14,7 @@ from somrs.ontology.naming import Named, Renaming
 from somrs.ontology.objects import Change, Fact, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, RelationType
+from somrs.protocol.messages.body import MessageBody
 
 
 class Definitions(Struct, frozen=True, kw_only=True):
@@ -45,14 +46,14 @@ def by_kind(definitions: Iterable[Definition]) -> Definitions:
     )
 
 
-class ReadOntology(Struct, frozen=True, kw_only=True, tag=True):
+class ReadOntology(MessageBody, frozen=True, kw_only=True, tag=True):
     """A page of definitions, starting behind the first `after`; as they are now, or as they were `at_version`."""
 
     after: int = 0
     at_version: int | None = None
 
 
-class OntologyPage(Struct, frozen=True, kw_only=True, tag=True):
+class OntologyPage(MessageBody, frozen=True, kw_only=True, tag=True):
     """`changed_at` is the version in which the ontology changed last: pages with others in it do not belong together."""
 
     definitions: Definitions
@@ -62,7 +63,7 @@ class OntologyPage(Struct, frozen=True, kw_only=True, tag=True):
     changed_at: int = 0
 
 
-class Define(Struct, frozen=True, kw_only=True, tag=True):
+class Define(MessageBody, frozen=True, kw_only=True, tag=True):
     """Change the ontology. First, some definitions are `removed`; then, others are `renamed`, everywhere where they are spoken of, on the
     map too; then `definitions` are added, or replace those of the same names: they use the new names.
 
@@ -77,13 +78,13 @@ class Define(Struct, frozen=True, kw_only=True, tag=True):
     expected_version: int | None = None
 
 
-class Defined(Struct, frozen=True, kw_only=True, tag=True):
+class Defined(MessageBody, frozen=True, kw_only=True, tag=True):
     """On disk. `version` is the version with the change in it."""
 
     version: int
 
 
-class ReadMap(Struct, frozen=True, kw_only=True, tag=True):
+class ReadMap(MessageBody, frozen=True, kw_only=True, tag=True):
     """A page of objects in the order of their names, with the facts whose first argument is on the page; as it is now, or as it
     was `at_version`."""
 
@@ -91,14 +92,14 @@ class ReadMap(Struct, frozen=True, kw_only=True, tag=True):
     at_version: int | None = None
 
 
-class MapPage(Struct, frozen=True, kw_only=True, tag=True):
+class MapPage(MessageBody, frozen=True, kw_only=True, tag=True):
     objects: tuple[Object, ...]
     facts: tuple[Fact, ...]
     version: int
     more: bool
 
 
-class QueryMap(Struct, frozen=True, kw_only=True, tag=True):
+class QueryMap(MessageBody, frozen=True, kw_only=True, tag=True):
     """For which objects does the formula hold?"""
 
     formula: str
@@ -111,7 +112,7 @@ class Row(Struct, frozen=True, kw_only=True):
     bindings: dict[str, str]
 
 
-class Rows(Struct, frozen=True, kw_only=True, tag=True):
+class Rows(MessageBody, frozen=True, kw_only=True, tag=True):
     """Every way in which the formula holds, up to the limit; a formula without variables has one or none."""
 
     rows: tuple[Row, ...]
@@ -119,7 +120,7 @@ class Rows(Struct, frozen=True, kw_only=True, tag=True):
     more: bool = False
 
 
-class UpdateMap(Struct, frozen=True, kw_only=True, tag=True):
+class UpdateMap(MessageBody, frozen=True, kw_only=True, tag=True):
     """Change the map: single changes, and a situation (a formula that holds now). All or nothing, checked against the types.
     `expected_version`: only if no object of which it says something changed after that version; of a fact, that is the first."""
 
@@ -129,13 +130,13 @@ class UpdateMap(Struct, frozen=True, kw_only=True, tag=True):
     expected_version: int | None = None
 
 
-class Updated(Struct, frozen=True, kw_only=True, tag=True):
+class Updated(MessageBody, frozen=True, kw_only=True, tag=True):
     """On disk. `version` is the map's version with the update in it."""
 
     version: int
 
 
-class RenameObject(Struct, frozen=True, kw_only=True, tag=True):
+class RenameObject(MessageBody, frozen=True, kw_only=True, tag=True):
     """Give an object of the map another name, everywhere where it is spoken of: in facts, and in the ontology. All or nothing.
     `expected_version`: only if it did not change after that version."""
 
@@ -145,7 +146,7 @@ class RenameObject(Struct, frozen=True, kw_only=True, tag=True):
     expected_version: int | None = None
 
 
-class Undo(Struct, frozen=True, kw_only=True, tag=True):
+class Undo(MessageBody, frozen=True, kw_only=True, tag=True):
     """Bring back what a version changed, if nothing changed it since. That is a change like any other, and can be undone itself."""
 
     version: int
@@ -167,7 +168,7 @@ class BrokenRule(Struct, frozen=True, kw_only=True):
     section: str = "objects"
 
 
-class Rejected(Struct, frozen=True, kw_only=True, tag=True):
+class Rejected(MessageBody, frozen=True, kw_only=True, tag=True):
     """Nothing was changed, and why: for people, and each by what it concerns. `version`: that of the map on which that was found out."""
 
     problems: tuple[str, ...]
@@ -175,7 +176,7 @@ class Rejected(Struct, frozen=True, kw_only=True, tag=True):
     broken: tuple[BrokenRule, ...] = ()
 
 
-class Consider(Struct, frozen=True, kw_only=True, tag=True):
+class Consider(MessageBody, frozen=True, kw_only=True, tag=True):
     """What would come of a change, if it were made now? Nothing is changed."""
 
     change: Alteration
@@ -189,7 +190,7 @@ class Revision(Struct, frozen=True, kw_only=True):
     after: Definitions = Definitions()
 
 
-class Considered(Struct, frozen=True, kw_only=True, tag=True):
+class Considered(MessageBody, frozen=True, kw_only=True, tag=True):
     """What would come of the change: the rules that would be `broken`, so that it would be rejected; what it would change in the
     ontology; and how it would change the map. Of what is too long for a message, the first is told, and how many there are."""
 
@@ -201,7 +202,7 @@ class Considered(Struct, frozen=True, kw_only=True, tag=True):
     all_changes: int = 0
 
 
-class ReadHistory(Struct, frozen=True, kw_only=True, tag=True):
+class ReadHistory(MessageBody, frozen=True, kw_only=True, tag=True):
     """What happened to an object, newest first."""
 
     object: str
@@ -227,12 +228,12 @@ class Event(Struct, frozen=True, kw_only=True):
     all_changes: int | None = None
 
 
-class History(Struct, frozen=True, kw_only=True, tag=True):
+class History(MessageBody, frozen=True, kw_only=True, tag=True):
     object: str
     events: tuple[Event, ...]
 
 
-class ReadEvents(Struct, frozen=True, kw_only=True, tag=True):
+class ReadEvents(MessageBody, frozen=True, kw_only=True, tag=True):
     """What happened to the map and the ontology, newest first, from the version before `before`; or, with `after`, oldest first, from
     the version behind it. `ontology`: only what changed that; `brief`: without the changes, but how many they were."""
 
@@ -243,7 +244,7 @@ class ReadEvents(Struct, frozen=True, kw_only=True, tag=True):
     brief: bool = False
 
 
-class Events(Struct, frozen=True, kw_only=True, tag=True):
+class Events(MessageBody, frozen=True, kw_only=True, tag=True):
     """A page of events, and whether there are more behind it. `since`: the first version at which the map is still known."""
 
     events: tuple[Event, ...]
@@ -251,24 +252,24 @@ class Events(Struct, frozen=True, kw_only=True, tag=True):
     since: int = 0
 
 
-class SubscribeMap(Struct, frozen=True, kw_only=True, tag=True):
+class SubscribeMap(MessageBody, frozen=True, kw_only=True, tag=True):
     """Send the sender every change as it happens, for `lease` seconds."""
 
     lease: float
 
 
-class MapSubscribed(Struct, frozen=True, kw_only=True, tag=True):
+class MapSubscribed(MessageBody, frozen=True, kw_only=True, tag=True):
     version: int
     until: float
 
 
-class MapChanged(Struct, frozen=True, kw_only=True, tag=True):
+class MapChanged(MessageBody, frozen=True, kw_only=True, tag=True):
     """To subscribers. A gap between versions means that a message was lost: read the map again."""
 
     event: Event
 
 
-class OntologyChanged(Struct, frozen=True, kw_only=True, tag=True):
+class OntologyChanged(MessageBody, frozen=True, kw_only=True, tag=True):
     """To subscribers: the definitions that were removed (or have another name now), then those that were added or replaced; how the map
     changed with them; and what of both has another name. A gap between versions means that a message was lost."""
 

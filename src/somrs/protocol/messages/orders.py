@@ -8,6 +8,7 @@ from enum import StrEnum
 
 from msgspec import Struct, structs
 
+from somrs.protocol.messages.body import MessageBody
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import Outcome
 
@@ -64,7 +65,7 @@ class Template(Struct, frozen=True, kw_only=True):
     changed_by: str = ""
 
 
-class TemplatesPage(Struct, frozen=True, kw_only=True, tag=True):
+class TemplatesPage(MessageBody, frozen=True, kw_only=True, tag=True):
     """By name. `more`: there are others behind the last."""
 
     templates: tuple[Template, ...]
@@ -171,7 +172,7 @@ class StandingOrder(Struct, frozen=True, kw_only=True):
     changed_by: str = ""
 
 
-class OrdersPage(Struct, frozen=True, kw_only=True, tag=True):
+class OrdersPage(MessageBody, frozen=True, kw_only=True, tag=True):
     """By id. `more`: there are others behind the last."""
 
     orders: tuple[StandingOrder, ...]
@@ -192,7 +193,7 @@ class OrderSaved(Struct, frozen=True, kw_only=True):
     expected_version: int | None = None
 
 
-class RunsPage(Struct, frozen=True, kw_only=True, tag=True):
+class RunsPage(MessageBody, frozen=True, kw_only=True, tag=True):
     """The times at which an order was due, the latest first. `more`: there are others before the last."""
 
     runs: tuple[Run, ...]
@@ -202,19 +203,19 @@ class RunsPage(Struct, frozen=True, kw_only=True, tag=True):
 # What is asked
 
 
-class ReadTemplates(Struct, frozen=True, kw_only=True, tag=True):
+class ReadTemplates(MessageBody, frozen=True, kw_only=True, tag=True):
     """All templates behind the name `after`, or the one of this name."""
 
     after: str = ""
     name: str | None = None
 
 
-class SaveTemplate(Struct, frozen=True, kw_only=True, tag=True):
+class SaveTemplate(MessageBody, frozen=True, kw_only=True, tag=True):
     name: str
     saved: TemplateSaved
 
 
-class RenameTemplate(Struct, frozen=True, kw_only=True, tag=True):
+class RenameTemplate(MessageBody, frozen=True, kw_only=True, tag=True):
     """Give a template another name; the orders that use it know it by the new one."""
 
     name: str
@@ -223,43 +224,43 @@ class RenameTemplate(Struct, frozen=True, kw_only=True, tag=True):
     by: str = ""
 
 
-class RemoveTemplate(Struct, frozen=True, kw_only=True, tag=True):
+class RemoveTemplate(MessageBody, frozen=True, kw_only=True, tag=True):
     """Remove a template that no order uses."""
 
     name: str
     expected_version: int | None = None
 
 
-class TemplateKept(Struct, frozen=True, kw_only=True, tag=True):
+class TemplateKept(MessageBody, frozen=True, kw_only=True, tag=True):
     template: Template
 
 
-class FillTemplate(Struct, frozen=True, kw_only=True, tag=True):
+class FillTemplate(MessageBody, frozen=True, kw_only=True, tag=True):
     """Which task is a template, with its blanks filled in? Nothing is stated."""
 
     name: str
     values: dict[str, str] = {}
 
 
-class TemplateFilled(Struct, frozen=True, kw_only=True, tag=True):
+class TemplateFilled(MessageBody, frozen=True, kw_only=True, tag=True):
     task: Submit
 
 
-class ReadOrders(Struct, frozen=True, kw_only=True, tag=True):
+class ReadOrders(MessageBody, frozen=True, kw_only=True, tag=True):
     """All standing orders behind the id `after`, or the one of this id."""
 
     after: str = ""
     id: str | None = None
 
 
-class SaveOrder(Struct, frozen=True, kw_only=True, tag=True):
+class SaveOrder(MessageBody, frozen=True, kw_only=True, tag=True):
     """Give a standing order, or change the one of this id."""
 
     saved: OrderSaved
     id: str | None = None
 
 
-class TurnOrder(Struct, frozen=True, kw_only=True, tag=True):
+class TurnOrder(MessageBody, frozen=True, kw_only=True, tag=True):
     """Let an order rest, or go on."""
 
     id: str
@@ -267,22 +268,22 @@ class TurnOrder(Struct, frozen=True, kw_only=True, tag=True):
     by: str = ""
 
 
-class RemoveOrder(Struct, frozen=True, kw_only=True, tag=True):
+class RemoveOrder(MessageBody, frozen=True, kw_only=True, tag=True):
     """Take an order back. Its task, if one runs, goes on."""
 
     id: str
     expected_version: int | None = None
 
 
-class OrderKept(Struct, frozen=True, kw_only=True, tag=True):
+class OrderKept(MessageBody, frozen=True, kw_only=True, tag=True):
     order: StandingOrder
 
 
-class NoLongerKept(Struct, frozen=True, kw_only=True, tag=True):
+class NoLongerKept(MessageBody, frozen=True, kw_only=True, tag=True):
     """The template or the order is removed."""
 
 
-class ReadRuns(Struct, frozen=True, kw_only=True, tag=True):
+class ReadRuns(MessageBody, frozen=True, kw_only=True, tag=True):
     """When an order was due, earlier than `before`."""
 
     id: str
@@ -290,7 +291,7 @@ class ReadRuns(Struct, frozen=True, kw_only=True, tag=True):
     before: float | None = None
 
 
-class OrdersRejected(Struct, frozen=True, kw_only=True, tag=True):
+class OrdersRejected(MessageBody, frozen=True, kw_only=True, tag=True):
     """It was not done, and why, for people; `error` names the sort for programs. `position`: where in the formula, which is `text`."""
 
     problem: str
@@ -303,20 +304,20 @@ class OrdersRejected(Struct, frozen=True, kw_only=True, tag=True):
 # News
 
 
-class SubscribeOrders(Struct, frozen=True, kw_only=True, tag=True):
+class SubscribeOrders(MessageBody, frozen=True, kw_only=True, tag=True):
     """Tell me when templates or orders change, for so many seconds."""
 
     lease: float
 
 
-class OrdersSubscribed(Struct, frozen=True, kw_only=True, tag=True):
+class OrdersSubscribed(MessageBody, frozen=True, kw_only=True, tag=True):
     """`begun`: when this Scheduler was started; what was before, a subscriber may have missed."""
 
     until: float
     begun: float
 
 
-class OrdersChanged(Struct, frozen=True, kw_only=True, tag=True):
+class OrdersChanged(MessageBody, frozen=True, kw_only=True, tag=True):
     """Templates, or orders and their runs, are others than before: read them again."""
 
     templates: bool = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 from msgspec import Struct
 
 from somrs.ontology.services import Handler
+from somrs.protocol.messages.body import MessageBody
 from somrs.protocol.messages.clients import ContractView, MessageView, Policy, StepView, TaskEvent, WorkView
 from somrs.protocol.messages.frp import Outcome
 
@@ -38,7 +39,7 @@ PARTS = ("steps", "work", "contracts", "events", "messages")
 """The parts of a record, in the order in which they are counted."""
 
 
-class ReadRecords(Struct, frozen=True, kw_only=True, tag=True):
+class ReadRecords(MessageBody, frozen=True, kw_only=True, tag=True):
     """Tasks that are over, the latest first, up to `limit`: those that ended at `since` or later, with this `outcome`, whose id is
     `task` or begins so (without `urn:uuid:`, if one likes), with this `text` in what was wished for, whatever its case, and in which
     this `service`, or a service of this device, did something. `behind`: those behind this one in that order. `brief`: without
@@ -57,7 +58,7 @@ class ReadRecords(Struct, frozen=True, kw_only=True, tag=True):
     without: tuple[str, ...] = ()
 
 
-class Records(Struct, frozen=True, kw_only=True, tag=True):
+class Records(MessageBody, frozen=True, kw_only=True, tag=True):
     """`more`: there is more. A page ends early when it becomes too long for a message. `rest`: the last record is too long for one
     by itself; ask for that task again, `after` so many of its parts. `total`: how many there are in all; not said of those
     `behind` another."""

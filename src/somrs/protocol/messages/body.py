@@ -1,0 +1,9 @@
+"""What all bodies of messages are."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+
+class MessageBody(Struct, frozen=True, kw_only=True, tag=True):
+    """The body of a message. Its tag is the name of its class."""
