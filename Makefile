@@ -81,7 +81,7 @@ upgrade-runs: setup
 
 # Small changes of the core, one at a time: a test has to fail. SEED=17 is the same sample once more, ONLY=FILE:LINE:NUMBER one alone.
 mutants: setup
-	@$(BIN)/python -m verification.mutants --sample $(or $(N),300) $(if $(SEED),--seed $(SEED)) $(if $(ONLY),--only "$(ONLY)")
+	@$(BIN)/python -m verification.mutants $(if $(N),--sample $(N)) $(if $(SEED),--seed $(SEED)) $(if $(ONLY),--only "$(ONLY)") $(if $(WITHIN),--within $(WITHIN)) $(if $(JOBS:auto=),--jobs $(JOBS))
 
 # Published multi-agent planning problems, from their files to the goal; DIR has a folder for each domain, and in it one a problem.
 bench-codmap: setup

@@ -1,6 +1,6 @@
 """Changes the core in small ways, one at a time, and sees whether a test notices.
 
-    python -m verification.mutants [--sample 300] [--seed 0] [--only planner/relevance.py:57:2] [--out out/mutants]
+    python -m verification.mutants [--sample 300] [--seed 0] [--only planner/relevance.py:57:2] [--within 5] [--out out/mutants]
 
 Closes with `N caught, N survived`; the exit status is 1 when fewer than 90 % are caught. All results are in out/mutants/results.jsonl.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
+import math
 import random
 import sys
 from collections import deque
@@ -30,6 +31,7 @@ from verification.mutants.trial import FLOOR, Result, tried
 
 CORE = ("entish", "ontology", "protocol", "planner", "kernel", "repository", "registry", "service_manager", "task_manager")
 ENOUGH = 0.9
+SAMPLE = 300
 NEEDS = {"src/somrs/planner/search/numeric.py": "pytyr"}
 """What is tested only where a package is installed that need not be."""
 COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
@@ -49,17 +51,17 @@ def drawn(every: list[Mutant], size: int, seed: int) -> list[Mutant]:
 
 
 def asked_for(every: list[Mutant], names: str) -> list[Mutant]:
-    """Those of a file, of a line of it, or a single one; several are parted by commas."""
+    """Those of a folder, of a file, of a line of it, or a single one; several are parted by commas."""
     found: list[Mutant] = []
     for name in names.split(","):
-        these = [mutant for mutant in every if f"{mutant.name}:".startswith(f"{name}:")]
+        these = [mutant for mutant in every if f"{mutant.name}:".startswith((f"{name}:", f"{name.rstrip('/')}/"))]
         if not these:
             raise SomrsError(f"there is no mutant {name}")
         found += these
     return found
 
 
-def play(mutants: list[Mutant], trees: list[Tree], out: Path, console: Console, floor: float) -> list[Result]:
+def play(mutants: list[Mutant], trees: list[Tree], out: Path, console: Console, floor: float, within: float) -> list[Result]:
     """What became of each, also line by line in a file."""
     record = Record(trees[0].root, out)
     if stale := record.stale:
@@ -77,7 +79,7 @@ def play(mutants: list[Mutant], trees: list[Tree], out: Path, console: Console, 
         def work(tree: Tree) -> None:
             with Runner(tree, record.modules) as runner:
                 while left:
-                    result = tried(left.popleft(), record, tree, runner, tree.root.with_suffix(".log"), floor)
+                    result = tried(left.popleft(), record, tree, runner, tree.root.with_suffix(".log"), floor, within)
                     results.append(result)
                     row = {"name": result.mutant.name, "diff": result.diff, "tests": result.tests, "caught by": result.caught_by}
                     print(json.dumps(row, ensure_ascii=False), file=kept, flush=True)
@@ -100,13 +102,16 @@ def summary(survivors: list[Result]) -> Table:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--sample", type=int, default=300)
+    parser.add_argument("--sample", type=int, help=f"so many of them; {SAMPLE}, if none are named")
     parser.add_argument("--seed", type=int, help="which sample")
     parser.add_argument(
-        "--only", help="a file, a line of it or a mutant of the line, as the table names them; several are parted by commas"
+        "--only", help="a folder, a file, a line of it or a mutant of the line, as the table names them; several are parted by commas"
     )
     parser.add_argument("--jobs", type=int, default=2, help="so many at the same time")
     parser.add_argument("--floor", type=float, default=FLOOR, help="seconds of work that every test has")
+    parser.add_argument(
+        "--within", type=float, default=math.inf, help="try each with its fastest tests only, which take so many seconds together"
+    )
     parser.add_argument("--out", type=Path, default=Path("out/mutants"))
     arguments = parser.parse_args()
     console = Console()
@@ -115,9 +120,11 @@ def main() -> int:
     try:
         trees = [Tree(out / "trees" / f"{number}") for number in range(arguments.jobs)]
         every = testable(all_mutants(trees[0].root, CORE))
-        mutants = asked_for(every, arguments.only) if arguments.only else drawn(every, arguments.sample, seed)
-        print(f"{len(mutants)} of {len(every)} mutants" + ("" if arguments.only else f", SEED={seed}"))
-        results = play(mutants, trees[: len(mutants)], out, console, arguments.floor)
+        named = asked_for(every, arguments.only) if arguments.only else every
+        size = arguments.sample or (len(named) if arguments.only else SAMPLE)
+        mutants = drawn(named, size, seed) if size < len(named) else named
+        print(f"{len(mutants)} of {len(every)} mutants" + (f", SEED={seed}" if size < len(named) else ""))
+        results = play(mutants, trees[: len(mutants)], out, console, arguments.floor, arguments.within)
     except SomrsError as error:
         print(error, file=sys.stderr)
         return 2

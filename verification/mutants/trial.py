@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from itertools import islice
+from itertools import accumulate, islice
 from pathlib import Path
 
 from somrs.errors import SomrsError
@@ -38,10 +39,11 @@ class Result:
         return bool(self.caught_by)
 
 
-def tried(mutant: Mutant, record: Record, tree: Tree, runner: Runner, log: Path, floor: float = FLOOR) -> Result:
-    """Run its tests up to the first that fails."""
+def tried(mutant: Mutant, record: Record, tree: Tree, runner: Runner, log: Path, floor: float = FLOOR, within: float = math.inf) -> Result:
+    """Run its tests up to the first that fails; not those after as many as take `within` seconds."""
     source = (tree.root / mutant.file).read_bytes()
-    chosen = record.chosen(mutant)
+    reached = record.chosen(mutant)
+    chosen = {test: reached[test] for test, all in zip(reached, accumulate(reached.values()), strict=True) if all <= within}
     caught_by = ""
     left = iter(chosen.items())
     with tree.changed(mutant.file, mutant.applied(source)):
