@@ -121,9 +121,9 @@ def main() -> int:
         trees = [Tree(out / "trees" / f"{number}") for number in range(arguments.jobs)]
         every = testable(all_mutants(trees[0].root, CORE))
         named = asked_for(every, arguments.only) if arguments.only else every
-        size = arguments.sample or (len(named) if arguments.only else SAMPLE)
-        mutants = drawn(named, size, seed) if size < len(named) else named
-        print(f"{len(mutants)} of {len(every)} mutants" + (f", SEED={seed}" if size < len(named) else ""))
+        all_of_them = arguments.only and not arguments.sample
+        mutants = named if all_of_them else drawn(named, arguments.sample or SAMPLE, seed)
+        print(f"{len(mutants)} of {len(every)} mutants" + ("" if all_of_them else f", SEED={seed}"))
         results = play(mutants, trees[: len(mutants)], out, console, arguments.floor, arguments.within)
     except SomrsError as error:
         print(error, file=sys.stderr)
