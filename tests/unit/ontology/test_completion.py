@@ -1,0 +1,344 @@
+"""What can come next in a formula that is being written: all of it, in its order, and what is said of it."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.entish.formula import Number
+from somrs.ontology.completion import Completions, brought_about, complete, described, fitting, units_of, written
+from somrs.ontology.cursor import Slot
+from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.types import AttributeType, Kind, Ontology
+from tests.unit.ontology.test_cursor import MAP, ONTOLOGY
+
+
+def completing(marked: str) -> Completions:
+    """What can come at the `|` in the text."""
+    return complete(marked.replace("|", "", 1), marked.index("|"), ONTOLOGY, MAP)
+
+
+@pytest.mark.parametrize(
+    ("marked", "offered"),
+    [
+        (
+            "|",
+            [
+                ("Jar1", "object", "Jar, sugar", " "),
+                ("Jar2", "object", "Jar", " "),
+                ("weight", "function", "(Thing)", "("),
+                ("distance", "function", "(Thing, Robot) in m", "("),
+                ("Table1", "object", "Table, desk", " "),
+                ("Robot1", "object", "Robot", " "),
+                ("between", "relation", "(Thing, Table, Robot)", "("),
+                ("isNew", "relation", "(Jar)", "("),
+                ("NOT", "keyword", "does not hold", " "),
+            ],
+        ),
+        ("ta|", [("Table1", "object", "Table, desk", " "), ("distance", "function", "(Thing, Robot) in m", "(")]),
+        ("ar|", [("Jar1", "object", "Jar, sugar", " "), ("Jar2", "object", "Jar", " ")]),
+        (
+            "NOT b|",
+            [
+                ("between", "relation", "(Thing, Table, Robot)", "("),
+                ("Table1", "object", "Table, desk", " "),
+                ("Robot1", "object", "Robot", " "),
+            ],
+        ),
+        ("Jar1 |", [("isOn", "relation", "joins it with: Table", " "), ("=", "operator", "is", " "), ("!=", "operator", "is not", " ")]),
+        (
+            "Foo |",
+            [
+                ("isOn", "relation", "joins it with: Table", " "),
+                ("isAt", "relation", "where it stands", " "),
+                ("=", "operator", "is", " "),
+                ("!=", "operator", "is not", " "),
+            ],
+        ),
+        (
+            "Jar1.|",
+            [
+                ("Color", "attribute", "is Red", " "),
+                ("Shape", "attribute", "Shape: Height, Count", "."),
+                ("Weight", "attribute", "is 0.5 kg", " "),
+                ("Open", "attribute", "truth", " "),
+                ("Label", "attribute", 'is "sugar"', " "),
+                ("Shape.Height", "attribute", "m", " "),
+                ("Shape.Count", "attribute", "number", " "),
+            ],
+        ),
+        ("Jar1.Shape.|", [("Height", "attribute", "m", " "), ("Count", "attribute", "number", " ")]),
+        (
+            "?x: Thing.|",
+            [
+                ("Weight", "attribute", "kg, how heavy it is", " "),
+                ("Open", "attribute", "truth", " "),
+                ("Label", "attribute", "text", " "),
+                ("Color", "attribute", "enumeration", " "),
+                ("Shape", "attribute", "Shape: Height, Count", "."),
+                ("Shape.Height", "attribute", "m", " "),
+                ("Shape.Count", "attribute", "number", " "),
+            ],
+        ),
+        ("Jar1.Color = |", [("Red", "value", "Color", " "), ("Blue", "value", "Color", " ")]),
+        (
+            "Jar1.Color = b|",
+            [("Blue", "value", "Color", " "), ("Table1", "object", "Table, desk", " "), ("Robot1", "object", "Robot", " ")],
+        ),
+        ("Jar1.Open = |", [("TRUE", "value", "", " "), ("FALSE", "value", "", " ")]),
+        ("Table1.Label = |", [('"desk"', "value", "a text", " "), ('"sugar"', "value", "a text", " ")]),
+        ('Table1.Label = "d|', [('"desk"', "value", "a text", " ")]),
+        ("Jar1.Weight = |", [("weight", "function", "(Thing)", "("), ("distance", "function", "(Thing, Robot) in m", "(")]),
+        (
+            "Jar1.Weight < 5 |",
+            [
+                ("kg", "unit", "its own unit", " "),
+                ("g", "unit", "a unit", " "),
+                ("AND", "keyword", "both hold", " "),
+                ("OR", "keyword", "one of them holds", " "),
+            ],
+        ),
+        (
+            "Jar1.Shape.Count = 5 |",
+            [
+                ("mm", "unit", "a unit", " "),
+                ("cm", "unit", "a unit", " "),
+                ("m", "unit", "a unit", " "),
+                ("km", "unit", "a unit", " "),
+                ("g", "unit", "a unit", " "),
+                ("kg", "unit", "a unit", " "),
+                ("s", "unit", "a unit", " "),
+                ("min", "unit", "a unit", " "),
+                ("h", "unit", "a unit", " "),
+                ("m/s", "unit", "a unit", " "),
+                ("km/h", "unit", "a unit", " "),
+                ("rad", "unit", "a unit", " "),
+                ("deg", "unit", "a unit", " "),
+                ("%", "unit", "a unit", " "),
+                ("EUR", "unit", "a unit", " "),
+                ("AND", "keyword", "both hold", " "),
+                ("OR", "keyword", "one of them holds", " "),
+            ],
+        ),
+        (
+            "5 |",
+            [
+                ("mm", "unit", "a unit", " "),
+                ("cm", "unit", "a unit", " "),
+                ("m", "unit", "a unit", " "),
+                ("km", "unit", "a unit", " "),
+                ("g", "unit", "a unit", " "),
+                ("kg", "unit", "a unit", " "),
+                ("s", "unit", "a unit", " "),
+                ("min", "unit", "a unit", " "),
+                ("h", "unit", "a unit", " "),
+                ("m/s", "unit", "a unit", " "),
+                ("km/h", "unit", "a unit", " "),
+                ("rad", "unit", "a unit", " "),
+                ("deg", "unit", "a unit", " "),
+                ("%", "unit", "a unit", " "),
+                ("EUR", "unit", "a unit", " "),
+            ],
+        ),
+        (
+            "?x: |",
+            [
+                ("Jar", "type", "a kind of Thing", " "),
+                ("Table", "type", "to put things on", " "),
+                ("Robot", "type", "a kind of Object", " "),
+                ("Object", "type", "", " "),
+                ("Thing", "type", "a kind of Object", " "),
+                ("number", "type", "any number", " "),
+                ("text", "type", "any text", " "),
+                ("truth", "type", "TRUE or FALSE", " "),
+            ],
+        ),
+        ("isOn(?x: J|", [("Jar", "type", "a kind of Thing", ""), ("Object", "type", "", "")]),
+        (
+            "?x: t|",
+            [
+                ("Table", "type", "to put things on", " "),
+                ("Thing", "type", "a kind of Object", " "),
+                ("text", "type", "any text", " "),
+                ("truth", "type", "TRUE or FALSE", " "),
+                ("Robot", "type", "a kind of Object", " "),
+                ("Object", "type", "", " "),
+            ],
+        ),
+        ("Jar1 isOn |", [("Table1", "object", "Table, desk", " "), ("?Table: Table", "variable", "any Table", " ")]),
+        (
+            "weight(|",
+            [
+                ("Jar1", "object", "Jar, sugar", ""),
+                ("Jar2", "object", "Jar", ""),
+                ("?Jar: Jar", "variable", "any Jar", ""),
+                ("?Thing: Thing", "variable", "any Thing", ""),
+            ],
+        ),
+        ("weight(j|", [("Jar1", "object", "Jar, sugar", ""), ("Jar2", "object", "Jar", "")]),
+        (
+            "?x isAt Table1 AND ?z isOn Table1 AND weight(?|",
+            [("?z", "variable", "Thing", ""), ("?Jar: Jar", "variable", "any Jar", ""), ("?Thing: Thing", "variable", "any Thing", "")],
+        ),
+        (
+            "Jar1.Weight < 3 AND ?y: number = ?|",
+            [
+                ("?y", "variable", "number", " "),
+                ("?Jar: Jar", "variable", "any Jar", " "),
+                ("?Table: Table", "variable", "any Table", " "),
+                ("?Robot: Robot", "variable", "any Robot", " "),
+                ("?Object: Object", "variable", "any Object", " "),
+                ("?Thing: Thing", "variable", "any Thing", " "),
+            ],
+        ),
+        (
+            "?Jar: Jar isOn Table1 AND ?|",
+            [
+                ("?Jar", "variable", "Jar", " "),
+                ("?Jar2: Jar", "variable", "any Jar", " "),
+                ("?Table: Table", "variable", "any Table", " "),
+                ("?Robot: Robot", "variable", "any Robot", " "),
+                ("?Object: Object", "variable", "any Object", " "),
+                ("?Thing: Thing", "variable", "any Thing", " "),
+            ],
+        ),
+        (
+            "Jar1 = |",
+            [
+                ("weight", "function", "(Thing)", "("),
+                ("distance", "function", "(Thing, Robot) in m", "("),
+                ("Jar1", "object", "Jar, sugar", " "),
+                ("Jar2", "object", "Jar", " "),
+            ],
+        ),
+        ("Jar1 isOn Table1 |", [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them holds", " ")]),
+        ("Jar1 isOn Table1 o|", [("OR", "keyword", "one of them holds", " ")]),
+        (
+            "Jar1.Weight |",
+            [
+                ("=", "operator", "is", " "),
+                ("!=", "operator", "is not", " "),
+                ("<", "operator", "is less than", " "),
+                ("<=", "operator", "is at most", " "),
+                (">", "operator", "is more than", " "),
+                (">=", "operator", "is at least", " "),
+            ],
+        ),
+        ("Jar1.Color |", [("=", "operator", "is", " "), ("!=", "operator", "is not", " ")]),
+        ("(Jar1 isOn Table1) |", [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them holds", " ")]),
+        (
+            "Jar1.Weight < 3 kg + |",
+            [
+                ("Jar1", "object", "Jar, sugar", " "),
+                ("Jar2", "object", "Jar", " "),
+                ("weight", "function", "(Thing)", "("),
+                ("distance", "function", "(Thing, Robot) in m", "("),
+                ("Table1", "object", "Table, desk", " "),
+                ("Robot1", "object", "Robot", " "),
+            ],
+        ),
+        (
+            "Robot1 isAt |",
+            [
+                ("Table1", "object", "Table, desk", " "),
+                ("Jar1", "object", "Jar, sugar", " "),
+                ("Jar2", "object", "Jar", " "),
+                ("Robot1", "object", "Robot", " "),
+                ("?Table: Table", "variable", "any Table", " "),
+                ("?Jar: Jar", "variable", "any Jar", " "),
+                ("?Robot: Robot", "variable", "any Robot", " "),
+            ],
+        ),
+        ("Jar1|", []),
+        ("# |", []),
+        ("dis|", [("distance", "function", "(Thing, Robot) in m", "(")]),
+        (
+            "?x isAt ?y AND ?y |",
+            [
+                ("isOn", "relation", "joins it with: Table", " "),
+                ("isAt", "relation", "where it stands", " "),
+                ("=", "operator", "is", " "),
+                ("!=", "operator", "is not", " "),
+            ],
+        ),
+    ],
+)
+def test_what_is_offered(marked: str, offered: list[tuple[str, str, str, str]]) -> None:
+    assert [(item.text, item.kind, item.detail, item.after) for item in completing(marked).items] == offered
+
+
+@pytest.mark.parametrize(("at", "typed"), [(-5, ""), (0, ""), (1, "J"), (99, "Jar")])
+def test_a_place_beyond_the_text_is_its_border(at: int, typed: str) -> None:
+    found = complete("Jar", at, ONTOLOGY, MAP)
+    assert (found.start, [item.text for item in found.items][:2]) == (0, ["Jar1", "Jar2"])
+    assert (found.end > 0) == (typed != "")
+
+
+def test_no_more_than_sixty_are_offered() -> None:
+    map = Map([Object(name=f"Jar{number}", type="Jar") for number in range(70)])
+    assert [item.text for item in complete("Jar", 3, ONTOLOGY, map).items] == [f"Jar{number}" for number in range(60)]
+
+
+def test_what_fits_best_comes_first() -> None:
+    map = Map(
+        [
+            Object(name="Bottles", type="Table"),
+            Object(name="subtle", type="Jar"),
+            Object(name="Old-table", type="Jar"),
+            Object(name="myTable", type="Table"),
+            Object(name="Desk", type="Table"),
+            Object(name="Cup", type="Jar", values={"Label": "On the TABLE"}),
+            Object(name="Tablet", type="Robot"),
+            Object(name="Mug", type="Jar"),
+        ]
+    )
+    assert [one.name for one in fitting(ONTOLOGY, map, Slot(), "table")] == ["Tablet", "Old-table", "myTable", "Cup", "Bottles", "Desk"]
+    assert [one.name for one in fitting(ONTOLOGY, map, Slot(type="Table"), "Tabl")] == ["myTable", "Bottles", "Desk"]
+    assert [one.name for one in fitting(ONTOLOGY, map, Slot(relation="isAt", type="Object"))] == [*map.objects]
+
+
+def test_what_already_stands_there_is_likely_and_its_like() -> None:
+    map = Map([*MAP.objects.values(), Object(name="Thing1", type="Thing")], [Fact("isAt", ("Robot1", "Jar1"))])
+    assert [one.name for one in fitting(ONTOLOGY, map, Slot(relation="isAt", place=1))] == ["Jar1", "Jar2", "Thing1", "Table1", "Robot1"]
+
+
+def test_what_services_bring_about() -> None:
+    inputs = (Parameter(name="Jar", type="Jar"), Parameter(name="Table", type="Table"))
+    effects = [
+        "?Jar isOn ?Table AND NOT isNew(?Jar)",
+        "?Table isOn ?Jar",
+        "?Jar.Shape.Height = 3 OR ?Other.Open = TRUE",
+        "?Jar isAt",
+        "between(?Jar, Table1, ?Other)",
+        "Jar1.Weight = 3",
+    ]
+    services = [ServiceType(name=f"S{number}", effect=effect, inputs=inputs) for number, effect in enumerate(effects)]
+    assert brought_about(Ontology(services)) == {
+        "isOn": ("Jar", "Table"),
+        "isNew": ("Jar",),
+        "Shape.Height": ("Jar",),
+        "Open": ("Object",),
+        "between": ("Jar", "Object", "Object"),
+    }
+
+
+@pytest.mark.parametrize(
+    ("unit", "units"),
+    [
+        ("kg", ("kg", "g")),
+        ("g", ("g", "kg")),
+        ("percent", ("%", "rad", "deg")),
+        ("pieces", ("pieces",)),
+        ("EUR", ("EUR",)),
+        (None, ()),
+    ],
+)
+def test_units_of_an_attribute(unit: str | None, units: tuple[str, ...]) -> None:
+    assert units_of(AttributeType(name="A", kind=Kind.NUMBER, unit=unit)) == units
+    assert units_of(None) == ()
+
+
+def test_how_objects_and_values_are_written() -> None:
+    assert [described(MAP.objects[name]) for name in ("Jar1", "Jar2")] == ["Jar, sugar", "Jar"]
+    assert written(0.5, ONTOLOGY.attributes["Weight"]) == str(Number(0.5, "kg"))
+    assert [written("Red", attribute) for attribute in (ONTOLOGY.attributes["Color"], None)] == ["Red", '"Red"']
