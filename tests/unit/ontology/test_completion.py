@@ -35,6 +35,8 @@ def completing(marked: str) -> Completions:
                 ("NOT", "keyword", "does not hold", " "),
             ],
         ),
+        ("Robot1 isA|", [("isAt", "relation", "where it stands", " ")]),
+        ("distance(Jar1, ?y: o|", [("Object", "type", "", ""), ("Robot", "type", "a kind of Object", "")]),
         ("ta|", [("Table1", "object", "Table, desk", " "), ("distance", "function", "(Thing, Robot) in m", "(")]),
         ("ar|", [("Jar1", "object", "Jar, sugar", " "), ("Jar2", "object", "Jar", " ")]),
         (
