@@ -11,9 +11,11 @@ import pytest
 
 import somrs
 from somrs.errors import ModelError
-from somrs.ontology.dependency_index import RELIED, relied
+from somrs.ontology.conformance import Violation
+from somrs.ontology.dependency_index import RELIED, lost, relied
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.naming import Named, named
+from somrs.ontology.naming import Named, Section, named, revised
+from somrs.ontology.types import AttributeType, Definition, FunctionType, Kind, ObjectType, RelationType
 
 SOURCE = Path(somrs.__file__).parent
 PROGRAMS = ("ontology", "planner", "protocol", "registry", "repository", "task_manager", "service_manager", "devices", "entish")
@@ -65,3 +67,51 @@ def test_a_file_cannot_take_it_away_either() -> None:
         load_text("without: [attributes Weight]\nattributes:\n  Weight: {kind: text}\n")
     ontology = load_text("without: [attributes Weight]\nattributes:\n  Weight: {kind: number, unit: kg, maximum: 50}\n").ontology
     assert ontology.attributes["Weight"].maximum == 50
+
+
+JOINED = ("PhysicalObject", "Object")
+IS_IN = upper().relations["isIn"]
+
+
+@pytest.mark.parametrize(
+    ("section", "definition", "kept"),
+    [
+        (Section.ATTRIBUTES, AttributeType(name="Weight", kind=Kind.TEXT), [("kind", "number"), ("unit", "kg")]),
+        (Section.ATTRIBUTES, AttributeType(name="Label", kind=Kind.TEXT, unit="m", doc="other"), [("unit", "left out")]),
+        (Section.ATTRIBUTES, AttributeType(name="Label", kind=Kind.TEXT, doc="other"), []),
+        (
+            Section.RELATIONS,
+            RelationType(name="isIn", joins=("Object",), symmetric=not IS_IN.symmetric, functional=not IS_IN.functional, excludes="other"),
+            [
+                ("joins", "a list of 2 types"),
+                ("symmetric", str(IS_IN.symmetric)),
+                ("functional", str(IS_IN.functional)),
+                ("excludes", str(IS_IN.excludes)),
+            ],
+        ),
+        (Section.FUNCTIONS, FunctionType(name="distance", parameters=("Object",)), [("parameters", "a list of 2 types")]),
+        (Section.FUNCTIONS, FunctionType(name="distance", parameters=JOINED), []),
+        (Section.TYPES, ObjectType(name="Wall", parent="Object"), [("parent", "BuildingElement, or a type below it")]),
+        (Section.TYPES, ObjectType(name="Wall", parent="Floor"), []),
+        (Section.TYPES, ObjectType(name="Jar", parent="Object"), []),
+    ],
+)
+def test_what_has_to_stay_of_a_definition(section: Section, definition: Definition, kept: list[tuple[str, str]]) -> None:
+    found = list(lost(upper(), revised(upper(), (), [definition])))
+    assert found == [
+        Violation(
+            subject=definition.name,
+            rule="relied",
+            message=f"SO-MRS itself relies on what it is, so {path} stays {shown}; define another beside it",
+            path=path,
+            section=section,
+        )
+        for path, shown in kept
+    ]
+
+
+def test_what_is_relied_on_stays_and_the_rest_need_not() -> None:
+    gone = [Named(section=Section.RELATIONS, name="isOn"), Named(section=Section.TYPES, name="Jar")]
+    (found,) = lost(upper(), revised(upper(), gone, ()))
+    assert (found.subject, found.rule, found.path, found.section) == ("isOn", "relied", "", Section.RELATIONS)
+    assert list(lost(revised(upper(), gone, ()), upper())) == []
