@@ -9,6 +9,7 @@ from somrs.entish.parse import parse
 from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.renaming import Renamer, speaks_of
+from somrs.ontology.services import Handler, Occasion, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, FunctionType, Kind, ObjectType, Ontology, Part, RelationType
 
 ONTOLOGY = Ontology(
@@ -112,3 +113,30 @@ def test_whether_something_is_spoken_of() -> None:
     assert [speaks_of(formula, Named(section=section, name=name), ONTOLOGY) for section, name in asked] == [True, True, False, False]
     way = ONTOLOGY.functions["way"]
     assert [speaks_of(way, Named(section=Section.OBJECTS, name=name), ONTOLOGY) for name in ("C", "D")] == [True, False]
+
+
+def test_service_types() -> None:
+    service = ServiceType(
+        name="Bring",
+        parent="Bring",
+        effect="?Jar isOn B",
+        precondition="?Jar.Color = A",
+        inputs=(Parameter(name="Jar", type="Jar"),),
+        outputs=(Parameter(name="Weight", type="number"), Parameter(name="Other", type="Jar")),
+        handlers=(Handler(on=Occasion.FAILURE, effect="A isOn B", when="?Jar.Color = A", service_type="Bring"),),
+        cost="way(A, ?Jar) + 1",
+    )
+    assert renamer((Section.SERVICES, "Bring", "Carry")).definition(service) == structs.replace(
+        service, name="Carry", parent="Carry", handlers=(structs.replace(service.handlers[0], service_type="Carry"),)
+    )
+    assert SWAPPED.definition(service) == structs.replace(
+        service,
+        effect="?Jar standsOn A",
+        precondition="?Jar.Paint = A",
+        inputs=(Parameter(name="Jar", type="Tin"),),
+        outputs=(Parameter(name="Weight", type="number"), Parameter(name="Other", type="Tin")),
+        handlers=(Handler(on=Occasion.FAILURE, effect="B standsOn A", when="?Jar.Paint = A", service_type="Bring"),),
+        cost="road(B, ?Jar) + 1",
+    )
+    unread = structs.replace(service, effect="(", precondition=None, cost="(", inputs=(), outputs=(), handlers=())
+    assert SWAPPED.definition(unread) is unread
