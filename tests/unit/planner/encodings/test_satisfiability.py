@@ -166,7 +166,7 @@ def test_what_does_something_under_conditions_is_done_alone() -> None:
     operations = (
         under((0, 0)),
         *(Operation(move=n, cost=1, needs=(), effects=o.effects) for n, o in enumerate(plain.operations, 1)),
-        Operation(move=3, cost=1, needs=(), effects=((((0, 0),), 0, 0),)),
+        Operation(move=3, cost=1, needs=(), effects=((((0, 0),), 0, 0), ((), 1, 0))),
     )
     asked = FiniteTask(names=plain.names, initial=plain.initial, goal=(), operations=operations, exclusive=())
     assert Encoded(asked, 1).possible() == sets("", "0", "1", "2", "12", "3")
