@@ -20,7 +20,7 @@ ONTOLOGY = Ontology(
     [
         AttributeType(name="Clean", kind=Kind.TRUTH),
         AttributeType(name="Level", kind=Kind.NUMBER, unit="m", minimum=0, maximum=5),
-        AttributeType(name="Weight", kind=Kind.NUMBER, unit="kg"),
+        AttributeType(name="Weight", kind=Kind.NUMBER, unit="kg", tolerance=0.5),
         AttributeType(name="Count", kind=Kind.NUMBER),
         AttributeType(name="Mode", kind=Kind.ENUMERATION, values=("Slow", "Fast")),
         AttributeType(name="Colour", kind=Kind.ENUMERATION),
