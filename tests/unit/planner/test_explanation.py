@@ -6,14 +6,14 @@ import pytest
 
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.objects import Fact, Map, Object, ValueSet
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.plan import NoPlan, Obstacle
-from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.problem import Available, Lost, Problem
 from somrs.planner.planning import plan, quick
 from tests.integration.test_planner_engine import tower
-from tests.unit.planner.test_planning import LABEL, TRANSFER, WASH, laboratory, problem
+from tests.unit.planner.test_planning import DRIVE, FACTS, LABEL, MAP, TRANSFER, WASH, laboratory, problem
 
 CELLAR: Ontology = upper().extended(
     [
@@ -124,3 +124,186 @@ def test_at_once_nothing_is_said_to_be_impossible() -> None:
     """A short match finds plans only; that there is none, a search has to show."""
     assert quick(cellar("Lamp1.Lit = TRUE")) is not None
     assert quick(cellar("Lamp1.Lit = TRUE AND Lamp3.Lit = TRUE")) is None
+
+
+JAR_IS_NOWHERE = Map(MAP.objects.values(), [fact for fact in FACTS if fact.arguments[0] != "Jar001"])
+SHUT = MAP.changed([ValueSet("DoorAB", "Open", False)])
+WRITE = ServiceType(name="Write", inputs=WASH.inputs, precondition="?Jar.Clean = TRUE", effect='?Jar.Label = "a"')
+READ = ServiceType(name="Read", inputs=WASH.inputs, precondition='?Jar.Label = "a"', effect="?Jar.Clean = TRUE")
+NOWHERE = "and the map does not say where Jar001 is"
+DENIED = "does not hold on the map, and no service type brings it about"
+GOAL = "Jar001 isOn Platform001"
+
+
+def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[ServiceType, ...] = ()) -> Problem:
+    """A problem for which these services are lost."""
+    asked = problem(goal, *services)
+    lost = tuple(Lost(*loss) for loss in losses)
+    return Problem(ontology=asked.ontology, map=asked.map, goal=asked.goal, services=asked.services, lost=lost)
+
+
+@pytest.mark.parametrize(
+    ("asked", "said", "rest"),
+    [
+        (
+            problem("Jar001.Clean = TRUE", TRANSFER),
+            [f"Jar001.Clean = TRUE {DENIED}"],
+            {"missing": ("Jar001.Clean = TRUE",), "obstacles": (Obstacle.NO_SERVICE_TYPE,)},
+        ),
+        (
+            problem(GOAL),
+            [f"{GOAL} could be brought about by TransferObject, which nobody offers now"],
+            {"unoffered": ("TransferObject",), "obstacles": (Obstacle.NOT_OFFERED,)},
+        ),
+        (
+            problem("Shelf1 isOn Platform001", TRANSFER),
+            [f"Shelf1 isOn Platform001 {DENIED}: TransferObject takes only a Graspable as its Object, and Shelf1 is a Shelf"],
+            {"missing": ("Shelf1 isOn Platform001",), "obstacles": (Obstacle.NO_SERVICE_TYPE,)},
+        ),
+        (
+            problem("Zzzzzzzzzz isOn Shelf1", TRANSFER),
+            ["Zzzzzzzzzz isOn Shelf1: there is no object Zzzzzzzzzz on the map"],
+            {"obstacles": (Obstacle.NO_OBJECT,)},
+        ),
+        (
+            problem("Jar009 isOn Shelf1", TRANSFER),
+            ["Jar009 isOn Shelf1: there is no object Jar009 on the map; did you mean Jar002 or Jar001?"],
+            {"obstacles": (Obstacle.NO_OBJECT,)},
+        ),
+        (
+            problem(GOAL, TRANSFER, excluded=frozenset({"Platform001"})),
+            [f"{GOAL}: Platform001 is promised to another task, or nobody knows what state it is in"],
+            {"obstacles": (Obstacle.PROMISED,)},
+        ),
+        (
+            problem(GOAL, TRANSFER, excluded=frozenset({"Robot1"})),
+            [
+                f"{GOAL} could be brought about by TransferObject, but Robot1 is promised to another task, "
+                "or nobody knows what state it is in"
+            ],
+            {"obstacles": (Obstacle.PROMISED,)},
+        ),
+        (
+            missed(GOAL, (TRANSFER, "s1", "it failed"), (TRANSFER, "s2", "it failed"), (TRANSFER, "s3", "it refused")),
+            [f"{GOAL} could be brought about by TransferObject, but nobody is left to do it (s1 and s2: it failed; s3: it refused)"],
+            {"lost": ("s1", "s2", "s3")},
+        ),
+        (
+            missed("Jar001.Clean = TRUE", (WASH, "w1", "it fell silent"), (TRANSFER, "t1", "it failed"), services=(TRANSFER,)),
+            ["Jar001.Clean = TRUE could be brought about by WashJar, but nobody is left to do it (w1: it fell silent)"],
+            {"lost": ("w1",)},
+        ),
+        (
+            problem("Jar001.Clean = TRUE", WASH),
+            [
+                "WashJar could bring about Jar001.Clean = TRUE, but needs Jar001 isOn Washer1, and the map says Jar001 isOn Shelf1",
+                "Jar001 isOn Washer1 could be brought about by TransferObject, which nobody offers now",
+            ],
+            {"missing": ("Jar001 isOn Washer1",), "unoffered": ("TransferObject",), "obstacles": (Obstacle.NOT_OFFERED,)},
+        ),
+        (
+            problem('Jar001.Label = "x"', LABEL),
+            ['PrintLabel could bring about Jar001.Label = "x", but needs Jar001.Clean = TRUE', f"Jar001.Clean = TRUE {DENIED}"],
+            {"missing": ("Jar001.Clean = TRUE",), "obstacles": (Obstacle.NO_SERVICE_TYPE,)},
+        ),
+        (
+            problem("Jar001.Clean = TRUE", TRANSFER, WASH, map=JAR_IS_NOWHERE),
+            [
+                f"WashJar could bring about Jar001.Clean = TRUE, but needs Jar001 isOn Washer1, {NOWHERE}",
+                f"TransferObject could bring about Jar001 isOn Washer1, but needs Jar001 isOn ?, {NOWHERE}",
+            ],
+            {"missing": ("Jar001 isOn Washer1", "Jar001 isOn ?")},
+        ),
+        (
+            problem("Robot1 isInside RoomB", DRIVE, map=SHUT),
+            ["DriveTo could bring about Robot1 isInside RoomB, but needs DoorAB.Open = TRUE", f"DoorAB.Open = TRUE {DENIED}"],
+            {"missing": ("DoorAB.Open = TRUE",), "obstacles": (Obstacle.NO_SERVICE_TYPE,)},
+        ),
+        (problem("Jar001 isOn Jar001", TRANSFER), ["TransferObject brings about such things, but not Jar001 isOn Jar001"], {}),
+        (
+            problem("Jar001.Clean = TRUE", READ, WRITE),
+            [
+                'Read could bring about Jar001.Clean = TRUE, but needs Jar001.Label = "a"',
+                'Write could bring about Jar001.Label = "a", but needs Jar001.Clean = TRUE',
+            ],
+            {"missing": ('Jar001.Label = "a"', "Jar001.Clean = TRUE")},
+        ),
+        (
+            cellar("Door1.Open = TRUE", ()),
+            [
+                "OpenDoor could bring about Door1.Open = TRUE, but needs Lamp1.Lit = TRUE",
+                "LightLamp could bring about Lamp1.Lit = TRUE, but needs hasMatch(Robot1)",
+                f"hasMatch(Robot1) {DENIED}",
+                "OpenDoor could bring about Door1.Open = TRUE, but needs Lamp2.Lit = TRUE",
+            ],
+            {"missing": ("Lamp1.Lit = TRUE", "hasMatch(Robot1)", "Lamp2.Lit = TRUE"), "obstacles": (Obstacle.NO_SERVICE_TYPE,)},
+        ),
+        (
+            cellar("Door1.Open = TRUE"),
+            [
+                "no order of services makes Door1.Open = TRUE true",
+                "OpenDoor could bring about Door1.Open = TRUE, but needs Lamp1.Lit = TRUE and Lamp2.Lit = TRUE, "
+                "and no order of services leads to that",
+            ],
+            {"missing": ("Lamp1.Lit = TRUE and Lamp2.Lit = TRUE",)},
+        ),
+    ],
+)
+def test_all_that_is_said_of_a_wish_that_nothing_brings_about(asked: Problem, said: list[str], rest: dict[str, tuple[str, ...]]) -> None:
+    assert refused(asked) == NoPlan(explanation="; ".join(said), said=tuple(said), unreachable=(str(asked.goal),), **rest)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("asked", "parts", "because"),
+    [
+        (
+            problem("Jar001 isOn Shelf2 AND Jar002.Clean = TRUE AND Jar001 isOn Platform001", TRANSFER, WASH),
+            ("Jar001 isOn Shelf2", "Jar001 isOn Platform001"),
+            ": Jar001 would be in two places at a time",
+        ),
+        (
+            cellar("Lamp1.Lit = TRUE AND Door1.Open = FALSE AND Lamp3.Lit = TRUE"),
+            ("Lamp1.Lit = TRUE", "Lamp3.Lit = TRUE"),
+            ", in no order of services",
+        ),
+    ],
+)
+def test_all_that_is_said_of_parts_that_exclude_each_other(asked: Problem, parts: tuple[str, ...], because: str) -> None:
+    said = f"{' and '.join(parts)} can each be brought about, but not all together{because}"
+    obstacles = (Obstacle.TWO_PLACES,) if "places" in because else ()
+    assert refused(asked) == NoPlan(explanation=said, said=(said,), unreachable=parts, obstacles=obstacles)
+
+
+def test_of_alternatives_the_one_that_lacks_least_is_explained() -> None:
+    lacking = "Jar001.Clean = TRUE AND Jar009 isOn Shelf1"
+    washed = "Jar002.Clean = TRUE"
+    for goal in (f"({lacking}) OR {washed}", f"{washed} OR ({lacking})", f"{washed} OR Jar001.Clean = TRUE"):
+        assert refused(problem(goal, TRANSFER)).said == (f"Jar002.Clean = TRUE {DENIED}",)
+
+
+def test_services_that_cannot_be_planned_with_are_named_where_they_matter_and_elsewhere() -> None:
+    place = Parameter(name="Place", type="Object")
+    find = ServiceType(name="Find", inputs=WASH.inputs, outputs=(place,), effect="?Jar isOn ?Place")
+    why = "Find: ?Jar: Jar isOn ?Place: ?Place is known only when the service is done"
+    near = refused(problem(GOAL, find))
+    assert near.said == (f"{GOAL} could be brought about by Find, which cannot be planned with: {why}",)
+    far = refused(problem("Jar001.Clean = TRUE", find))
+    assert far.said == (f"Jar001.Clean = TRUE {DENIED}", f"not considered: {why}")
+    assert far.undecided
+
+
+@pytest.mark.parametrize(
+    ("precondition", "denied"),
+    [
+        ("Jar001 isOn Shelf2", ("Jar001 isOn Shelf2",)),
+        (
+            "Jar001 isOn Shelf1 AND Jar002 isOn Shelf2 AND NOT Robot1 isInside RoomA",
+            ("Jar002 isOn Shelf2", "NOT Robot1 isInside RoomA"),
+        ),
+    ],
+)
+def test_what_the_map_denies_of_the_beginning(precondition: str, denied: tuple[str, ...]) -> None:
+    asked = problem(GOAL, TRANSFER)
+    wrong = Problem(ontology=asked.ontology, map=asked.map, goal=asked.goal, services=asked.services, precondition=parse(precondition))
+    said = f"the task starts from {' and '.join(denied)}, which does not hold on the map"
+    assert refused(wrong) == NoPlan(explanation=said, missing=denied, obstacles=(Obstacle.PRECONDITION,))

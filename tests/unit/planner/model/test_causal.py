@@ -15,7 +15,7 @@ from somrs.entish.parse import parse
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.truth import holds
 from somrs.ontology.types import ObjectType, Ontology, RelationType
-from somrs.planner.model.causal import linked
+from somrs.planner.model.causal import linked, touches, useful
 from somrs.planner.model.plan import Plan, Step, linearisations
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.validation import after
@@ -140,3 +140,55 @@ def test_a_plan_of_many_couriers_can_be_done_in_other_orders() -> None:
     plan = Plan(tuple(steps), linked(steps, maps_of(steps, known), known))
     for order in islice(linearisations(plan), 200):
         assert can_be_done(order, known)
+
+
+@pytest.mark.parametrize(
+    ("effect", "condition", "expected"),
+    [
+        ("marked(A)", "marked(A)", True),
+        ("NOT marked(A)", "marked(A)", True),
+        ("marked(A)", "NOT marked(A)", True),
+        ("marked(A)", "marked(B)", False),
+        ("marked(A)", "NOT marked(?X)", True),
+        ("A on B", "A on C", True),
+        ("NOT A on B", "A on C", False),
+        ("A on B", "C on B", False),
+        ("A on B", "A heldBy D", True),
+        ("A on B", "B heldBy A", False),
+        ("A on B", "?X heldBy D", True),
+        ("A on B", "marked(A)", False),
+        ("tiedTo(A, B)", "tiedTo(B, A)", True),
+        ("tiedTo(A, B)", "tiedTo(A, C)", False),
+        ("tiedTo(A, B)", "NOT tiedTo(?X, A)", True),
+        ("unknown(A)", "unknown(A)", False),
+        ("A.Level = 1", "A.Level > 2", True),
+        ("1 = A.Level", "NOT 2 < A.Level", True),
+        ("A.Level = 1", "B.Level > 2", False),
+        ("A.Level = 1", "A.Weight > 2", False),
+        ("A.Level = 1", "NOT ?X.Level > 2", True),
+        ("A.Level = 1", "B.Weight + A.Level > 2", True),
+        ("A.Level = 1", "marked(A)", False),
+        ("marked(A)", "A.Level = 1", False),
+    ],
+)
+def test_which_effects_may_change_whether_a_condition_holds(effect: str, condition: str, expected: bool) -> None:
+    assert touches(parse(effect), parse(condition), ONTOLOGY) is expected  # type: ignore[arg-type]
+
+
+def test_the_steps_that_the_goal_needs() -> None:
+    start = Map([Object(name=name, type="Object") for name in "ABCD"])
+    known = Problem(ontology=ONTOLOGY, map=start, goal=parse("A on B AND NOT marked(D)"))
+    steps = [
+        _step("step0", "marked(A)"),
+        _step("step1", "marked(B)"),
+        _step("step2", "marked(A)"),
+        _step("step3", "C on B", parse("marked(A)")),
+        _step("step4", "A on B", parse("C on B")),
+    ]
+    maps = [start]
+    for step in steps:
+        maps.append(after(step, maps[-1], known))
+    assert useful(steps, maps, known) == [0, 3, 4]
+    links = {(link.before, link.after, link.fact, link.keeps) for link in linked(steps, maps, known)}
+    assert links == {("step0", "step3", "marked(A)", False), ("step3", "step4", "C on B", False)}
+    assert linked(steps[:1], maps[:2], known) == ()

@@ -1,0 +1,344 @@
+"""What service types become for a search: what they need, forbid, test, add and take away."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.entish import Name, Number, Truth
+from somrs.entish.parse import parse, parse_term
+from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, Ontology, RelationType
+from somrs.planner.model.operators import (
+    GOAL,
+    Argument,
+    Fact,
+    Inexpressible,
+    Operator,
+    Pattern,
+    Vocabulary,
+    goal_operators,
+    operators,
+    providers_of,
+)
+
+ONTOLOGY = Ontology(
+    [
+        AttributeType(name="Clean", kind=Kind.TRUTH),
+        AttributeType(name="Level", kind=Kind.NUMBER, unit="m", tolerance=0.5),
+        AttributeType(name="Weight", kind=Kind.NUMBER, unit="kg"),
+        AttributeType(name="PositionX", kind=Kind.NUMBER, unit="m"),
+        AttributeType(name="PositionY", kind=Kind.NUMBER, unit="m"),
+        FunctionType(name="level", parameters=("Thing",), attribute="Level"),
+        FunctionType(name="weight", parameters=("Thing",), attribute="Weight"),
+        ObjectType(name="Object", parent=None, attributes=("Clean", "Level", "Weight", "PositionX", "PositionY")),
+        ObjectType(name="Thing", parent="Object"),
+        ObjectType(name="Cup", parent="Thing"),
+        ObjectType(name="Place", parent="Object"),
+        ObjectType(name="Robot", parent="Object"),
+        RelationType(name="on", joins=("Thing", "Place"), functional=True, excludes="place"),
+        RelationType(name="heldBy", joins=("Thing", "Robot"), functional=True, excludes="place"),
+        RelationType(name="at", joins=("Robot", "Place"), functional=True),
+        RelationType(name="near", joins=("Place", "Place"), symmetric=True),
+        RelationType(name="marriedTo", joins=("Thing", "Thing"), symmetric=True, functional=True),
+        RelationType(name="meet", joins=("Thing", "Thing", "Place"), symmetric=True),
+        RelationType(name="tiedTo", joins=("Thing", "Place"), excludes="bond"),
+        RelationType(name="gluedTo", joins=("Thing", "Place"), functional=True, excludes="bond"),
+        RelationType(name="marked", joins=("Thing",)),
+    ]
+)
+EVERYTHING = "?T on ?P AND ?T.Clean = TRUE AND ?T.Level = 1 m AND ?R at ?P AND ?P near ?Q AND marked(?T) AND ?T gluedTo ?P"
+
+
+def vocabulary(*effects: str, counting: bool = False) -> Vocabulary:
+    return Vocabulary(ONTOLOGY, map(parse, effects), counting)
+
+
+def service(precondition: str | None, effect: str, outputs: tuple[str, ...] = (), **inputs: str) -> ServiceType:
+    return ServiceType(
+        name="Does",
+        inputs=tuple(Parameter(name=name, type=type_name) for name, type_name in inputs.items()),
+        outputs=tuple(Parameter(name=name, type="Object") for name in outputs),
+        precondition=precondition,
+        effect=effect,
+    )
+
+
+def compiled(precondition: str | None, effect: str, known: Vocabulary | None = None, **inputs: str) -> Operator:
+    (found,) = operators(service(precondition, effect, (), **inputs), known or vocabulary(EVERYTHING))
+    return found
+
+
+def wished(goal: str, known: Vocabulary | None = None) -> Operator:
+    (found,) = goal_operators(parse(goal), known or vocabulary(EVERYTHING))
+    return found
+
+
+def shown(pattern: Pattern) -> str:
+    return f"{pattern[0]}({', '.join(map(str, pattern[1]))})"
+
+
+def told(operator: Operator) -> dict[str, list[str]]:
+    """What an operator says, of the fields that say anything."""
+    said = {
+        "needs": [shown(need) for need in operator.needs],
+        "forbids": [shown(one.pattern) + (f" if {one.test.comparison}" if one.test else "") for one in operator.forbids],
+        "tests": [str(test.comparison) for test in operator.tests],
+        "static": [str(literal) for literal in operator.static],
+        "adds": [shown(pattern) for pattern in operator.adds],
+        "removes": [shown(pattern) for pattern in operator.removes],
+        "counts": [str(literal) for literal in operator.counts],
+        "sets": [f"{target} = {source}" for target, source in operator.sets],
+    }
+    return {field: lines for field, lines in said.items() if lines}
+
+
+# What services can change
+
+
+def test_a_vocabulary_has_what_effects_speak_of_and_what_these_replace() -> None:
+    known = vocabulary("?T on ?P AND NOT marked(?T)", "?T.Clean = TRUE", "2 m = ?T.Level")
+    assert known.relations == {"on", "heldBy", "marked"}
+    assert known.paths == {"Clean", "Level"}
+    assert known.counters == set()
+
+
+def test_only_numbers_are_counters_and_only_when_counting() -> None:
+    known = vocabulary("?T.Clean = TRUE", "?T.Level = 2 m", "?T.Unknown = 1", counting=True)
+    assert known.counters == {"Level"}
+    assert known.paths == {"Clean", "Unknown"}
+
+
+@pytest.mark.parametrize(
+    ("effects", "calculates"),
+    [
+        (("?T.Level = 1 m",), False),
+        (("?T.Level = ?T.Level + 1 m",), True),
+        (("?T.Level + 1 m = ?T.Level",), True),
+        (("?T.Level = ?T.Level + 1 m", "?T.Clean = TRUE"), True),
+        (("marked(?T)",), False),
+    ],
+)
+def test_whether_effects_calculate(effects: tuple[str, ...], calculates: bool) -> None:
+    assert vocabulary(*effects).calculates is calculates
+
+
+@pytest.mark.parametrize(
+    ("relation", "excluded", "exclusive", "symmetric"),
+    [
+        ("on", ["heldBy"], True, False),
+        ("heldBy", ["on"], True, False),
+        ("at", [], True, False),
+        ("near", [], False, True),
+        ("marriedTo", [], False, True),
+        ("meet", [], False, False),
+        ("tiedTo", ["gluedTo"], False, False),
+        ("gluedTo", ["tiedTo"], False, False),
+        ("marked", [], False, False),
+        ("unknown", [], False, False),
+    ],
+)
+def test_which_relations_replace_each_other(relation: str, excluded: list[str], exclusive: bool, symmetric: bool) -> None:
+    known = vocabulary(EVERYTHING)
+    assert known.excluded_by(relation) == excluded
+    assert known.exclusive(relation) is exclusive
+    assert known.symmetric(relation) is symmetric
+
+
+@pytest.mark.parametrize(
+    ("fact", "variable"),
+    [
+        (("on", ("T1", "P1")), ("place", "T1")),
+        (("heldBy", ("T1", "R1")), ("place", "T1")),
+        (("at", ("R1", "P1")), ("at", "R1")),
+        ((".Clean", ("T1", Truth(True))), (".Clean", "T1")),
+        (("near", ("P1", "P2")), None),
+        (("marked", ("T1",)), None),
+    ],
+)
+def test_facts_that_replace_each_other_share_a_variable(fact: Fact, variable: tuple[str, Argument] | None) -> None:
+    assert vocabulary(EVERYTHING).variable_of(fact) == variable
+
+
+@pytest.mark.parametrize(
+    ("term", "read"),
+    [
+        ("T1.Level", "T1.Level"),
+        ("?T.Level", "?T.Level"),
+        ("T1.Weight", None),
+        ("level(T1)", "T1.Level"),
+        ("level(?T)", "?T.Level"),
+        ("level(2)", None),
+        ("level(T1, T2)", None),
+        ("weight(T1)", None),
+        ("unknown(T1)", None),
+        ("distance(T1, P1)", None),
+        ("T1", None),
+    ],
+)
+def test_terms_that_read_what_services_change(term: str, read: str | None) -> None:
+    listed, counting = vocabulary("?T.Level = 1 m"), vocabulary("?T.Level = 1 m", counting=True)
+    assert listed.changing(parse_term(term)) == (parse_term(read) if read is not None else None)
+    assert counting.counter(parse_term(term)) == (parse_term(read) if read is not None else None)
+    assert listed.counter(parse_term(term)) is None
+    assert counting.changing(parse_term(term)) is None
+
+
+@pytest.mark.parametrize("path", ["PositionX", "PositionY"])
+def test_a_distance_is_not_counted_with_where_services_move_things(path: str) -> None:
+    with pytest.raises(Inexpressible, match=r"distance\(T1, P1\): services on offer move what it measures") as raised:
+        vocabulary(f"?T.{path} = 1 m").changing(parse_term("distance(T1, P1)"))
+    assert raised.value.formula == parse_term("distance(T1, P1)")
+    assert raised.value.why == "services on offer move what it measures"
+
+
+# Services
+
+
+@pytest.mark.parametrize(
+    ("precondition", "effect", "expected"),
+    [
+        (None, "marked(?T)", {"adds": ["marked(?T)"]}),
+        (None, "NOT marked(?T)", {"removes": ["marked(?T)"]}),
+        ("marked(?T)", "?T on P1", {"needs": ["marked(?T)"], "adds": ["on(?T, P1)"]}),
+        ("NOT marked(?T)", "?T on P1", {"forbids": ["marked(?T)"], "adds": ["on(?T, P1)"]}),
+        ("?T heldBy ?R", "NOT marked(?T)", {"needs": ["heldBy *(?T)"], "removes": ["marked(?T)"]}),
+        ("?T heldBy ?R", "?R at P1", {"needs": ["heldBy(?T, ?R)"], "adds": ["at(?R, P1)"]}),
+        ("?T heldBy ?R AND ?T on ?P AND ?P near ?Q", "marked(?T)", {"needs": ["heldBy *(?T)", "on(?T, ?P)", "near(?P, ?Q)"]}),
+        ("?T heldBy R1", "marked(?T)", {"needs": ["heldBy(?T, R1)"]}),
+        ("?T gluedTo ?P", "marked(?T)", {"needs": ["gluedTo(?T, ?P)"]}),
+        ("?T tiedTo ?P", "marked(?T)", {"needs": ["tiedTo(?T, ?P)"]}),
+        ("?T on ?P: Object", "marked(?T)", {"needs": ["on *(?T)"]}),
+        ("?T on ?P: Place", "marked(?T)", {"needs": ["on *(?T)"]}),
+        ("?T on ?P: Cup", "marked(?T)", {"needs": ["on(?T, ?P)"]}),
+        ("meet(?T, T1, P1) AND NOT meet(?T, T2, P1)", "marked(?T)", {"static": ["meet(?T, T1, P1)", "NOT meet(?T, T2, P1)"]}),
+        ("?T.Weight <= 2 kg", "marked(?T)", {"static": ["?T.Weight <= 2 kg"]}),
+        ("NOT ?T.Weight <= 2 kg", "marked(?T)", {"static": ["NOT ?T.Weight <= 2 kg"]}),
+        ("?T.Level <= 2 m", "marked(?T)", {"needs": [".Level(?T, ??T.Level)"], "tests": ["??T.Level <= 2 m"]}),
+        ("NOT ?T.Level <= 2 m", "marked(?T)", {"forbids": [".Level(?T, ??T.Level) if ??T.Level <= 2 m"]}),
+        (
+            "?T.Level + 1 m <= level(T1)",
+            "marked(?T)",
+            {"needs": [".Level(?T, ??T.Level)", ".Level(T1, ?T1.Level)"], "tests": ["??T.Level + 1 m <= ?T1.Level"]},
+        ),
+        (None, "marked(?T) AND ?T.Level = 2 m", {"adds": ["marked(?T)", ".Level(?T, 2 m)"]}),
+        (None, "marked(?T) AND 2 m = ?T.Level", {"adds": ["marked(?T)", ".Level(?T, 2 m)"]}),
+        (None, "marked(?T) AND T1.Level = ?T.Weight", {"adds": ["marked(?T)", ".Level(T1, ?T.Weight)"]}),
+        (None, "marked(?T) AND T1.Level = ?T.Level", {"needs": [".Level(?T, ??T.Level)"], "adds": ["marked(?T)", ".Level(T1, ??T.Level)"]}),
+    ],
+)
+def test_what_a_service_becomes(precondition: str | None, effect: str, expected: dict[str, list[str]]) -> None:
+    found = told(compiled(precondition, effect))
+    assert found == {**({"adds": ["marked(?T)"]} if effect == "marked(?T)" else {}), **expected}
+
+
+def test_when_counting_numbers_are_compared_and_set_apart_from_facts() -> None:
+    known = vocabulary(EVERYTHING, counting=True)
+    found = compiled("?T.Level >= 1 m AND NOT ?T.Level > 5 m AND ?T.Clean = TRUE", "?T.Level = ?T.Level - 1 m AND 1 m = T1.Level", known)
+    assert told(found) == {
+        "needs": [".Clean(?T, ??T.Clean)"],
+        "tests": ["??T.Clean = TRUE"],
+        "counts": ["?T.Level >= 1 m", "NOT ?T.Level > 5 m"],
+        "sets": ["?T.Level = ?T.Level - 1 m", "T1.Level = 1 m"],
+    }
+
+
+def test_the_variables_that_have_to_be_bound() -> None:
+    found = compiled("?Provider at ?P AND NOT ?X on ?P AND NOT ?Y.Weight = 1 kg AND meet(?A, ?B, ?C) AND ?T.Weight < 2 kg", "?T on ?P")
+    assert found.variables == ("Provider", "P", "T", "A", "B", "C")
+    counting = compiled(
+        "?A.Level >= 1 m AND NOT ?X.Level > 1 m AND NOT marked(?M)",
+        "?B.Level = ?D.Level AND NOT marked(?E)",
+        vocabulary(EVERYTHING, counting=True),
+        Z="Thing",
+    )
+    assert counting.variables == ("Z", "E", "A", "B", "D")
+
+
+def test_a_place_that_does_not_matter_is_not_bound() -> None:
+    assert compiled("?T heldBy ?R", "marked(?T)", T="Thing").variables == ("T",)
+
+
+def test_the_types_that_variables_must_be_of() -> None:
+    found = compiled("?T on ?P AND NOT ?X heldBy ?Provider AND ?P near ?Q: Object", "?T heldBy ?Provider", T="Cup")
+    assert found.types == {
+        "T": {"Cup", "Thing"},
+        "P": {"Place"},
+        "Q": {"Object", "Place"},
+        "Provider": {"provider of Does", "Robot"},
+    }
+    assert providers_of("Does") == "provider of Does"
+
+
+def test_a_variable_behind_not_is_of_the_type_that_is_written() -> None:
+    assert compiled("NOT ?X: Cup on P1", "marked(T1)").types == {"X": {"Cup"}}
+
+
+def test_values_come_with_the_tolerance_of_their_attribute() -> None:
+    found = compiled("?T.Level = 1 m AND ?T.Clean = TRUE", "marked(?T)")
+    assert [dict(test.hidden) for test in found.tests] == [{"?T.Level": 0.5}, {"?T.Clean": 0.0}]
+
+
+def test_the_provider_is_bound_only_where_formulas_speak_of_it() -> None:
+    assert compiled(None, "marked(T1)").variables == ()
+    assert compiled("T1 heldBy ?Provider", "marked(T1)").variables == ("Provider",)
+    assert compiled(None, "T1 heldBy ?Provider").variables == ("Provider",)
+
+
+def test_each_alternative_is_an_operator_with_what_is_written() -> None:
+    does = service("marked(T1) OR marked(T2)", "marked(T3)")
+    found = list(operators(does, vocabulary(EVERYTHING)))
+    assert [one.condition for one in found] == [(parse("marked(T1)"),), (parse("marked(T2)"),)]
+    assert [one.needs for one in found] == [(("marked", ("T1",)),), (("marked", ("T2",)),)]
+    assert {one.service for one in found} == {does}
+    assert {one.effect for one in found} == {parse("marked(T3)")}
+
+
+@pytest.mark.parametrize(
+    ("precondition", "effect", "said"),
+    [
+        (None, "marked(T1) OR marked(T2)", "marked(T1) OR marked(T2): an effect with OR does not say what becomes true"),
+        (None, "T1.Level > 1 m", "T1.Level > 1 m: it does not say what becomes true"),
+        (None, "NOT T1.Clean = TRUE", "NOT T1.Clean = TRUE: it does not say what becomes true"),
+        (
+            "NOT T1.Level = T2.Level",
+            "marked(T1)",
+            "NOT T1.Level = T2.Level: NOT before a comparison of two attributes that services change",
+        ),
+    ],
+)
+def test_what_cannot_be_expressed(precondition: str | None, effect: str, said: str) -> None:
+    with pytest.raises(Inexpressible) as raised:
+        compiled(precondition, effect)
+    assert str(raised.value) == said
+
+
+def test_an_output_must_not_stand_in_the_effect() -> None:
+    known = vocabulary(EVERYTHING)
+    with pytest.raises(Inexpressible, match=r"\?P is known only when the service is done"):
+        list(operators(service(None, "T1 on ?P", outputs=("P",)), known))
+    assert len(list(operators(service(None, "T1 on ?P", outputs=("P",), P="Place"), known))) == 1
+    assert len(list(operators(service(None, "T1 on P1", outputs=("P",)), known))) == 1
+
+
+def test_there_may_be_so_many_alternatives_and_no_more() -> None:
+    eight = " AND ".join(f"(marked(A{n}) OR marked(B{n}))" for n in range(8))
+    assert len(list(goal_operators(parse(eight), vocabulary(EVERYTHING)))) == 256
+    with pytest.raises(Inexpressible, match="it has more than 256 alternatives"):
+        list(goal_operators(parse(f"{eight} AND (marked(C1) OR marked(C2))"), vocabulary(EVERYTHING)))
+
+
+# Goals
+
+
+def test_a_goal_adds_that_the_task_is_accomplished() -> None:
+    found = wished("?T: Cup on P1 AND NOT marked(?T)")
+    assert (found.service, found.effect, found.adds) == (None, None, (GOAL,))
+    assert told(found) == {"needs": ["on(?T, P1)"], "forbids": ["marked(?T)"], "adds": ["()"]}
+    assert found.types == {"T": {"Cup", "Thing"}}
+    assert found.variables == ("T",)
+
+
+def test_patterns_have_names_as_texts_and_values_as_they_are() -> None:
+    found = compiled(None, "T1 on ?P AND T1.Level = 1 m")
+    assert found.adds == (("on", ("T1", parse_term("?P"))), (".Level", ("T1", Number(1.0, "m"))))
+    assert Name("T1") not in found.adds[0][1]
