@@ -8,11 +8,23 @@ import pytest
 from somrs.kernel.component import Answered, Ask, Effect, Notified, Rang, Received, Send, Started, Undelivered, Wake, Withdraw
 from somrs.protocol.frp.session import NOT_ALLOWED, CoordinatorBody, CoordinatorSession
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.envelope import ANONYMOUS, Message
+from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.speech import CUT_OFF, REPORT_TIME
-from somrs.service_manager.participant.timers import Activity, Equipped, HeartbeatDue, Leave, StartDue, TermsDue, WorkWanted
+from somrs.service_manager.participant.timers import (
+    Activity,
+    Equipped,
+    HeartbeatDue,
+    Leave,
+    Observed,
+    ReportDue,
+    ReportWanted,
+    StartDue,
+    TermsDue,
+    WorkWanted,
+)
 from somrs.service_manager.sdk.orders import (
     Advance,
     Answer,
@@ -25,6 +37,7 @@ from somrs.service_manager.sdk.orders import (
     Quote,
     Quoted,
     Refused,
+    Report,
     Undo,
 )
 from tests.support.lab import CLIENT, REPOSITORY, request
@@ -496,3 +509,72 @@ def test_who_leaves_refuses_what_comes_until_it_starts_again() -> None:
 
 def test_a_state_that_nobody_heard_of_is_new() -> None:
     assert Bench().state is State.NEW
+
+
+# What the device leaves and notices
+
+
+def on_the_map(bench: Bench) -> None:
+    """From now on its reports are sent."""
+    reports = bench.manager.state.reports
+    assert [*reports.start(NOW)] == []
+
+
+def reported(effects: list[Effect]) -> list[tuple[str, str, float | None]]:
+    """The situations that the Repository is told, by whom, and until when that is tried."""
+    sends = [effect for effect in effects if isinstance(effect, Send)]
+    return [
+        (one.message.body.situation or "", one.message.body.author, one.until) for one in sends if isinstance(one.message.body, UpdateMap)
+    ]
+
+
+def test_what_is_noticed_is_reported_one_after_the_other() -> None:
+    bench = Bench()
+    on_the_map(bench)
+    first, timer = bench.manager.handle(Notified(Observed("A isOn B")), NOW)
+    assert reported([first]) == [("A isOn B", "Washer1", NOW + 10.0)]
+    assert timer == Wake(ReportDue(), NOW + 15.0)
+    assert bench.manager.handle(Notified(Observed("A isOn C")), NOW + 1) == []
+    assert isinstance(first, Send)
+    assert (first.message.header.sender, first.message.header.recipient, first.message.header.reply_to) == (ME, REPOSITORY, ME)
+    for again in (Undelivered(first.message, "r"), Rang(ReportDue())):
+        assert reported(bench.manager.handle(again, NOW + 2)) == [("A isOn B", "Washer1", NOW + 12.0)]
+    gone, second, later = bench.manager.handle(Received(reply(first.message, Updated(version=1), REPOSITORY)), NOW + 3)
+    assert (gone, reported([second]), later) == (
+        Wake(ReportDue(), None),
+        [("A isOn C", "Washer1", NOW + 13.0)],
+        Wake(ReportDue(), NOW + 18.0),
+    )
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        (Rejected(problems=("no A", "no B"), version=1), "no A; no B"),
+        (frp.Fault(code="Sender", text="no formula"), "no formula"),
+    ],
+)
+def test_what_the_repository_does_not_take_is_told_to_a_person(answer: Rejected | frp.Fault, why: str) -> None:
+    bench = Bench()
+    on_the_map(bench)
+    [first] = [one for one in bench.manager.handle(Notified(Observed("A isOn B")), NOW) if isinstance(one, Send)]
+    assert bench.manager.handle(Received(reply(first.message, answer, REPOSITORY)), NOW) == [
+        Wake(ReportDue(), None),
+        Ask(ReportWanted(), Report(f"the Repository does not take A isOn B from Washer1: {why}")),
+    ]
+
+
+def test_what_waits_at_a_restart_is_given_up_with_its_reason() -> None:
+    bench = Bench()
+    bench.executing()
+    bench.participant = "Washer1.WashObject#s2"
+    bench.session = bench.another(bench.participant)
+    bench.executing()
+    said = [body for body in bodies(bench.manager.handle(Started(ME), NOW + 1)) if isinstance(body, frp.Failed)]
+    assert said == [frp.Failed(description="the Service Manager of Washer1 was restarted while it worked")]
+    assert bench.state is State.FAILED
+
+
+def test_what_is_offered_is_named_to_who_wants_something_else() -> None:
+    effects = Bench("Washer2.Fly#s1").ask(msgspec.structs.replace(ARRANGE, service_type="Fly"))
+    assert bodies(effects) == [frp.Refuse(reason="Washer1 offers WashObject, WashObject, DryObject, and not Fly")]
