@@ -106,6 +106,11 @@ def test_the_codes_of_a_fault(error: WireError, codes: str) -> None:
     assert soap.fault(error).decode() == fault_document(codes)
 
 
+@pytest.mark.parametrize("name", ["Sender", "Receiver", "VersionMismatch", "MustUnderstand", "DataEncodingUnknown"])
+def test_the_codes_of_soap_need_no_prefix(name: str) -> None:
+    assert decode(encode(Message(header=HEADER, body=frp.Fault(code=name, text="t")))).body == frp.Fault(code=f"env:{name}", text="t")
+
+
 def test_a_fault_names_what_it_answers_and_says_no_more_than_it_may() -> None:
     found = soap.fault(WireError("env:Sender", "x" * 4001 + "<"), "urn:uuid:7").decode()
     related = "<wsa:RelatesTo>urn:uuid:7</wsa:RelatesTo>"
