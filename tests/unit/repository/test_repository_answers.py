@@ -1,0 +1,349 @@
+"""A Repository, message by message: what exactly it answers, asks of its archive and tells its followers."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec import json, structs
+
+from somrs.kernel.component import Answered, Ask, Input, Received, Record, Send, Started, Trouble, Undelivered, Wake
+from somrs.ontology.objects import Fact, Map, Object, ValueSet
+from somrs.ontology.types import AttributeType, Kind, ObjectType
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.directory import Discover
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import (
+    Define,
+    Defined,
+    Definitions,
+    Event,
+    Events,
+    History,
+    MapChanged,
+    MapPage,
+    MapSubscribed,
+    OntologyChanged,
+    OntologyPage,
+    QueryMap,
+    ReadEvents,
+    ReadHistory,
+    ReadMap,
+    ReadOntology,
+    Rejected,
+    Rows,
+    SubscribeMap,
+    Undo,
+    Updated,
+    UpdateMap,
+)
+from somrs.protocol.messages.paging import PAGE_BYTES
+from somrs.repository import component
+from somrs.repository.component import Repository, only_reads
+from somrs.repository.pages import MapPages, ontology_page
+from somrs.repository.state import Contents, Defining, EventsOf, Happened, HistoryOf, LeasesDue, PageOf, Subscription
+from tests.support.lab import CLIENT, REPOSITORY, ask, contents, lab, records, request, sent, tell
+
+FOLLOWER, SECOND = "http://here/follower", "http://here/second"
+RED, BLUE = ValueSet("Jar1", "Color", "Red"), ValueSet("Jar1", "Color", "Blue")
+CRATE = ObjectType(name="Crate", parent="Jar")
+
+
+@pytest.fixture
+def repository() -> Repository:
+    return Repository(REPOSITORY, contents())
+
+
+def wanted(repository: Repository, body: Body) -> object:
+    """What the archive is asked."""
+    [question] = tell(repository, body)
+    assert isinstance(question, Ask)
+    return question.task
+
+
+def archived(repository: Repository, body: Body, value: object) -> Body:
+    """What is answered when the archive answered."""
+    [question] = tell(repository, body)
+    assert isinstance(question, Ask)
+    [answer] = repository.handle(Answered(question.question, value), 5.0)
+    assert isinstance(answer, Send)
+    return answer.message.body
+
+
+@pytest.mark.parametrize(
+    ("question", "task"),
+    [
+        (ReadHistory(object="Jar1", limit=2), HistoryOf(object="Jar1", limit=2)),
+        (ReadHistory(object="Jar1", limit=0), HistoryOf(object="Jar1", limit=1)),
+        (ReadHistory(object="Jar1", limit=2000), HistoryOf(object="Jar1", limit=1000)),
+        (ReadEvents(limit=3), EventsOf(limit=4)),
+        (ReadEvents(limit=5000, before=7), EventsOf(limit=1001, before=7)),
+        (ReadEvents(limit=-1, after=7, ontology=True, brief=True), EventsOf(limit=2, after=7, ontology=True, brief=True)),
+        (Undo(version=3), EventsOf(limit=1, before=4)),
+    ],
+)
+def test_what_the_archive_is_asked(repository: Repository, question: Body, task: object) -> None:
+    assert wanted(repository, question) == task
+
+
+@pytest.mark.parametrize("question", [ReadMap(at_version=2), ReadOntology(at_version=2), ReadMap(at_version=1), ReadMap(at_version=3)])
+def test_a_page_of_the_past_is_the_archives(question: ReadMap | ReadOntology) -> None:
+    kept = contents()
+    kept.version, kept.since = 3, 1
+    assert question.at_version is not None
+    expected = PageOf(question=question, at_version=question.at_version, version=3, map=kept.map, ontology=kept.ontology)
+    repository = Repository(REPOSITORY, kept)
+    assert wanted(repository, question) == expected
+    page = MapPage(objects=(), facts=(), version=2, more=False)
+    assert archived(repository, question, page) == page
+
+
+@pytest.mark.parametrize(
+    ("since", "at", "text"),
+    [
+        (0, 4, "the map and the ontology are known up to version 3; version 4 is none of these"),
+        (0, -1, "the map and the ontology are known up to version 3; version -1 is none of these"),
+        (2, 1, "the map and the ontology are known up to version 3, from version 2 on; version 1 is none of these"),
+    ],
+)
+def test_a_version_that_is_not_known_is_a_fault(since: int, at: int, text: str) -> None:
+    kept = contents()
+    kept.version, kept.since = 3, since
+    assert ask(Repository(REPOSITORY, kept), ReadMap(at_version=at), Fault) == Fault(code="Sender", text=text)
+
+
+def test_events_are_told_in_one_direction(repository: Repository) -> None:
+    fault = Fault(code="Sender", text="events are told before a version or after one: give one of the two")
+    assert ask(repository, ReadEvents(before=3, after=1), Fault) == fault
+
+
+def test_what_the_archive_answered_is_told(repository: Repository) -> None:
+    events = tuple(Event(version=version, at=1.0, author="a", changes=(RED,)) for version in (3, 2, 1))
+    assert archived(repository, ReadEvents(limit=2), Happened(events)) == Events(events=events[:2], more=True, since=0)
+    assert archived(repository, ReadEvents(limit=3), Happened(events)) == Events(events=events, more=False, since=0)
+    assert archived(repository, ReadHistory(object="Jar1"), Happened(events)) == History(object="Jar1", events=events)
+    assert archived(repository, ReadHistory(object="Jar1"), Happened(())) == History(object="Jar1", events=())
+    assert archived(repository, ReadHistory(object="Gone"), Happened(events)) == History(object="Gone", events=events)
+    page = OntologyPage(definitions=Definitions(), version=0, next=0, more=False)
+    assert archived(repository, ReadOntology(at_version=0), page) == page
+
+
+@pytest.mark.parametrize(
+    ("question", "text"),
+    [
+        (ReadHistory(object="Jar1"), "the history of Jar1 cannot be read: disk gone"),
+        (ReadEvents(), "what happened cannot be read: disk gone"),
+        (ReadMap(at_version=0), "what happened cannot be read: disk gone"),
+    ],
+)
+def test_a_broken_archive_is_the_receivers_fault(repository: Repository, question: Body, text: str) -> None:
+    assert archived(repository, question, Trouble("disk gone")) == Fault(code="Receiver", text=text)
+
+
+@pytest.mark.parametrize(
+    ("since", "found", "version", "text"),
+    [
+        (0, None, 5, "there is no version 5 that could be undone; the latest is 2"),
+        (0, 1, 2, "there is no version 2 that could be undone; the latest is 2"),
+        (0, None, 0, "there is no version 0 that could be undone; the latest is 2"),
+        (1, 1, 1, "what was before version 1 is not known any more; from version 2 on, it is"),
+    ],
+)
+def test_what_cannot_be_undone_says_why(repository: Repository, since: int, found: int | None, version: int, text: str) -> None:
+    tell(repository, UpdateMap(changes=(RED,)))
+    tell(repository, UpdateMap(changes=(BLUE,)))
+    repository.contents.since = since
+    events = (Event(version=found, at=1.0, author="a", changes=(RED,)),) if found is not None else ()
+    answer = archived(repository, Undo(version=version), Happened(events))
+    assert isinstance(answer, Rejected)
+    assert (answer.problems, answer.version) == ((text,), 2)
+    assert [(rule.subject, rule.rule) for rule in answer.broken] == [(f"version {version}", "unknown-version")]
+
+
+def test_what_is_undone_is_a_change_that_says_of_what(repository: Repository) -> None:
+    tell(repository, UpdateMap(changes=(RED,), author="Robot1"))
+    [event] = records(tell(repository, UpdateMap(changes=(BLUE,), author="Robot1"), 2.0))
+    [question] = tell(repository, Undo(version=2))
+    assert isinstance(question, Ask)
+    assert isinstance(event, Event)
+    record, answer = repository.handle(Answered(question.question, Happened((event,))), 3.0)
+    assert record == Record(Event(version=3, at=3.0, author=CLIENT, changes=(RED,), undoes=2, before=(BLUE,)))
+    assert isinstance(answer, Send)
+    assert answer.message.body == Updated(version=3)
+    assert sent(repository.handle(Answered(question.question, Happened((event,))), 4.0), object) == [Updated(version=3)], "once"
+
+
+def test_an_author_is_who_says_so_or_else_the_sender(repository: Repository) -> None:
+    for author, known in (("Robot1", "Robot1"), ("", CLIENT)):
+        change = RED if author else BLUE
+        [event] = records(tell(repository, UpdateMap(changes=(change,), author=author)))
+        assert isinstance(event, Event)
+        assert event.author == known
+
+
+def test_it_is_noted_when_what_changed(repository: Repository) -> None:
+    assert ask(repository, Define(definitions=Definitions(types=(CRATE,)), author="Robot1"), Defined) == Defined(version=1)
+    tell(repository, UpdateMap(changes=(RED,)))
+    kept = repository.contents
+    assert (kept.version, kept.changed_at, kept.ontology_changed_at) == (2, {"Jar1": 2}, 1)
+    assert [*kept.defined_at.values()] == [{"Crate": Defining(version=1, author="Robot1")}]
+    assert contents().ontology_changed_at == 0
+
+
+def test_only_so_many_answers_are_remembered(repository: Repository, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(component, "REMEMBERED", 2)
+    messages = [request(UpdateMap(changes=(change,))) for change in (RED, BLUE, RED)]
+    for message in messages:
+        repository.handle(Received(message), 0.0)
+    assert list(repository.contents.answered) == [message.header.message_id for message in messages[1:]]
+
+
+@pytest.mark.parametrize(("limit", "found", "more"), [(-1, 0, True), (0, 0, True), (1, 1, True), (2, 2, False), (5000, 2, False)])
+def test_a_query_tells_as_much_as_is_wanted(repository: Repository, limit: int, found: int, more: bool) -> None:
+    rows = ask(repository, QueryMap(formula="?Thing: Jar isOn Table1", limit=limit), Rows)
+    assert (len(rows.rows), rows.more, rows.version) == (found, more, 0)
+
+
+def test_a_query_never_tells_more_than_the_most(repository: Repository, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(component, "MOST_ROWS", 1)
+    rows = ask(repository, QueryMap(formula="?Thing: Jar isOn Table1", limit=2), Rows)
+    assert (len(rows.rows), rows.more) == (1, True)
+
+
+def test_followers_are_told_until_their_lease_is_over_by_messages_with_ids_of_their_own(repository: Repository) -> None:
+    effects = tell(repository, SubscribeMap(lease=10.0), 0.0, sender=FOLLOWER)
+    assert sent(effects, object) == [MapSubscribed(version=0, until=10.0)]
+    assert effects[-1] == Wake(LeasesDue(), 10.0)
+    assert tell(repository, SubscribeMap(lease=20.0), 0.0, sender=SECOND)[-1] == Wake(LeasesDue(), 10.0)
+    _, _, *told = tell(repository, UpdateMap(changes=(RED,), author="a"), 10.0)
+    news = MapChanged(event=Event(version=1, at=10.0, author="a", changes=(RED,)))
+    identity = message_id(REPOSITORY, SECOND, "MapChanged", 1, "")
+    assert told == [Send(Message(header=Header(sender=REPOSITORY, recipient=SECOND, message_id=identity), body=news))]
+    [defined] = tell(repository, Define(definitions=Definitions(types=(CRATE,))), 11.0)[2:]
+    assert isinstance(defined, Send)
+    assert defined.message.body == OntologyChanged(definitions=Definitions(types=(CRATE,)), version=2)
+
+
+def test_who_comes_up_tells_its_followers_where_it_is_from_its_new_address(repository: Repository) -> None:
+    tell(repository, SubscribeMap(lease=10.0), 0.0, sender=FOLLOWER)
+    elsewhere = "http://there/repository"
+    identity = message_id(elsewhere, FOLLOWER, "MapSubscribed", 0, 3.0)
+    header = Header(sender=elsewhere, recipient=FOLLOWER, message_id=identity)
+    assert repository.handle(Started(elsewhere), 3.0) == [
+        Send(Message(header=header, body=MapSubscribed(version=0, until=10.0))),
+        Wake(LeasesDue(), 10.0),
+    ]
+    [answer] = tell(repository, ReadMap())
+    assert isinstance(answer, Send)
+    assert answer.message.header.sender == elsewhere
+
+
+@pytest.mark.parametrize(
+    ("body", "dropped"),
+    [
+        (MapChanged(event=Event(version=4, at=0.0, author="a", changes=())), True),
+        (MapChanged(event=Event(version=3, at=0.0, author="a", changes=())), False),
+        (OntologyChanged(definitions=Definitions(), version=4), True),
+        (OntologyChanged(definitions=Definitions(), version=3), False),
+        (MapSubscribed(version=4, until=1.0), True),
+        (MapSubscribed(version=3, until=1.0), False),
+        (Updated(version=4), False),
+    ],
+)
+def test_who_cannot_be_told_is_dropped_unless_it_subscribed_since(body: Body, dropped: bool) -> None:
+    kept = contents()
+    kept.version = 9
+    kept.subscriptions = {FOLLOWER: Subscription(until=20.0, version=3), SECOND: Subscription(until=30.0, version=3)}
+    repository = Repository(REPOSITORY, kept)
+    lost = Message(header=Header(sender=REPOSITORY, recipient=FOLLOWER, message_id="urn:x"), body=body)
+    assert repository.handle(Undelivered(lost, "r"), 1.0) == ([Wake(LeasesDue(), 30.0)] if dropped else [])
+    assert list(kept.subscriptions) == ([SECOND] if dropped else [FOLLOWER, SECOND])
+    stranger = Message(header=structs.replace(lost.header, recipient="http://stranger"), body=body)
+    assert repository.handle(Undelivered(stranger, "r"), 1.0) == []
+
+
+def test_what_it_does_not_understand(repository: Repository) -> None:
+    assert ask(repository, Discover(), Fault) == Fault(
+        code="ActionNotSupported",
+        text="a Repository does not understand Discover; it reads, queries, updates and follows maps and ontologies",
+    )
+    assert ask(repository, SubscribeMap(lease=60), Fault, sender=ANONYMOUS) == Fault(
+        code="Sender", text="changes can only be sent to somebody who has an address: set the sender to one that can be reached"
+    )
+    assert repository.open == []
+
+
+def from_somebody(body: Body, reply_to: str) -> Input:
+    return Received(Message(header=Header(sender=CLIENT, recipient=REPOSITORY, message_id="urn:x", reply_to=reply_to), body=body))
+
+
+@pytest.mark.parametrize(
+    ("event", "reads"),
+    [
+        (from_somebody(ReadMap(), ANONYMOUS), True),
+        (from_somebody(ReadEvents(), ANONYMOUS), True),
+        (from_somebody(QueryMap(formula=""), ANONYMOUS), True),
+        (from_somebody(ReadMap(), CLIENT), False),
+        (from_somebody(UpdateMap(), ANONYMOUS), False),
+        (Started(REPOSITORY), False),
+    ],
+)
+def test_which_requests_only_read(event: Input, reads: bool) -> None:
+    assert only_reads(event) is reads
+
+
+# Pages
+
+
+def test_the_ontology_by_pages() -> None:
+    ontology, _ = lab()
+    everything = list(ontology)
+    found = ontology_page(ontology, 3, len(everything) - 2, 2)
+    assert (found.version, found.next, found.more, found.changed_at) == (3, len(everything), False, 2)
+    assert list(found.definitions.each()) == everything[-2:]
+    assert ontology_page(ontology, 3, -5, 2) == ontology_page(ontology, 3, 0, 2)
+    many = ontology.extended(AttributeType(name=f"Smell{number}", kind=Kind.TEXT) for number in range(200))
+    first = ontology_page(many, 3, 0, 2)
+    assert (first.more, first.next, len(list(first.definitions.each()))) == (True, 200, 200)
+    second = ontology_page(many, 3, 200, 2)
+    assert [*first.definitions.each(), *second.definitions.each()] == list(many)
+    assert (second.more, second.next) == (False, len(list(many)))
+    assert ontology_page(ontology, 3, len(everything), 2) == OntologyPage(
+        definitions=Definitions(), version=3, next=len(everything), more=False, changed_at=2
+    )
+
+
+def test_the_map_by_pages() -> None:
+    size = PAGE_BYTES // 2 - 200
+    objects = [Object(name=name, type="Jar", values={"Label": "x" * size}) for name in ("C", "A", "B")]
+    facts = [Fact("isLit", ()), Fact("isOn", ("A", "B")), Fact("isOn", ("C", "B")), Fact("isNear", ("A", "C"))]
+    pages = MapPages(Map(objects, facts))
+    first, second = pages.page(4, ""), pages.page(4, "B")
+    assert [one.name for one in first.objects] == ["A", "B"]
+    assert (first.facts[0], set(first.facts[1:])) == (facts[0], {facts[1], facts[3]})
+    assert (first.version, first.more) == (4, True)
+    assert second == MapPage(objects=(objects[0],), facts=(facts[2],), version=4, more=False)
+    assert pages.page(4, "Aa") == MapPage(objects=(objects[2], objects[0]), facts=(facts[2],), version=4, more=False)
+    assert pages.page(4, "C") == MapPage(objects=(), facts=(), version=4, more=False)
+
+
+def test_what_changed_is_read_at_once(repository: Repository) -> None:
+    before = ask(repository, ReadMap(), MapPage)
+    tell(repository, UpdateMap(changes=(RED,)))
+    after = ask(repository, ReadMap(), MapPage)
+    assert (before.version, after.version) == (0, 1)
+    assert [one.values.get("Color") for one in after.objects if one.name == "Jar1"] == ["Red"]
+
+
+def test_news_that_are_a_little_larger_than_a_page_are_told_as_they_are() -> None:
+    def told(length: int) -> Body:
+        repository = Repository(REPOSITORY, Contents(ontology=lab()[0], map=lab()[1]))
+        tell(repository, SubscribeMap(lease=10.0), sender=FOLLOWER)
+        [news] = tell(repository, UpdateMap(changes=(ValueSet("Jar1", "Label", "x" * length),), author="a"))[2:]
+        assert isinstance(news, Send)
+        return news.message.body
+
+    small = told(1)
+    assert isinstance(small, MapChanged)
+    room = int(PAGE_BYTES * 1.25) - len(json.encode(small)) + 1
+    assert isinstance(told(room), MapChanged)
+    assert told(room + 1) == MapSubscribed(version=1, until=10.0)

@@ -1,0 +1,185 @@
+"""How a device joins the system, request by request."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec import structs
+
+from somrs.kernel.component import Ask, Effect, Effects, Send, Wake
+from somrs.ontology.objects import Object, ObjectAdded
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import ObjectType
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.directory import AT_ONCE, Offer, Publish, Published, Renew, Retract
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import (
+    Define,
+    Defined,
+    Definitions,
+    MapPage,
+    OntologyPage,
+    ReadMap,
+    ReadOntology,
+    Rejected,
+    Updated,
+    UpdateMap,
+)
+from somrs.service_manager.participant.joining import Joining
+from somrs.service_manager.participant.timers import JoiningDue, ReportWanted
+from somrs.service_manager.sdk.device import before
+from somrs.service_manager.sdk.orders import Capability, Profile, Report
+from tests.support.lab import REPOSITORY
+
+REGISTRY, ME = "http://here/registry", "http://here/washer"
+WASH = ServiceType(name="Wash", effect="?Object isClean ?Provider")
+DEFINITIONS = Definitions(types=(ObjectType(name="Washer", parent="StationaryDevice"),))
+PROFILE = Profile(
+    name="Washer1",
+    type="Washer",
+    capabilities=(Capability(type="Wash", method="wash", attributes={"Price": 2.0}),),
+    definitions=DEFINITIONS,
+    values={"PositionX": 1.0},
+    situation="Washer1 isOn Floor1",
+)
+LOOK = ReadMap(after=before("Washer1"))
+ADDED = UpdateMap(
+    changes=(ObjectAdded(Object(name="Washer1", type="Washer", values={"PositionX": 1.0})),),
+    situation="Washer1 isOn Floor1",
+    author="Washer1",
+)
+NOW = 10.0
+
+
+class Joiner:
+    """A device that joins, and its last request."""
+
+    def __init__(self, profile: Profile = PROFILE) -> None:
+        self.joining = Joining(profile=profile, repository=REPOSITORY, registry=REGISTRY)
+        self.requests: list[Message] = []
+        self.do(self.joining.start(ME, NOW))
+
+    def do(self, effects: Effects) -> list[Effect]:
+        done = [*effects]
+        self.requests += [effect.message for effect in done if isinstance(effect, Send)]
+        return done
+
+    def answer(self, body: Body) -> list[Effect]:
+        header = Header(sender=REPOSITORY, recipient=ME, message_id="urn:x", relates_to=self.requests[-1].header.message_id)
+        return self.do(self.joining.receive(Message(header=header, body=body), NOW))
+
+    def asked(self) -> tuple[str, Body]:
+        return self.requests[-1].header.recipient, self.requests[-1].body
+
+    def published(self, object_type: str = "Washer") -> None:
+        self.answer(Defined(version=1))
+        self.answer(ontology())
+        self.answer(MapPage(objects=(Object(name="Washer1", type=object_type),), facts=(), version=1, more=False))
+
+
+def ontology(*, more: bool = False, services: tuple[ServiceType, ...] = (WASH,)) -> OntologyPage:
+    return OntologyPage(definitions=Definitions(services=services), version=1, next=7, more=more)
+
+
+def offer(object_type: str = "Washer", **attributes: float) -> Offer:
+    return Offer(
+        service="Washer1.Wash",
+        provider="Washer1",
+        provider_type=object_type,
+        address=ME,
+        service_type=WASH,
+        attributes={"Price": 2.0, **attributes},
+    )
+
+
+def test_it_defines_reads_looks_adds_itself_and_publishes() -> None:
+    joiner = Joiner()
+    assert joiner.asked() == (REPOSITORY, Define(definitions=DEFINITIONS, author="Washer1"))
+    joiner.answer(Defined(version=1))
+    assert joiner.asked() == (REPOSITORY, ReadOntology())
+    joiner.answer(ontology(more=True, services=()))
+    assert joiner.asked() == (REPOSITORY, ReadOntology(after=7))
+    joiner.answer(ontology())
+    assert joiner.asked() == (REPOSITORY, LOOK)
+    joiner.answer(MapPage(objects=(Object(name="Washer2", type="Washer"),), facts=(), version=1, more=False))
+    assert joiner.asked() == (REPOSITORY, ADDED)
+    joiner.answer(Updated(version=2))
+    assert joiner.asked() == (REGISTRY, Publish(provider="Washer1", offers=(offer(),), lease=30.0))
+    assert joiner.answer(Published(until=40.0, renew_within=10.0)) == [
+        Wake(JoiningDue(), NOW + 7.0),
+        Ask(ReportWanted(), Report("Washer1 offers Washer1.Wash", joined=True)),
+    ]
+    joiner.do(joiner.joining.ring(NOW))
+    assert joiner.asked() == (REGISTRY, Renew(provider="Washer1", lease=30.0))
+    assert joiner.answer(Published(until=50.0, renew_within=10.0)) == [Wake(JoiningDue(), NOW + 7.0)]
+
+
+def test_a_request_has_five_seconds() -> None:
+    joiner = Joiner()
+    identity = message_id(ME, NOW, 2)
+    header = Header(sender=ME, recipient=REPOSITORY, message_id=identity, reply_to=ME)
+    assert joiner.answer(Defined(version=1)) == [
+        Send(Message(header=header, body=ReadOntology()), NOW + 5.0),
+        Wake(JoiningDue(), NOW + 5.0),
+    ]
+
+
+@pytest.mark.parametrize(("capacity", "attributes"), [(1, {}), (3, {AT_ONCE: 3})])
+def test_who_is_on_the_map_publishes_as_what_it_is_there(capacity: int, attributes: dict[str, float]) -> None:
+    joiner = Joiner(structs.replace(PROFILE, capacity=capacity))
+    joiner.published("BigWasher")
+    assert joiner.asked() == (REGISTRY, Publish(provider="Washer1", offers=(offer("BigWasher", **attributes),), lease=30.0))
+
+
+def test_who_knows_its_types_and_brings_none_looks_at_once() -> None:
+    known = structs.replace(PROFILE, definitions=Definitions(), capabilities=(Capability(type=WASH, method="wash"),))
+    assert Joiner(known).asked() == (REPOSITORY, LOOK)
+    assert Joiner(structs.replace(PROFILE, definitions=Definitions())).asked() == (REPOSITORY, ReadOntology())
+
+
+def test_what_is_added_without_an_answer_is_looked_for_first() -> None:
+    joiner = Joiner()
+    joiner.answer(Defined(version=1))
+    joiner.answer(ontology())
+    joiner.answer(MapPage(objects=(), facts=(), version=1, more=False))
+    assert joiner.asked() == (REPOSITORY, ADDED)
+    joiner.do(joiner.joining.ring(NOW))
+    assert joiner.asked() == (REPOSITORY, LOOK)
+
+
+def test_a_renewal_without_an_answer_or_with_a_fault_publishes_anew() -> None:
+    for fault in (False, True):
+        joiner = Joiner()
+        joiner.published()
+        joiner.answer(Published(until=40.0, renew_within=10.0))
+        joiner.do(joiner.joining.ring(NOW))
+        if fault:
+            joiner.answer(Fault(code="Sender", text="who?"))
+        else:
+            joiner.do(joiner.joining.ring(NOW))
+        assert joiner.asked() == (REGISTRY, Publish(provider="Washer1", offers=(offer(),), lease=30.0))
+
+
+@pytest.mark.parametrize(("answer", "text"), [(Rejected(problems=("a", "b"), version=1), "a\nb"), (Fault(code="Sender", text="no"), "no")])
+def test_who_is_not_taken_says_why_and_waits(answer: Rejected | Fault, text: str) -> None:
+    assert Joiner().answer(answer) == [
+        Wake(JoiningDue(), None),
+        Ask(ReportWanted(), Report(f"Washer1 cannot join: {text}", joined=False)),
+    ]
+
+
+def test_who_leaves_retracts_and_hears_no_more() -> None:
+    joiner = Joiner()
+    timer, retract = joiner.do(joiner.joining.leave(NOW))
+    assert timer == Wake(JoiningDue(), None)
+    assert isinstance(retract, Send)
+    assert joiner.asked() == (REGISTRY, Retract(provider="Washer1"))
+    assert joiner.answer(Defined(version=1)) == []
+    assert joiner.do(joiner.joining.ring(NOW)) == []
+
+
+def test_an_answer_to_an_earlier_request_is_out_of_date() -> None:
+    joiner = Joiner()
+    joiner.do(joiner.joining.ring(NOW))
+    joiner.requests.pop()
+    assert joiner.answer(Defined(version=1)) == []
