@@ -12,14 +12,14 @@ from somrs.task_manager.device_queue import AtWork, DeviceQueues, Rank
 WORK = AtWork("busy task", "participant")
 
 
-def offer(device: str = "Robot1", **attributes: Value) -> Offer:
+def offer(device: str = "Robot1", attributes: dict[str, Value] | None = None) -> Offer:
     return Offer(
         service=f"{device}.Work",
         provider=device,
         provider_type="Robot",
         address="",
         service_type=ServiceType(name="Work", effect=""),
-        attributes=attributes,
+        attributes=attributes or {},
     )
 
 
@@ -41,10 +41,10 @@ def never(work: AtWork) -> bool:
 def test_a_device_does_as_many_things_at_once_as_it_says(attributes: dict[str, Value], room: int) -> None:
     queues = DeviceQueues()
     for _ in range(room):
-        assert queues.takes(offer(**attributes), "a", rank(0), always) is True
+        assert queues.takes(offer(attributes=attributes), "a", rank(0), always) is True
         queues.begins("Robot1", WORK)
-    assert queues.takes(offer(**attributes), "a", rank(0), always) is False
-    assert queues.takes(offer("Robot2", **attributes), "a", rank(0), always) is True
+    assert queues.takes(offer(attributes=attributes), "a", rank(0), always) is False
+    assert queues.takes(offer("Robot2", attributes), "a", rank(0), always) is True
 
 
 def test_what_is_over_is_forgotten() -> None:

@@ -169,7 +169,7 @@ def test_who_waits_for_news_is_answered_in_time(wait: float, at: float) -> None:
 )
 def test_who_waits_for_news_is_told_what_is_new(wanted: dict[str, int], told: bool) -> None:
     desk = Desk()
-    effects = asked(desk.manager, clients.WatchTask(task=desk.task.id, **wanted))  # type: ignore[arg-type]  # fields of WatchTask
+    effects = asked(desk.manager, clients.WatchTask(task=desk.task.id, **wanted))
     assert bool(answers(effects)) is told
     if told:
         assert effects[:2] == [Wake(NewsDue("request"), 30.0), Wake(NewsDue("request"), None)]

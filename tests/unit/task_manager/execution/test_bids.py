@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.entish import Name
+from somrs.entish import Name, Term
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import Step
@@ -101,7 +101,7 @@ def test_a_type_that_comes_with_an_offer_goes_before_that_of_the_ontology() -> N
     assert (known["Work"], known["FineWork"], known["Rest"].name) == (TYPES["Work"], TYPES["FineWork"], "Rest")
 
 
-JAR = {"Object": Name("Jar001"), "Destination": Name("Shelf2")}
+JAR: dict[str, Term] = {"Object": Name("Jar001"), "Destination": Name("Shelf2")}
 STEP = Step("step1", "TransferObject", JAR, parse("Jar001 isOn Shelf2"))
 
 
