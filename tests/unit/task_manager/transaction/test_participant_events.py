@@ -84,9 +84,9 @@ class Desk:
         """The one of that service that was asked last."""
         return [member for member in self.task.members if member.offer.service == service][-1]
 
-    def says(self, body: FrpBody, now: float, service: str = ONE, relates_to: str | None = None) -> list[Effect]:
+    def says(self, body: FrpBody, now: float, service: str = ONE, by: Member | None = None) -> list[Effect]:
         self.said += 1
-        member = self.member(service)
+        member = by or self.member(service)
         header = Header(
             sender=member.offer.address,
             recipient="tm",
@@ -94,7 +94,6 @@ class Desk:
             reply_to=member.offer.address,
             transaction=self.task.id,
             participant=member.id,
-            relates_to=relates_to,
         )
         return self.give(Received(Message(header=header, body=body)), now)
 
