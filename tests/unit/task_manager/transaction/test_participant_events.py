@@ -8,6 +8,7 @@ from somrs.entish.parse import parse
 from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Send, Undelivered, Wake
 from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import load_text
+from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages import clients, events, frp
@@ -347,3 +348,19 @@ def test_one_that_does_not_say_that_it_stopped_is_given_up() -> None:
     assert "End" in bodies(effects)
     assert desk.task.outcome is Outcome.CANCELLED
     assert desk.rings(StopDue(desk.task.id), 80.0) == []
+
+
+def test_a_procedure_that_was_laid_down_for_a_failure_is_begun_once_for_a_step() -> None:
+    aside = "Jar001 isOn Cupboard002"
+    handlers = (Handler(on=Occasion.COMPENSATION, effect="Tin001 isOn Platform001"), Handler(on=Occasion.FAILURE, effect=aside))
+    desk = Desk("Robot1", "Robot2", handlers=handlers)
+    desk.executing()
+    for service, begun in ((ONE, ["HandlerBegun", "Planned"]), (TWO, [])):
+        since = len(desk.task.events)
+        desk.says(frp.Failed(description="stuck", situation=BEFORE), 5.0, service)
+        told = [one for one, *_ in desk.news(since)]
+        assert [type(one).__name__ for one in told][1 : len(begun) + 1] == begun
+        assert (events.HandlerBegun(effect=aside) in told) is bool(begun)
+        if service == ONE:
+            desk.offer(6.0, TWO)
+    assert (desk.task.goals, desk.task.aside) == (2, [])

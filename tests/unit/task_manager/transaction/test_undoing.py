@@ -9,6 +9,7 @@ from somrs.protocol.messages import clients, events, frp
 from somrs.protocol.messages.frp import Compensate, Outcome, State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.task_manager.execution.member import Member
+from somrs.task_manager.timers import SilenceDue
 from tests.unit.task_manager.transaction.test_participant_events import BEFORE, ONE, WISH, Desk, bodies
 
 ELSEWHERE = "Jar002 isOn Cupboard002"
@@ -107,3 +108,51 @@ def test_what_was_never_begun_is_not_undone() -> None:
     assert bodies(effects) == ["Cancel", "Cancelling"]
     assert desk.task.reasons == ("cancelled by the client",)
     assert desk.task.task.effect == WISH
+
+
+BROKEN = f"{ELSEWHERE} AND Robot1.Working = FALSE"
+
+
+def test_without_a_plan_who_failed_undoes_what_it_left_and_then_there_may_be_one() -> None:
+    desk = Desk()
+    desk.executing()
+    since = len(desk.task.events)
+    effects = desk.says(frp.Failed(description="stuck", situation=BROKEN), 61.0)
+    told = [one for one, *_ in desk.news(since)]
+    assert [type(one).__name__ for one in told] == ["StepFailed", "Replanned", "FailuresUndone", "UndoneByService"]
+    assert bodies(effects) == ["UpdateMap", "Discover", "Compensate"]
+    assert desk.task.blocked != ()
+    assert desk.task.ending is None
+    since = len(desk.task.events)
+    effects = desk.says(frp.Compensated(situation=f"{BEFORE} AND Robot1.Working = TRUE"), 90.0)
+    assert [type(one).__name__ for one, *_ in desk.news(since)] == [
+        "Compensated",
+        "WorkUndone",
+        "TriedOnceMore",
+        "Planned",
+        "ServicesAsked",
+    ]
+    assert bodies(effects) == ["UpdateMap", "Discover", "Discover", "Arrange"]
+    assert desk.task.undoing is None
+
+
+def test_when_who_failed_cannot_undo_it_and_nobody_is_left_the_task_fails() -> None:
+    desk = Desk()
+    desk.executing()
+    desk.says(frp.Failed(description="stuck", situation=BROKEN), 61.0)
+    since, blocked = len(desk.task.events), desk.task.blocked
+    desk.says(frp.Stranded(description="still stuck", tried=False), 90.0)
+    told = [type(one).__name__ for one, *_ in desk.news(since)]
+    assert (told[0], told[-1], desk.task.outcome) == ("CompensationFailed", "TaskEnded", Outcome.FAILED)
+    assert desk.task.reasons[: len(blocked)] == blocked
+
+
+def test_whoever_is_lost_is_not_told_to_undo_anything() -> None:
+    desk = Desk()
+    desk.executing()
+    since, member = len(desk.task.events), desk.member()
+    desk.says(frp.Progress(fraction=0.5, situation=ELSEWHERE), 30.0)
+    for now in (50.0, 70.0):
+        desk.rings(SilenceDue(desk.task.id, member.id), now)
+    assert "FailuresUndone" not in [type(one).__name__ for one, *_ in desk.news(since)]
+    assert desk.task.outcome is Outcome.FAILED
