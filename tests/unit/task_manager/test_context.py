@@ -77,7 +77,7 @@ def test_a_task_as_a_problem() -> None:
     assert available.prices == (("Robot2", 5.0), ("Robot3", 7.0))
     assert available.service_type == desk.offers[0].service_type
     plain = problem(Submit(effect=WISH), desk.replica, [])
-    assert (plain.precondition, plain.hurry, plain.services, plain.excluded) == (None, False, (), {"Tin001"})
+    assert (plain.precondition, plain.hurry, plain.services, plain.excluded) == (None, False, (), frozenset({"Tin001"}))
 
 
 @pytest.mark.parametrize(
