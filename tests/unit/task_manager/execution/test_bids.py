@@ -1,0 +1,133 @@
+"""Who can be asked for a step, and whose terms are taken."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.entish import Name, Term
+from somrs.entish.parse import parse
+from somrs.ontology.services import ServiceType
+from somrs.planner.model.plan import Step
+from somrs.protocol.messages.clients import Policy, Submit
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.frp import Terms
+from somrs.task_manager.execution.bids import Bid, able, about, bid, choose, fitted, precondition_now, service_types
+from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
+
+TYPES = {
+    "Work": ServiceType(name="Work", effect=""),
+    "FineWork": ServiceType(name="FineWork", effect="", parent="Work"),
+    "FinestWork": ServiceType(name="FinestWork", effect="", parent="FineWork"),
+    "Round": ServiceType(name="Round", effect="", parent="Circle"),
+    "Circle": ServiceType(name="Circle", effect="", parent="Round"),
+    "Lost": ServiceType(name="Lost", effect="", parent="Unknown"),
+}
+
+
+def offered(who: str, price: float, start: float, finish: float) -> Bid:
+    terms = Terms(effect="", price=price, duration=finish - start)
+    return Bid(participant=who, terms=terms, terms_id="", start=start, finish=finish)
+
+
+@pytest.mark.parametrize(("start_from", "start"), [(None, 5.0), (3.0, 5.0), (8.0, 8.0), (0.0, 5.0)])
+def test_a_bid_starts_when_the_step_can_and_the_service_is_free(start_from: float | None, start: float) -> None:
+    terms = Terms(effect="", price=1.0, duration=10.0, start_from=start_from)
+    assert bid("who", terms, "id", 5.0) == Bid(participant="who", terms=terms, terms_id="id", start=start, finish=start + 10.0)
+
+
+@pytest.mark.parametrize(
+    ("busy", "start"),
+    [
+        ([], 10.0),
+        ([(0.0, 10.0)], 10.0),
+        ([(20.0, 30.0)], 10.0),
+        ([(19.0, 30.0)], 30.0),
+        ([(0.0, 11.0)], 11.0),
+        ([(20.0, 30.0), (5.0, 15.0)], 30.0),
+        ([(25.0, 30.0), (5.0, 15.0)], 15.0),
+    ],
+)
+def test_a_bid_begins_after_what_its_device_is_committed_to(busy: list[tuple[float, float]], start: float) -> None:
+    found = fitted(offered("who", 1.0, 10.0, 20.0), busy)
+    assert (found.start, found.finish, found.participant) == (start, start + 10.0, "who")
+
+
+@pytest.mark.parametrize(
+    ("policy", "value", "bids", "chosen"),
+    [
+        (Policy.PRICE, 0.0, [("a", 2, 5), ("b", 1, 9)], "b"),
+        (Policy.PRICE, 0.0, [("a", 1, 9), ("b", 1, 5)], "b"),
+        (Policy.PRICE, 0.0, [("b", 1, 5), ("a", 1, 5)], "a"),
+        (Policy.TIME, 0.0, [("a", 2, 5), ("b", 1, 9)], "a"),
+        (Policy.TIME, 0.0, [("a", 2, 5), ("b", 1, 5)], "b"),
+        (Policy.TIME, 0.0, [("b", 1, 5), ("a", 1, 5)], "a"),
+        (Policy.WEIGHTED, 1.0, [("a", 2, 5), ("b", 1, 9)], "a"),
+        (Policy.WEIGHTED, 0.1, [("a", 2, 5), ("b", 1, 9)], "b"),
+        (Policy.WEIGHTED, 0.25, [("a", 1, 9), ("b", 2, 5)], "b"),
+        (Policy.WEIGHTED, 1.0, [("b", 1, 5), ("a", 1, 5)], "a"),
+    ],
+)
+def test_the_policy_prefers(policy: Policy, value: float, bids: list[tuple[str, float, float]], chosen: str) -> None:
+    made = [offered(who, price, 0.0, finish) for who, price, finish in bids]
+    assert choose(made, Submit(effect="", policy=policy, time_value=value), 3.0).participant == chosen
+
+
+def offer(service_type: str, provider: str = "Robot1") -> Offer:
+    return Offer(service=f"{provider}.{service_type}", provider=provider, provider_type="", address="", service_type=TYPES[service_type])
+
+
+@pytest.mark.parametrize(
+    ("wanted", "provider", "alike", "excluded", "found"),
+    [
+        ("Work", None, (), (), ["Robot1.Work", "Robot2.Work", "Robot1.FinestWork"]),
+        ("FineWork", None, (), (), ["Robot1.FinestWork"]),
+        ("Work", "Robot2", (), (), ["Robot2.Work"]),
+        ("Work", "Robot3", ("Robot1",), (), ["Robot1.Work", "Robot1.FinestWork"]),
+        ("Work", None, (), ("Robot1.Work",), ["Robot2.Work", "Robot1.FinestWork"]),
+        ("Lost", None, (), (), ["Robot1.Lost"]),
+        ("Unknown", None, (), (), ["Robot1.Lost"]),
+        ("Round", None, (), (), ["Robot1.Circle"]),
+    ],
+)
+def test_who_can_be_asked(wanted: str, provider: str | None, alike: tuple[str, ...], excluded: tuple[str, ...], found: list[str]) -> None:
+    offers = [offer("Work"), offer("Work", "Robot2"), offer("FinestWork"), offer("Lost"), offer("Circle")]
+    step = Step("step1", wanted, {}, parse("Jar001.Clean = TRUE"), provider=provider, alike=alike)
+    assert [one.service for one in able(step, offers, TYPES, excluded)] == found
+
+
+def test_a_type_that_comes_with_an_offer_goes_before_that_of_the_ontology() -> None:
+    ontology = laboratory().extended([ServiceType(name="Work", effect="old"), ServiceType(name="Rest", effect="")])
+    known = service_types(ontology, [offer("Work"), offer("FineWork")])
+    assert (known["Work"], known["FineWork"], known["Rest"].name) == (TYPES["Work"], TYPES["FineWork"], "Rest")
+
+
+JAR: dict[str, Term] = {"Object": Name("Jar001"), "Destination": Name("Shelf2")}
+STEP = Step("step1", "TransferObject", JAR, parse("Jar001 isOn Shelf2"))
+
+
+def test_a_precondition_is_as_the_map_makes_it_true_now() -> None:
+    assert str(precondition_now(STEP, TRANSFER, MAP, laboratory())) == "Jar001 isOn Shelf1"
+    assert precondition_now(STEP, ServiceType(name="Work", effect=""), MAP, laboratory()) is None
+
+
+@pytest.mark.parametrize(
+    ("precondition", "why"), [("?Object isOn Shelf2", "Jar001 isOn Shelf2 does not hold"), ("?Object isOn Nothing", "Nothing")]
+)
+def test_a_precondition_that_cannot_hold_is_an_error(precondition: str, why: str) -> None:
+    with pytest.raises(LookupError, match=why):
+        precondition_now(STEP, ServiceType(name="Work", effect="", precondition=precondition), MAP, laboratory())
+
+
+@pytest.mark.parametrize(
+    ("situation", "said"),
+    [
+        (None, None),
+        ("Jar001 isOn Shelf1", "Jar001 isOn Shelf1"),
+        ("Jar001 isOn Shelf1 AND Jar002 isOn Shelf1 AND Robot1 isInside RoomA", "Jar001 isOn Shelf1"),
+        ("Jar001 isOn Shelf2", None),
+        ("Jar002 isOn Shelf1", None),
+    ],
+)
+def test_of_a_situation_that_is_told_which_concerns_the_step_and_is_still_so(situation: str | None, said: str | None) -> None:
+    found = about(STEP, parse(situation) if situation is not None else None, MAP, laboratory())
+    assert (str(found) if found is not None else None) == said

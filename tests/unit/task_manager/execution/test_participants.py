@@ -1,0 +1,506 @@
+"""What is said to the participants of one transaction, what of what they say matters, and how long one may be silent."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import TypeVar
+
+import pytest
+
+from somrs.kernel.component import Effect, Send, Wake
+from somrs.kernel.replica import Replica
+from somrs.ontology.services import ServiceType
+from somrs.protocol.frp.session import CoordinatorSession, Heard
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.bodies import FrpBody
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
+from somrs.protocol.messages.events import Event, ServiceOverdue, ServiceSilent
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.task_manager.context import Context, Quotes
+from somrs.task_manager.device_queue import AtWork, DeviceQueues
+from somrs.task_manager.execution.bids import Bid
+from somrs.task_manager.execution.member import Member
+from somrs.task_manager.execution.participants import Members, Participants, sent_home
+from somrs.task_manager.requests import Requests
+from somrs.task_manager.reservations import Reservations
+from somrs.task_manager.timers import OverdueDue, SilenceDue
+
+WORK = ServiceType(name="Work", effect="Jar1.Clean = TRUE")
+OFFER = Offer(service="Robot1.Work", provider="Robot1", provider_type="Robot", address="devices/Robot1", service_type=WORK)
+ARRANGE = frp.Arrange(service_type="Work", inputs={}, effect="Jar1.Clean = TRUE")
+TERMS = frp.Terms(effect="Jar1.Clean = TRUE", price=5.0, duration=30.0)
+EXECUTE = frp.Execute(inputs={})
+ME, DAY = "tm", 86_400.0
+
+T = TypeVar("T")
+
+
+def carried_out(doing: Generator[Effect, None, T]) -> tuple[list[Effect], T]:
+    """What it has done, and what it comes to."""
+    effects: list[Effect] = []
+    while True:
+        try:
+            effects.append(next(doing))
+        except StopIteration as end:
+            return effects, end.value
+
+
+class Table:
+    """Participants of one transaction, and what was noted of them."""
+
+    def __init__(self) -> None:
+        self.members, self.queues = Members(), DeviceQueues()
+        self.told: list[tuple[Event, float]] = []
+        self.noted: list[tuple[float, Message]] = []
+        self.replica = Replica(ME, "repository", version=7)
+        context = Context(
+            replica=self.replica,
+            requests=Requests(address=ME, repository="repository", registry="registry"),
+            reservations=Reservations(),
+            queues=self.queues,
+            quotes=Quotes(),
+            touched={},
+            busy=lambda provider: [],
+            still_at_work=lambda work: True,
+        )
+        self.participants = Participants("task1", self.members, context, self._tell, self._note)
+        self._said = 0
+
+    def _tell(self, event: Event, now: float) -> None:
+        self.told.append((event, now))
+
+    def _note(self, now: float, message: Message) -> None:
+        self.noted.append((now, message))
+
+    def invited(self, step: str = "1.1/step1", now: float = 0.0) -> Member:
+        return carried_out(self.participants.invite(OFFER, "step1", step, ARRANGE, now, 10.0))[1]
+
+    def message(self, participant: str | None, body: FrpBody) -> Message:
+        self._said += 1
+        header = Header(
+            sender=OFFER.address,
+            recipient=ME,
+            message_id=f"said {self._said}",
+            reply_to=OFFER.address,
+            transaction="task1",
+            participant=participant,
+        )
+        return Message(header=header, body=body)
+
+    def says(self, member: Member, body: FrpBody, now: float = 0.0) -> tuple[list[Effect], tuple[Member, Heard] | None]:
+        return carried_out(self.participants.receive(self.message(member.id, body), now))
+
+    def offered(self, duration: float = 30.0) -> Member:
+        member = self.invited()
+        self.says(member, frp.Terms(effect="", price=5.0, duration=duration))
+        return member
+
+    def committed(self, duration: float = 30.0) -> Member:
+        member = self.offered(duration)
+        assert member.session.terms_id is not None
+        carried_out(self.participants.accept(member, member.session.terms_id, 0.0))
+        return member
+
+    def executing(self, now: float = 100.0, duration: float = 30.0, *, begun: bool = False) -> Member:
+        member = self.committed(duration)
+        carried_out(self.participants.execute(member, EXECUTE, now))
+        if begun:
+            self.says(member, frp.Progress(fraction=0.1), now)
+        return member
+
+    def in_state(self, state: State) -> Member:
+        match state:
+            case State.ARRANGING:
+                return self.invited()
+            case State.OFFERED:
+                return self.offered()
+            case State.COMMITTED:
+                return self.committed()
+        member = self.executing()
+        match state:
+            case State.STOPPING:
+                carried_out(self.participants.halt(member, "enough", 100.0))
+            case State.COMPLETED:
+                self.says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 100.0)
+            case State.COMPENSATING:
+                self.says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 100.0)
+                carried_out(self.participants.compensate(member, "Jar1.Clean = FALSE", 100.0))
+            case State.UNREACHABLE:
+                carried_out(self.participants.give_up(member))
+        assert member.state is state
+        return member
+
+
+def sends(effects: list[Effect]) -> list[tuple[object, float | None]]:
+    """What is sent, and until when."""
+    return [(effect.message.body, effect.until) for effect in effects if isinstance(effect, Send)]
+
+
+def wakes(effects: list[Effect]) -> dict[str, float | None]:
+    """When which kind of timer is to ring."""
+    return {type(effect.timer).__name__: effect.at for effect in effects if isinstance(effect, Wake)}
+
+
+# Speaking
+
+
+def test_who_is_asked_is_a_participant_of_its_own_each_time() -> None:
+    table = Table()
+    effects, first = carried_out(table.participants.invite(OFFER, "step1", "1.1/step1", ARRANGE, 3.0, 10.0))
+    second = table.invited(step="1.2/step1", now=4.0)
+    assert [*table.members] == [first, second]
+    assert (first.id, first.number, first.step, first.label, first.offer) == ("Robot1.Work#step1", 1, "1.1/step1", "step1", OFFER)
+    assert (second.id, second.number, second.step) == ("Robot1.Work#step1.2", 2, "1.2/step1")
+    assert sends(effects) == [(ARRANGE, 13.0)]
+    (sent,) = [effect.message for effect in effects if isinstance(effect, Send)]
+    assert (sent.header.sender, sent.header.recipient, sent.header.transaction) == (ME, OFFER.address, "task1")
+    assert [at for at, _ in table.noted] == [3.0, 4.0]
+    assert table.noted[0][1] == sent
+    assert (table.members.asked, table.members.changes, first.changed, second.changed) == (2, 2, 1, 2)
+
+
+def test_who_is_known_only_is_not_asked() -> None:
+    table = Table()
+    table.invited()
+    found = table.participants.known(OFFER, "step2", "1.1/step2")
+    assert (found.id, found.number, found.state) == ("Robot1.Work#step2.2", 2, State.NEW)
+    assert (table.members.asked, len([*table.members])) == (1, 1)
+
+
+def test_what_is_told_is_kept_up_for_as_long_as_it_matters() -> None:
+    table = Table()
+    member = table.offered()
+    assert member.session.terms_id is not None
+    effects, _ = carried_out(table.participants.accept(member, member.session.terms_id, 50.0))
+    assert sends(effects) == [(frp.Accept(terms=member.session.terms_id), 70.0)]
+    effects, _ = carried_out(table.participants.execute(member, EXECUTE, 60.0))
+    told = frp.Execute(inputs={}, begin_by=80.0)
+    assert sends(effects) == [(told, 80.0)]
+    assert (member.told, member.begins_by) == (told, 80.0)
+    assert table.queues.at_work == {"Robot1": [AtWork("task1", "Robot1.Work#step1")]}
+    effects, _ = carried_out(table.participants.halt(member, "enough", 61.0))
+    assert sends(effects) == [(frp.Stop(reason="enough"), 81.0)]
+
+
+@pytest.mark.parametrize(
+    ("duration", "start", "overdue"),
+    [(6.0, 100.0, 160.0), (7.0, 100.0, 170.0), (7.0, 105.0, 175.0), (7.0, 90.0, 170.0), (7.0, None, 170.0)],
+)
+def test_a_service_has_ten_times_as_long_as_it_said_from_when_it_is_to_start_and_a_minute_at_least(
+    duration: float, start: float | None, overdue: float
+) -> None:
+    table = Table()
+    member = table.committed(duration)
+    if start is not None:
+        member.bid = Bid(participant=member.id, terms=TERMS, terms_id="", start=start, finish=start + duration)
+    effects, _ = carried_out(table.participants.execute(member, EXECUTE, 100.0))
+    assert [effect for effect in effects if isinstance(effect, Wake)] == [
+        Wake(SilenceDue("task1", member.id), 120.0),
+        Wake(OverdueDue("task1", member.id), overdue),
+    ]
+    assert (member.heard_at, member.queried) == (100.0, False)
+
+
+def test_who_has_done_something_is_told_to_undo_it() -> None:
+    table = Table()
+    member = table.in_state(State.COMPLETED)
+    member.reported, member.lost_at = True, 3
+    effects, could = carried_out(table.participants.compensate(member, "Jar1.Clean = FALSE", 200.0))
+    assert could is True
+    assert sends(effects) == [(frp.Compensate(situation="Jar1.Clean = FALSE", begin_by=220.0), 220.0)]
+    assert wakes(effects) == {"SilenceDue": 220.0, "OverdueDue": 500.0}
+    assert (member.reported, member.state) == (False, State.COMPENSATING)
+    assert [one.lost_at for one in table.members] == [None]
+    assert table.queues.at_work == {"Robot1": [AtWork("task1", member.id)] * 2}
+
+
+@pytest.mark.parametrize("state", [State.COMMITTED, State.UNREACHABLE])
+def test_who_cannot_be_told_to_undo_is_left_alone(state: State) -> None:
+    table = Table()
+    member = table.in_state(state)
+    before = (member.reported, member.lost_at)
+    assert carried_out(table.participants.compensate(member, "Jar1.Clean = FALSE", 200.0)) == ([], False)
+    assert (member.reported, member.lost_at, member.state) == (*before, state)
+
+
+@pytest.mark.parametrize(
+    ("state", "cancelled"),
+    [
+        (State.ARRANGING, True),
+        (State.OFFERED, True),
+        (State.COMMITTED, True),
+        (State.EXECUTING, False),
+        (State.COMPLETED, False),
+        (State.UNREACHABLE, False),
+    ],
+)
+def test_only_who_has_not_begun_is_dismissed(state: State, cancelled: bool) -> None:
+    table = Table()
+    member = table.in_state(state)
+    effects, _ = carried_out(table.participants.dismiss(member, "not needed", 200.0))
+    assert sends(effects) == ([(frp.Cancel(reason="not needed"), 200.0 + DAY)] if cancelled else [])
+
+
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        (State.OFFERED, [(frp.Cancel(reason="enough"), 200.0 + DAY)]),
+        (State.EXECUTING, [(frp.Stop(reason="enough"), 220.0)]),
+        (State.STOPPING, []),
+        (State.COMPLETED, []),
+        (State.COMPENSATING, []),
+    ],
+)
+def test_whoever_works_has_to_stop_and_who_does_not_goes_home(state: State, said: list[tuple[object, float]]) -> None:
+    table = Table()
+    table.in_state(state)
+    effects, _ = carried_out(table.participants.stop("enough", 200.0))
+    assert sends(effects) == said
+
+
+@pytest.mark.parametrize(
+    ("state", "body", "left_in"),
+    [
+        (State.ARRANGING, frp.Cancel(reason="the task is over"), State.ARRANGING),
+        (State.COMMITTED, frp.End(outcome=Outcome.FAILED), State.COMMITTED),
+        (State.COMPLETED, frp.End(outcome=Outcome.FAILED), State.COMPLETED),
+        (State.EXECUTING, frp.End(outcome=Outcome.FAILED), State.UNREACHABLE),
+        (State.COMPENSATING, frp.End(outcome=Outcome.FAILED), State.STRANDED),
+    ],
+)
+def test_everybody_hears_of_the_end(state: State, body: FrpBody, left_in: State) -> None:
+    table = Table()
+    member = table.in_state(state)
+    effects, _ = carried_out(table.participants.end(Outcome.FAILED, 300.0))
+    assert sends(effects) == [(body, 300.0 + DAY)]
+    assert member.left_in is left_in
+    assert member.lost_at == (7 if state in (State.EXECUTING, State.COMPENSATING) else None)
+
+
+def test_after_the_end_those_are_kept_that_may_report_yet() -> None:
+    table = Table()
+    done, lost, reported = table.invited(), table.invited(), table.invited()
+    lost.lost_at = 3
+    reported.lost_at, reported.reported = 3, True
+    table.participants.forget([None, "nobody", done.id])
+    assert [*table.members] == [lost]
+    assert table.members.former == {done.id: done}
+    assert [table.members.known(id) for id in (lost.id, done.id, reported.id, None)] == [lost, done, None, None]
+    assert [table.members.get(id) for id in (lost.id, done.id, None)] == [lost, None, None]
+
+
+# Who is at work
+
+
+@pytest.mark.parametrize(
+    ("state", "working", "held"),
+    [
+        (State.OFFERED, False, False),
+        (State.COMMITTED, False, True),
+        (State.EXECUTING, True, True),
+        (State.STOPPING, True, True),
+        (State.COMPENSATING, True, True),
+        (State.COMPLETED, False, False),
+        (State.UNREACHABLE, False, False),
+    ],
+)
+def test_who_works_and_whose_a_step_is(state: State, working: bool, held: bool) -> None:
+    table = Table()
+    member = table.in_state(state)
+    assert table.members.working == ([member] if working else [])
+    assert table.members.at_work(member.id) is working
+    assert table.members.held("1.1/step1") is held
+    assert table.members.held("1.1/step2") is False
+    assert table.members.at_work("nobody") is False
+
+
+@pytest.mark.parametrize(("halting", "reporting"), [(True, False), (False, True)])
+def test_a_device_is_taken_until_it_stands_still_and_what_it_did_is_known(halting: bool, reporting: bool) -> None:
+    table = Table()
+    member = table.in_state(State.COMPLETED)
+    member.halting, member.reporting = halting, reporting
+    assert table.members.at_work(member.id) is True
+    assert table.members.working == ([member] if halting else [])
+
+
+# Hearing
+
+
+def test_what_a_participant_says_is_noted_and_counts_as_a_sign_of_life() -> None:
+    table = Table()
+    member = table.executing()
+    member.queried = True
+    changes, noted = table.members.changes, len(table.noted)
+    effects, received = table.says(member, frp.Progress(fraction=0.5), 110.0)
+    assert effects == []
+    assert received is not None
+    assert (received[0], received[1].moved) == (member, True)
+    assert (member.heard_at, member.queried, member.begins_by) == (110.0, False, 0.0)
+    assert (table.members.changes, [at for at, _ in table.noted[noted:]]) == (changes, [110.0])
+    table.says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 111.0)
+    assert (table.members.changes, member.changed) == (changes + 1, changes + 1)
+
+
+def test_who_has_come_to_an_end_is_not_watched_any_more_and_who_comes_back_is() -> None:
+    table = Table()
+    member = table.executing()
+    effects, _ = table.says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 110.0)
+    assert effects == [Wake(SilenceDue("task1", member.id), None), Wake(OverdueDue("task1", member.id), None)]
+    back = Table()
+    member = back.in_state(State.UNREACHABLE)
+    effects, _ = back.says(member, frp.Progress(fraction=0.5), 500.0)
+    assert [type(body).__name__ for body, _ in sends(effects)] == ["Stop"]
+    assert wakes(effects) == {"SilenceDue": 520.0, "OverdueDue": 800.0}
+    assert [type(message.body).__name__ for _, message in back.noted[-2:]] == ["Progress", "Stop"]
+
+
+@pytest.mark.parametrize(
+    ("state", "status", "again"),
+    [
+        (State.EXECUTING, State.OFFERED, True),
+        (State.EXECUTING, State.COMMITTED, True),
+        (State.EXECUTING, State.EXECUTING, False),
+        (State.COMPENSATING, State.COMPLETED, True),
+        (State.COMPENSATING, State.STOPPED, True),
+        (State.COMPENSATING, State.COMPENSATING, False),
+        (State.STOPPING, State.COMMITTED, False),
+    ],
+)
+def test_who_was_not_reached_by_what_it_was_told_is_told_again(state: State, status: State, again: bool) -> None:
+    table = Table()
+    member = table.in_state(state)
+    told = member.told
+    effects, _ = table.says(member, frp.Status(state=status), 110.0)
+    assert [until for _, until in sends(effects)] == ([130.0] if again else [])
+    assert (type(member.told), member.begins_by) == (type(told), 130.0 if again else 120.0)
+
+
+def test_a_stranger_is_sent_home() -> None:
+    table = Table()
+    message = table.message("Robot9.Work#step1", frp.Completed(situation="Jar1.Clean = TRUE"))
+    effects, received = carried_out(table.participants.receive(message, 5.0))
+    assert received is None
+    (sent,) = [effect for effect in effects if isinstance(effect, Send)]
+    assert isinstance(sent.message.body, frp.End)
+    assert sent.message.header.recipient == OFFER.address
+    assert table.noted == []
+
+
+@pytest.mark.parametrize(
+    ("transaction", "participant", "reply_to", "recipients"),
+    [
+        ("old task", "Robot1.Work#step1", "elsewhere", ["elsewhere"]),
+        ("old task", "Robot1.Work#step1", ANONYMOUS, ["devices/Robot1"]),
+        (None, "Robot1.Work#step1", "elsewhere", []),
+        ("old task", None, "elsewhere", []),
+    ],
+)
+def test_who_is_sent_home_hears_it_where_it_wants_its_answers(
+    transaction: str | None, participant: str | None, reply_to: str, recipients: list[str]
+) -> None:
+    header = Header(sender=OFFER.address, recipient=ME, message_id="1", reply_to=reply_to, transaction=transaction, participant=participant)
+    sent = sent_home(Message(header=header, body=frp.Completed(situation="")), ME)
+    found = [effect.message.header for effect in sent if isinstance(effect, Send)]
+    assert [header.recipient for header in found] == recipients
+    assert all((header.sender, header.transaction, header.participant) == (ME, transaction, participant) for header in found)
+
+
+@pytest.mark.parametrize(
+    ("state", "body", "out", "said"),
+    [
+        (State.ARRANGING, ARRANGE, True, [(frp.Cancel(reason="could not be reached: no route"), 50.0 + DAY)]),
+        (State.OFFERED, ARRANGE, False, []),
+        (State.COMMITTED, frp.Accept(terms="1"), True, []),
+        (State.EXECUTING, frp.Accept(terms="1"), False, []),
+        (State.EXECUTING, EXECUTE, False, []),
+        (State.STOPPING, frp.Stop(reason="enough"), False, [(frp.Stop(reason="enough"), 70.0)]),
+        (State.COMPLETED, frp.Stop(reason="enough"), False, []),
+    ],
+)
+def test_who_cannot_be_reached_is_out_unless_it_works(state: State, body: FrpBody, out: bool, said: list[tuple[object, float]]) -> None:
+    table = Table()
+    member = table.in_state(state)
+    changes = table.members.changes
+    effects, found = carried_out(table.participants.undelivered(table.message(member.id, body), "no route", 50.0))
+    assert found is (member if out else None)
+    assert sends(effects) == said
+    assert member.last_word == ("could not be reached: no route" if out else "")
+    assert member.changed == (table.members.changes if out else changes)
+    assert (table.members.changes > changes) is out
+    assert member.lost_at == (7 if state is State.COMMITTED else None)
+    assert carried_out(table.participants.undelivered(table.message("nobody", body), "no route", 50.0)) == ([], None)
+
+
+# Silence, and lateness
+
+
+def test_a_timer_that_rings_too_early_is_set_again() -> None:
+    table = Table()
+    member = table.executing(100.0, begun=True)
+    effects, given_up = carried_out(table.participants.silent(member.id, 119.5))
+    assert (wakes(effects), sends(effects), given_up) == ({"SilenceDue": 120.0}, [], None)
+    assert (member.queried, table.told) == (False, [])
+
+
+@pytest.mark.parametrize(("begun", "until"), [(True, 140.0), (False, 160.0)])
+def test_who_is_silent_is_asked_and_then_given_up(begun: bool, until: float) -> None:
+    """Who was not heard to begin may do so when its order is just about to expire, and is waited for twice as long from then on."""
+    table = Table()
+    member = table.executing(100.0, begun=begun)
+    effects, given_up = carried_out(table.participants.silent(member.id, 120.0))
+    assert (sends(effects), wakes(effects), given_up) == ([(frp.Query(), until)], {"SilenceDue": until}, None)
+    assert table.told == [(ServiceSilent(service="Robot1.Work"), 120.0)]
+    assert member.queried is True
+    effects, given_up = carried_out(table.participants.silent(member.id, until))
+    assert given_up is member
+    assert wakes(effects) == {"SilenceDue": None, "OverdueDue": None}
+    assert (member.state, member.lost_at, member.changed) == (State.UNREACHABLE, 7, table.members.changes)
+    assert len(table.told) == 1
+
+
+@pytest.mark.parametrize("state", [State.COMMITTED, State.COMPLETED, State.UNREACHABLE])
+def test_the_silence_of_who_does_not_work_means_nothing(state: State) -> None:
+    table = Table()
+    member = table.in_state(state)
+    member.queried = True
+    assert carried_out(table.participants.silent(member.id, 900.0)) == ([], None)
+    assert carried_out(table.participants.overdue(member.id, 900.0)) == ([], None)
+    assert carried_out(table.participants.silent("nobody", 900.0)) == ([], None)
+    assert carried_out(table.participants.overdue("nobody", 900.0)) == ([], None)
+    assert (member.state, table.told) == (state, [])
+
+
+def test_who_takes_far_too_long_is_stopped_and_then_given_up() -> None:
+    table = Table()
+    member = table.executing()
+    effects, given_up = carried_out(table.participants.overdue(member.id, 400.0))
+    assert sends(effects) == [(frp.Stop(reason="it takes far longer than it said"), 420.0)]
+    assert (wakes(effects), given_up) == ({"OverdueDue": 460.0}, None)
+    assert table.told == [(ServiceOverdue(service="Robot1.Work"), 400.0)]
+    effects, given_up = carried_out(table.participants.overdue(member.id, 460.0))
+    assert (given_up, sends(effects), member.state) == (member, [], State.UNREACHABLE)
+    assert len(table.told) == 1
+
+
+def test_who_undoes_for_far_too_long_is_sent_home_and_waited_for_until_it_stands_still() -> None:
+    table = Table()
+    member = table.in_state(State.COMPENSATING)
+    table.says(member, frp.Progress(fraction=0.1), 101.0)
+    effects, given_up = carried_out(table.participants.overdue(member.id, 400.0))
+    assert sends(effects) == [(frp.End(outcome=Outcome.FAILED), 400.0 + DAY)]
+    assert (wakes(effects), given_up) == ({"SilenceDue": None, "OverdueDue": 420.0}, None)
+    assert table.told == [(ServiceOverdue(service="Robot1.Work", undoing=True), 400.0)]
+    assert (member.halting, table.members.working) == (True, [member])
+    assert carried_out(table.participants.overdue(member.id, 420.0)) == ([], member)
+    assert (member.halting, table.members.working) == (False, [])
+
+
+def test_who_is_given_up_twice_is_lost_once() -> None:
+    table = Table()
+    member = table.in_state(State.UNREACHABLE)
+    changes = table.members.changes
+    table.replica.version = 9
+    assert carried_out(table.participants.give_up(member)) == ([], None)
+    assert (member.lost_at, table.members.changes) == (7, changes)
+    assert isinstance(member.session, CoordinatorSession)

@@ -1,0 +1,189 @@
+"""How far the steps of a plan are, and which come next."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from somrs.entish import Name
+from somrs.entish.parse import parse
+from somrs.planner.model.plan import Link, Plan, Step
+from somrs.protocol.messages.events import GoalKind
+from somrs.task_manager.execution.member import Member
+from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
+from tests.unit.task_manager.execution.test_participants import OFFER, Table
+
+
+def step(id: str, object: str = "Jar1", **more: Any) -> Step:
+    return Step(id, "Work", {"Object": Name(object)}, parse(f"{object}.Clean = TRUE"), **more)
+
+
+def chain() -> Workflow:
+    """The second step waits for the first, the third for both; the fourth for nobody."""
+    links = (Link("a", "b", ""), Link("a", "c", ""), Link("b", "c", ""))
+    return Workflow.of(Plan(tuple(step(id, f"Jar{id}") for id in "abcd"), links), "1.1/", "undo1.", GoalKind.UNDO)
+
+
+def ids(runs: list[StepRun]) -> str:
+    return "".join(run.step.id for run in runs)
+
+
+def member(table: Table, step: str) -> Member:
+    return table.invited(step)
+
+
+def taken(workflow: Workflow, id: str, table: Table, start: float = 0.0, finish: float = 10.0) -> Member:
+    run = workflow.runs[id]
+    who = member(table, run.key)
+    workflow.take(run, who, start, finish)
+    return who
+
+
+def state(workflow: Workflow) -> tuple[str, str, bool, bool, bool]:
+    return ids(workflow.open), ids(workflow.ready), workflow.arranged, workflow.busy, workflow.done
+
+
+def test_steps_are_known_by_their_names() -> None:
+    workflow = chain()
+    assert [(run.label, run.key, run.goal) for run in workflow] == [
+        (f"undo1.{id}", f"1.1/{id}", GoalKind.UNDO) for id in ("a", "b", "c", "d")
+    ]
+    assert [run.step.id for run in workflow.before("c")] == ["a", "b"]
+    plain = Workflow.of(Plan((step("a"),)))
+    assert [(run.label, run.key, run.goal) for run in plain] == [("a", "a", GoalKind.TASK)]
+
+
+def test_steps_are_arranged_when_those_before_are_promised_and_begin_when_they_are_done() -> None:
+    workflow, table = chain(), Table()
+    assert state(workflow) == ("ad", "", False, False, False)
+    workflow.move(workflow.runs["a"], Progress.ARRANGING)
+    assert state(workflow) == ("d", "", False, False, False)
+    taken(workflow, "a", table)
+    assert state(workflow) == ("bd", "a", False, False, False)
+    taken(workflow, "b", table)
+    taken(workflow, "c", table)
+    assert state(workflow) == ("d", "a", False, False, False)
+    taken(workflow, "d", table)
+    assert state(workflow) == ("", "ad", True, False, False)
+    workflow.move(workflow.runs["a"], Progress.EXECUTING)
+    assert state(workflow) == ("", "d", True, True, False)
+    workflow.move(workflow.runs["a"], Progress.REPORTING)
+    assert state(workflow) == ("", "d", True, True, False)
+    workflow.move(workflow.runs["a"], Progress.DONE)
+    assert state(workflow) == ("", "bd", True, False, False)
+    assert (ids(workflow.rest), workflow.count, workflow.count_done) == ("bcd", 4, 1)
+    workflow.lose(workflow.runs["b"])
+    assert state(workflow) == ("b", "d", False, False, False)
+    for id in "bcd":
+        workflow.move(workflow.runs[id], Progress.DONE)
+    assert state(workflow) == ("", "", True, False, True)
+    assert (ids(workflow.rest), workflow.count_done) == ("", 4)
+
+
+def test_what_is_known_of_a_workflow_is_known_when_it_is_read_back() -> None:
+    workflow, table = chain(), Table()
+    taken(workflow, "a", table, 1.0, 2.0)
+    taken(workflow, "b", table, 3.0, 4.0)
+    taken(workflow, "d", table, 5.0, 6.0)
+    workflow.move(workflow.runs["a"], Progress.DONE)
+    workflow.move(workflow.runs["d"], Progress.EXECUTING)
+    workflow.fail(workflow.runs["c"], "broken")
+    read = Workflow(workflow.plan, workflow.runs)
+    assert state(read) == state(workflow) == ("c", "b", False, True, False)
+    assert read.failed is workflow.failed is workflow.runs["c"]
+    assert sorted(read.promised("Robot1")) == sorted(workflow.promised("Robot1")) == [(3.0, 4.0), (5.0, 6.0)]
+    assert (read.count, read.count_done) == (4, 1)
+
+
+def test_a_service_has_a_step_until_it_loses_it() -> None:
+    workflow, table = chain(), Table()
+    run = workflow.runs["a"]
+    run.waits = True
+    who = taken(workflow, "a", table, 1.0, 2.0)
+    assert (run.participant, run.provider, run.start, run.finish, run.waits) == (who.id, "Robot1", 1.0, 2.0, False)
+    assert (workflow.run_of(who), workflow.held_by(who)) == (run, run)
+    other = member(table, run.key)
+    assert (workflow.run_of(other), workflow.held_by(other)) == (run, None)
+    assert workflow.held_by(member(table, "elsewhere")) is None
+    workflow.lose(run, "it broke")
+    assert (run.progress, run.participant, run.provider, run.failure) == (Progress.OPEN, None, None, "it broke")
+    assert workflow.failed is run
+    assert [*workflow.promised("Robot1")] == []
+    workflow.fail(run, None)
+    assert [one.failure for one in workflow] == [None] * 4
+    assert workflow.failed is None
+
+
+def test_the_first_of_the_steps_that_failed_is_recovered_first() -> None:
+    workflow = chain()
+    for id in "db":
+        workflow.lose(workflow.runs[id], "it broke")
+    assert workflow.failed is workflow.runs["b"]
+
+
+def test_a_step_can_start_when_those_before_it_are_promised_to_be_over() -> None:
+    workflow, table = chain(), Table()
+    taken(workflow, "a", table, 0.0, 50.0)
+    taken(workflow, "b", table, 50.0, 70.0)
+    assert workflow.earliest_start(workflow.runs["c"], 10.0) == 70.0
+    assert workflow.earliest_start(workflow.runs["c"], 80.0) == 80.0
+    workflow.move(workflow.runs["b"], Progress.DONE)
+    assert workflow.earliest_start(workflow.runs["c"], 10.0) == 50.0
+    assert workflow.earliest_start(workflow.runs["a"], 10.0) == 10.0
+
+
+@pytest.mark.parametrize(
+    ("steps", "taken_over"),
+    [
+        ([step("x", "Jara")], "x"),
+        ([step("x", "Jarb")], ""),
+        ([step("x", "Jara"), step("y", "Jara")], "x"),
+        ([step("x", "Jara", provider="Robot1")], "x"),
+        ([step("x", "Jara", provider="Robot2")], ""),
+        ([step("x", "Jara", provider="Robot2", alike=("Robot1",), same="g")], "x"),
+        ([step("x", "Jara", provider="Robot2"), step("y", "Jara")], "y"),
+    ],
+)
+def test_a_new_plan_takes_over_what_stands_of_the_old_one(steps: list[Step], taken_over: str) -> None:
+    old, table = Workflow.of(Plan((step("a", "Jara"),)), "1.1/"), Table()
+    who = taken(old, "a", table, 3.0, 4.0)
+    old.runs["a"].precondition = parse("Jara.Open = TRUE")
+    new = Workflow.of(Plan(tuple(steps)), "1.2/")
+    left = [*new.adopt(old, table.members)]
+    adopted = [run for run in new if run.progress is Progress.ARRANGED]
+    assert left == ([] if taken_over else [who])
+    assert ids(adopted) == taken_over
+    for run in adopted:
+        assert (run.participant, run.start, run.finish, run.step.provider in (None, "Robot1")) == (who.id, 3.0, 4.0, True)
+        assert (str(run.precondition), who.step) == ("Jara.Open = TRUE", run.key)
+
+
+@pytest.mark.parametrize("progress", [Progress.OPEN, Progress.ARRANGING, Progress.EXECUTING, Progress.DONE])
+def test_of_an_old_plan_only_what_is_promised_is_taken_over(progress: Progress) -> None:
+    old, table = Workflow.of(Plan((step("a"), step("b"))), "1.1/"), Table()
+    taken(old, "a", table)
+    old.move(old.runs["a"], progress)
+    second = taken(old, "b", table)
+    old.runs["a"].provider = OFFER.provider
+    new = Workflow.of(Plan((step("x"),)), "1.2/")
+    assert [*new.adopt(old, table.members)] == []
+    assert new.runs["x"].participant == second.id
+
+
+def test_two_promises_are_taken_over_by_two_steps() -> None:
+    old, table = Workflow.of(Plan((step("a"), step("b"), step("c"))), "1.1/"), Table()
+    who = [taken(old, id, table) for id in "abc"]
+    new = Workflow.of(Plan((step("x"), step("y"))), "1.2/")
+    assert [*new.adopt(old, table.members)] == [who[2]]
+    assert [run.participant for run in new] == [who[0].id, who[1].id]
+
+
+def test_steps_of_one_device_are_bound_together() -> None:
+    alike: dict[str, Any] = {"provider": "Robot2", "alike": ("Robot1",)}
+    steps = (step("a", same="g", **alike), step("b", same="g", **alike), step("c", same="h", **alike), step("d", provider="Robot2"))
+    workflow = Workflow.of(Plan(steps))
+    workflow.bind(workflow.runs["d"], "Robot1")
+    assert [run.step.provider for run in workflow] == ["Robot2"] * 4
+    workflow.bind(workflow.runs["b"], "Robot1")
+    assert [run.step.provider for run in workflow] == ["Robot1", "Robot1", "Robot2", "Robot2"]

@@ -1,0 +1,45 @@
+"""What to try when a step has lost its service, and how often."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.task_manager.recovery.ladder import MOST_REPLANS, Replans, Rung, next_rung
+from tests.unit.task_manager.execution.test_participants import OFFER
+
+
+@pytest.mark.parametrize(
+    ("others", "possible", "known", "rung"),
+    [
+        (True, True, True, Rung.REPLACE),
+        (False, True, True, Rung.REPLAN),
+        (True, False, True, Rung.REPLAN),
+        (True, True, False, Rung.REPLAN),
+    ],
+)
+def test_the_cheapest_rung_that_can_help(others: bool, possible: bool, known: bool, rung: Rung) -> None:
+    assert next_rung([OFFER] if others else [], possible, known) is rung
+
+
+def test_nothing_is_planned_anew_for_ever_without_anything_done() -> None:
+    replans = Replans()
+    replans.planned(5)
+    for _ in range(MOST_REPLANS):
+        assert not replans.spent
+        replans.count()
+    assert replans.spent
+    assert str(replans) == "planned anew 8 times already, and nothing was done"
+    replans.done()
+    assert not replans.spent
+
+
+def test_nothing_is_planned_anew_for_ever_though_much_is_done() -> None:
+    replans = Replans()
+    for steps in (2, 3, 1):
+        replans.planned(steps)
+    for _ in range(MOST_REPLANS + 3):
+        assert not replans.spent
+        replans.count()
+        replans.done()
+    assert replans.spent
+    assert str(replans) == "planned anew 11 times already"

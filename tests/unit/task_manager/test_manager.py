@@ -1,0 +1,232 @@
+"""Which requests of clients a Task Manager takes, and what it answers."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.kernel.component import Answered, Ask, Effect, Rang, Received, Send, Trouble, Wake
+from somrs.kernel.replica import Replica
+from somrs.protocol.messages import clients, frp, records
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.clients import Policy, Submit
+from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.knowledge import Updated
+from somrs.task_manager.context import MOST_PRIORITY, wrong_with
+from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.timers import MapDue, NewsDue, RecordsWanted
+from tests.unit.task_manager.transaction.test_participant_events import WISH, Desk
+
+
+def asked(manager: TaskManager, body: Body, now: float = 10.0, id: str = "request") -> list[Effect]:
+    header = Header(sender="client", recipient="tm", message_id=id, reply_to="client")
+    return manager.handle(Received(Message(header=header, body=body)), now)
+
+
+def answers(effects: list[Effect]) -> list[Body]:
+    return [effect.message.body for effect in effects if isinstance(effect, Send) and effect.message.header.recipient == "client"]
+
+
+def record(task: str) -> records.TaskRecord:
+    message = clients.MessageView(at=1.0, type="End", sender="tm", recipient="r", participant="p", id="1", relates_to=None, body="{}")
+    return records.TaskRecord(
+        task=task, client="client", effect=WISH, submitted_at=0.0, ended_at=1.0, outcome=frp.Outcome.FAILED, messages=(message,)
+    )
+
+
+@pytest.mark.parametrize("body", [clients.Submit(effect=WISH), clients.Preview(effect=WISH)])
+def test_who_wants_something_before_the_map_is_known_waits_for_it(body: Body) -> None:
+    manager = TaskManager("tm", repository="repository", registry="registry")
+    assert asked(manager, body, 10.0) == [Wake(MapDue("request"), 40.0)]
+    (fault,) = answers(manager.handle(Rang(MapDue("request")), 40.0))
+    assert fault == frp.Fault(
+        code="env:Receiver",
+        text="the map of the environment is not known yet, because repository does not answer; try again later",
+    )
+    assert manager.handle(Rang(MapDue("request")), 41.0) == []
+    assert answers(asked(manager, clients.ReadTasks(), 42.0, "other")) == [clients.Tasks(tasks=())]
+
+
+@pytest.mark.parametrize("body", [clients.CancelTask(task="no task"), clients.WatchTask(task="no task")])
+def test_a_task_that_is_not_known_is_said_to_be_none(body: Body) -> None:
+    assert answers(asked(Desk().manager, body)) == [frp.Fault(code="env:Sender", text="there is no task no task here")]
+
+
+@pytest.mark.parametrize("body", [frp.Fault(code="", text=""), Updated(version=3)])
+def test_what_is_no_request_is_not_answered(body: Body) -> None:
+    assert asked(Desk().manager, body) == []
+
+
+def test_a_request_for_others_is_answered_with_a_fault() -> None:
+    (fault,) = answers(asked(Desk().manager, frp.Query()))
+    assert fault == frp.Fault(code="wsa:ActionNotSupported", text="a Task Manager does not take Query")
+
+
+def test_a_task_that_is_stated_twice_by_one_message_is_one_task() -> None:
+    manager = Desk().manager
+    first = answers(asked(manager, clients.Submit(effect="Jar001 isOn Platform001"), 10.0, "again"))
+    second = answers(asked(manager, clients.Submit(effect="Jar001 isOn Platform001"), 11.0, "again"))
+    assert first == second
+    assert len(manager.open) == 2
+    rejected = answers(asked(manager, clients.Submit(effect="Jar001 isOn Platform001", deadline=0.0), 12.0, "wrong"))
+    assert [type(body) for body in rejected] == [clients.TaskRejected]
+    assert len(manager.state.tasks) == 2
+
+
+def test_tasks_are_listed_from_the_newest_and_by_pages() -> None:
+    desk = Desk()
+    first = desk.task.id
+    more = []
+    for number, jar in enumerate(("Jar001", "Tin001")):
+        (body,) = answers(asked(desk.manager, clients.Submit(effect=f"{jar} isOn Platform001"), 10.0 + number, jar))
+        assert isinstance(body, clients.Submitted)
+        more.append(body.task)
+    second, third = more
+    asked(desk.manager, clients.CancelTask(task=second), 20.0, "cancel")
+
+    def listed(**wanted: object) -> tuple[list[str], bool]:
+        (found,) = answers(asked(desk.manager, clients.ReadTasks(**wanted), 30.0))  # type: ignore[arg-type]  # fields of ReadTasks
+        assert isinstance(found, clients.Tasks)
+        return [view.task for view in found.tasks], found.more
+
+    assert listed() == ([third, second, first], False)
+    assert listed(running=True) == ([third, first], False)
+    assert listed(limit=2) == ([third, second], True)
+    assert listed(limit=0) == ([], True)
+    assert listed(limit=-1) == ([], True)
+    assert listed(behind=third) == ([second, first], False)
+    assert listed(behind=second, running=True) == ([first], False)
+    assert listed(behind="no task") == ([], False)
+
+
+def test_messages_of_a_task_that_is_under_way_are_read_behind_those_that_are_known() -> None:
+    desk = Desk()
+    desk.executing()
+    types = ["Arrange", "Terms", "Accept", "Execute"]
+    for after, expected in ((-1, types), (0, types), (3, types[3:]), (4, []), (9, [])):
+        (found,) = answers(asked(desk.manager, clients.ReadMessages(task=desk.task.id, after=after)))
+        assert isinstance(found, clients.Messages)
+        assert ([message.type for message in found.messages], found.more) == (expected, False)
+
+
+def test_messages_of_a_task_that_is_over_are_read_from_its_record() -> None:
+    manager = Desk().manager
+    without = tuple(name for name in records.PARTS if name != "messages")
+    for after, wanted in ((-2, 0), (5, 5)):
+        (ask,) = [one for one in asked(manager, clients.ReadMessages(task="old", after=after)) if isinstance(one, Ask)]
+        assert ask == Ask(RecordsWanted("request"), records.ReadRecords(task="old", limit=1, after=wanted, without=without))
+    found = record("old")
+    (body,) = answers(manager.handle(Answered(RecordsWanted("request"), records.Records(records=(found,))), 11.0))
+    assert body == clients.Messages(messages=found.messages)
+    assert manager.handle(Answered(RecordsWanted("request"), records.Records(records=(found,))), 11.0) == []
+
+
+@pytest.mark.parametrize(
+    ("body", "value", "answer"),
+    [
+        (clients.ReadMessages(task="old"), records.Records(records=()), frp.Fault(code="env:Sender", text="there is no task old here")),
+        (
+            clients.ReadMessages(task="old"),
+            Trouble("the disk is full"),
+            frp.Fault(code="env:Receiver", text="the records cannot be read: the disk is full"),
+        ),
+        (
+            records.ReadRecords(),
+            ValueError(),
+            frp.Fault(code="env:Receiver", text="the records cannot be read: ValueError"),
+        ),
+        (records.ReadRecords(), records.Records(records=()), records.Records(records=())),
+    ],
+)
+def test_what_the_archive_says_is_told_to_who_asked(body: Body, value: object, answer: Body) -> None:
+    manager = Desk().manager
+    asked(manager, body)
+    assert answers(manager.handle(Answered(RecordsWanted("request"), value), 11.0)) == [answer]
+    assert manager.state.readers == {}
+
+
+@pytest.mark.parametrize(("wait", "at"), [(5.0, 15.0), (0.0, 10.0), (-3.0, 10.0), (90.0, 70.0), (float("nan"), 70.0), (float("inf"), 70.0)])
+def test_who_waits_for_news_is_answered_in_time(wait: float, at: float) -> None:
+    desk = Desk()
+    news = len(desk.task.events)
+    effects = asked(desk.manager, clients.WatchTask(task=desk.task.id, after=news, wait=wait))
+    assert effects == [Wake(NewsDue("request"), at)]
+    (body,) = answers(desk.manager.handle(Rang(NewsDue("request")), at))
+    assert isinstance(body, clients.TaskNews)
+    assert (body.events, body.more, body.messages, body.contracts, body.contracts_at) == ((), False, 1, (), 0)
+    assert desk.manager.handle(Rang(NewsDue("request")), at) == []
+
+
+@pytest.mark.parametrize(
+    ("wanted", "told"),
+    [
+        ({"after": 2}, True),
+        ({"after": 3}, False),
+        ({"after": 3, "messages": 0}, True),
+        ({"after": 3, "messages": 1}, False),
+        ({"after": 3, "contracts": 0}, True),
+        ({"after": 3, "contracts": 1}, False),
+    ],
+)
+def test_who_waits_for_news_is_told_what_is_new(wanted: dict[str, int], told: bool) -> None:
+    desk = Desk()
+    effects = asked(desk.manager, clients.WatchTask(task=desk.task.id, **wanted))
+    assert bool(answers(effects)) is told
+    if told:
+        assert effects[:2] == [Wake(NewsDue("request"), 30.0), Wake(NewsDue("request"), None)]
+
+
+def test_news_number_events_and_contracts() -> None:
+    desk = Desk("Robot1", "Robot2")
+    (first,) = answers(asked(desk.manager, clients.WatchTask(task=desk.task.id, contracts=0)))
+    assert isinstance(first, clients.TaskNews)
+    assert [event.number for event in first.events] == [1, 2, 3]
+    assert ([contract.number for contract in first.contracts], first.contracts_at, first.messages) == ([1, 2], 2, 2)
+    desk.offer(12.0)
+    (second,) = answers(asked(desk.manager, clients.WatchTask(task=desk.task.id, after=3, contracts=2), 13.0))
+    assert isinstance(second, clients.TaskNews)
+    assert [event.number for event in second.events] == [4]
+    assert ([contract.number for contract in second.contracts], second.contracts_at) == ([1], 3)
+
+
+def test_the_list_tells_which_tasks_changed_since() -> None:
+    desk = Desk()
+    asked(desk.manager, clients.Submit(effect="Jar001 isOn Platform001"), 10.0, "other")
+    other = desk.manager.open[1]
+
+    def rows(after: int) -> tuple[list[str], int] | None:
+        found = answers(asked(desk.manager, clients.WatchTasks(after=after), 20.0))
+        assert all(isinstance(body, clients.TasksNews) and not body.more for body in found)
+        return ([row.task for row in found[0].rows], found[0].version) if found and isinstance(found[0], clients.TasksNews) else None
+
+    version = desk.manager.state.subscriptions.version
+    assert rows(0) == ([desk.manager.open[0], other], version)
+    assert rows(version) is None
+    assert rows(version + 5) == ([desk.manager.open[0], other], version)
+    assert rows(version - 1) == ([other], version)
+
+
+# What is no task
+
+
+@pytest.mark.parametrize(
+    ("wanted", "fits"),
+    [
+        ({}, True),
+        ({"deadline": 0.5}, True),
+        ({"deadline": 0.0}, False),
+        ({"deadline": -1.0}, False),
+        ({"deadline": float("inf")}, False),
+        ({"deadline": float("nan")}, False),
+        ({"time_value": float("inf")}, False),
+        ({"time_value": -1.0, "policy": Policy.WEIGHTED}, True),
+        ({"priority": MOST_PRIORITY}, True),
+        ({"priority": -MOST_PRIORITY}, True),
+        ({"priority": MOST_PRIORITY + 1}, False),
+        ({"priority": -MOST_PRIORITY - 1}, False),
+        ({"precondition": "Jar002 isOn Nothing"}, False),
+        ({"effect": "Jar002 isOn Nothing"}, False),
+    ],
+)
+def test_what_a_task_may_be(wanted: dict[str, object], fits: bool) -> None:
+    replica: Replica = Desk().replica
+    assert (wrong_with(Submit(**{"effect": WISH, **wanted}), replica) is None) is fits  # type: ignore[arg-type]  # fields of Submit

@@ -1,0 +1,132 @@
+"""What the Repository and the Registry are asked, again and again, and what comes of their answers."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.kernel.component import Send, Wake
+from somrs.ontology.services import ServiceType
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.directory import Discover, Discovered, Offer
+from somrs.protocol.messages.envelope import Message, message_id, reply
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
+from somrs.task_manager.requests import ForPlan, ForReport, ReportAnswered, Requests, ServicesKnown, said
+from somrs.task_manager.timers import AnswerDue
+from tests.unit.task_manager.execution.test_participants import carried_out
+
+WORK = ServiceType(name="Work", effect="Jar1.Clean = TRUE")
+PLAN, REPORT = ForPlan("task1", 1, 0), ForReport("task1")
+UPDATE = UpdateMap(situation="Jar1.Clean = TRUE")
+
+
+def offer(number: int) -> Offer:
+    return Offer(service=f"R{number}.Work", provider=f"R{number}", provider_type="Robot", address="", service_type=WORK)
+
+
+def asking() -> Requests:
+    requests = Requests(address="tm", repository="repository", registry="registry")
+    requests.start(100.0)
+    return requests
+
+
+def asked(requests: Requests) -> Message:
+    (request,) = requests.pending.values()
+    return request.message
+
+
+def answer(requests: Requests, body: Body, now: float = 105.0) -> tuple[list[object], object]:
+    message = reply(asked(requests), body, "somebody")
+    assert requests.is_answer(message)
+    effects, came = carried_out(requests.answered(message, now))
+    assert not requests.is_answer(message)
+    return [*effects], came
+
+
+def test_a_request_has_an_id_of_its_own_and_is_sent_for_a_while() -> None:
+    requests = asking()
+    send, wake = requests.update(UPDATE, REPORT, 100.0)
+    id = message_id("tm", 100.0, 1)
+    assert isinstance(send, Send)
+    header = send.message.header
+    assert (header.sender, header.recipient, header.message_id, header.reply_to) == ("tm", "repository", id, "tm")
+    assert (send.message.body, send.until) == (UPDATE, 110.0)
+    assert wake == Wake(AnswerDue(id), 115.0)
+    requests.start(900.0)
+    assert requests.incarnation == 100.0
+    send, _ = requests.discover(PLAN, 200.0)
+    assert isinstance(send, Send)
+    assert (send.message.header.message_id, send.message.header.recipient) == (message_id("tm", 100.0, 2), "registry")
+    assert send.message.body == Discover()
+
+
+def test_what_was_reported_is_answered() -> None:
+    requests = asking()
+    carried_out(requests.update(UPDATE, REPORT, 100.0))
+    id = asked(requests).header.message_id
+    effects, came = answer(requests, Updated(version=3))
+    assert effects == [Wake(AnswerDue(id), None)]
+    assert isinstance(came, ReportAnswered)
+    assert (came.purpose, came.answer.body) == (REPORT, Updated(version=3))
+
+
+def test_all_pages_of_services_come_together() -> None:
+    requests = asking()
+    carried_out(requests.discover(PLAN, 100.0))
+    effects, came = answer(requests, Discovered(offers=(offer(1), offer(2)), more=True))
+    assert came is None
+    (next_,) = [effect.message for effect in effects if isinstance(effect, Send)]
+    assert next_.body == Discover(after="R2.Work")
+    _, came = answer(requests, Discovered(offers=(offer(3),)))
+    assert came == ServicesKnown(PLAN, (offer(1), offer(2), offer(3)))
+
+
+@pytest.mark.parametrize(
+    ("body", "known"),
+    [
+        (Discovered(offers=(), more=True), ()),
+        (Fault(code="", text="out of order"), "the Service Registry answered: out of order"),
+        (Updated(version=3), "the Service Registry answered: Updated"),
+    ],
+)
+def test_an_answer_that_names_no_services_ends_the_question(body: Body, known: object) -> None:
+    requests = asking()
+    carried_out(requests.discover(PLAN, 100.0))
+    assert answer(requests, body)[1] == ServicesKnown(PLAN, known)  # type: ignore[arg-type]  # as it is
+    assert requests.pending == {}
+
+
+def test_a_request_without_an_answer_is_sent_again_until_its_time_is_over() -> None:
+    requests = asking()
+    carried_out(requests.discover(PLAN, 100.0))
+    message, timer = asked(requests), AnswerDue(asked(requests).header.message_id)
+    assert carried_out(requests.ring(timer, 115.0)) == ([Send(message, 125.0), Wake(timer, 130.0)], None)
+    assert carried_out(requests.ring(timer, 129.0)) == ([Send(message, 130.0), Wake(timer, 135.0)], None)
+    effects, came = carried_out(requests.ring(timer, 130.0))
+    assert effects == [Wake(timer, None)]
+    assert came == ServicesKnown(PLAN, "the Service Registry answered: registry does not answer")
+    assert carried_out(requests.ring(timer, 145.0)) == ([], None)
+
+
+def test_a_request_that_does_not_arrive_is_sent_again_too() -> None:
+    requests = asking()
+    carried_out(requests.update(UPDATE, REPORT, 100.0))
+    message, timer = asked(requests), AnswerDue(asked(requests).header.message_id)
+    assert carried_out(requests.undelivered(message, "no route", 86_499.0)) == ([Send(message, 86_500.0), Wake(timer, 86_505.0)], None)
+    _, came = carried_out(requests.undelivered(message, "no route", 86_500.0))
+    assert isinstance(came, ReportAnswered)
+    assert came.answer.body == Fault(code="env:Receiver", text="repository could not be reached: no route")
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        (Rejected(problems=("one", "two")), ("one", "two")),
+        (Fault(code="", text="why"), ("why",)),
+        (Updated(version=1), ("Updated",)),
+    ],
+)
+def test_what_an_unwanted_answer_says(body: Body, words: tuple[str, ...]) -> None:
+    requests = asking()
+    carried_out(requests.update(UPDATE, REPORT, 100.0))
+    assert said(reply(asked(requests), body, "somebody")) == words

@@ -1,0 +1,169 @@
+"""Who may have what, who waits for whom, and what a plan needs to itself."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.entish.parse import parse
+from somrs.ontology.types import RelationType
+from somrs.planner.model.plan import Plan, Step
+from somrs.task_manager.reservations import Held, Reservation, Reservations, reservation
+from tests.unit.planner.test_planning import laboratory
+
+ONTOLOGY = laboratory().extended([RelationType(name="isNextTo", joins=("Object", "Object"), symmetric=True)])
+
+
+def of(changes: str = "", relies: str = "") -> Reservation:
+    return Reservation(changes=frozenset(changes), relies=frozenset(relies))
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "met"),
+    [
+        (of("ab"), of("bc"), "b"),
+        (of("ab"), of("", "bc"), "b"),
+        (of("", "ab"), of("bc"), "b"),
+        (of("", "ab"), of("", "bc"), ""),
+        (of("a", "b"), of("b", "a"), "ab"),
+        (of("a"), of("b"), ""),
+    ],
+)
+def test_what_one_changes_the_other_neither_changes_nor_relies_on(one: Reservation, other: Reservation, met: str) -> None:
+    assert one.meets(other) == frozenset(met)
+    assert other.meets(one) == frozenset(met)
+
+
+def test_reservations_are_put_together() -> None:
+    assert of("a", "b") | of("c", "d") == of("ac", "bd")
+
+
+def test_the_objects_that_others_have_are_named_once_in_order() -> None:
+    held = Held(wanted=of(), by={"one": frozenset("cb"), "two": frozenset("ab")}, plan=Plan())
+    assert held.objects == ("a", "b", "c")
+
+
+def test_a_more_urgent_task_comes_before_others_and_behind_its_equals() -> None:
+    tasks = Reservations()
+    for name, priority in (("a", 0), ("b", 1), ("c", 0), ("d", 1), ("e", -1), ("f", 0)):
+        tasks.enter(name, f"goal of {name}", priority)
+    assert [*tasks.goals] == ["b", "d", "a", "c", "f", "e"]
+    assert [tasks.goal("c"), tasks.goal("nobody")] == ["goal of c", ""]
+    tasks.enter("g", "")
+    assert [*tasks.goals] == ["b", "d", "a", "c", "f", "g", "e"]
+
+
+def test_a_task_is_met_by_those_that_have_something_and_those_that_wait_before_it() -> None:
+    tasks = Reservations()
+    for name in "abcd":
+        tasks.enter(name, "")
+    tasks.hold("a", of("x", "y"))
+    tasks.wait("b", of("z"))
+    tasks.wait("d", of("w"))
+    assert tasks.conflicts("c", of("wxyz")) == {"a": frozenset("xy"), "b": frozenset("z")}
+    assert tasks.conflicts("a", of("xyz")) == {}, "whoever waits behind it, and itself, do not matter"
+    assert tasks.conflicts("b", of("z")) == {}
+    assert (tasks.taken("c"), tasks.taken("a"), tasks.taken("d")) == (frozenset("xz"), frozenset(), frozenset("xz"))
+    assert (tasks.holders("b", of("x")), tasks.holders("a", of("x")), tasks.holders("c", of("z"))) == (["a"], [], [])
+
+
+def test_what_a_task_holds_grows_and_is_given_up_when_it_waits() -> None:
+    tasks = Reservations()
+    tasks.enter("a", "")
+    tasks.wait("a", of("w"))
+    tasks.hold("a", of("x"))
+    tasks.hold("a", of("y", "z"))
+    assert (tasks.held, tasks.waiting) == ({"a": of("xy", "z")}, {})
+    tasks.wait("a", of("v"))
+    assert (tasks.held, tasks.waiting["a"].wanted) == ({}, of("v"))
+
+
+def test_whoever_waits_is_called_once_when_nobody_has_what_it_wants() -> None:
+    tasks = Reservations()
+    for name in "abc":
+        tasks.enter(name, "")
+    tasks.hold("a", of("x"))
+    tasks.wait("b", of("x"))
+    tasks.wait("c", of("x"))
+    assert [*tasks.called()] == []
+    tasks.leave("a")
+    assert [*tasks.called()] == ["b"], "the one behind it waits for it, now that it makes its plan"
+    assert [*tasks.called()] == []
+    tasks.wait("c", of("y"))
+    assert [*tasks.called()] == ["c"]
+    tasks.leave("c")
+    assert [*tasks.called()] == [], "nobody is called twice for the same"
+
+
+def test_who_gives_up_waiting_lets_those_behind_it_go_on() -> None:
+    tasks = Reservations()
+    for name in "abc":
+        tasks.enter(name, "")
+    tasks.hold("a", of("x"))
+    tasks.wait("b", of("xy"))
+    tasks.wait("c", of("y"))
+    assert [*tasks.called()] == []
+    tasks.forget("a")
+    assert tasks.freed is False, "it did not wait"
+    tasks.forget("b")
+    assert [*tasks.called()] == ["c"]
+
+
+def test_who_waits_gives_up_what_it_had_so_that_others_are_called() -> None:
+    tasks = Reservations()
+    for name in "abc":
+        tasks.enter(name, "")
+    tasks.hold("b", of("x"))
+    tasks.wait("c", of("x"))
+    tasks.hold("a", of("z"))
+    assert [*tasks.called()] == []
+    tasks.wait("b", of("z"))
+    assert [*tasks.called()] == ["c"]
+
+
+def test_between_two_that_are_called_anything_may_change() -> None:
+    tasks = Reservations()
+    for name in "abcd":
+        tasks.enter(name, "")
+        tasks.wait(name, of(name))
+    called = tasks.called()
+    assert next(called) == "a"
+    tasks.leave("b")
+    tasks.hold("a", of("c"))
+    assert [*called] == ["d"]
+    tasks.leave("a")
+    assert [*tasks.called()] == ["c"]
+
+
+def test_of_a_task_that_is_over_nothing_is_left() -> None:
+    tasks = Reservations()
+    tasks.enter("a", "goal", 2)
+    tasks.hold("a", of("x"))
+    tasks.leave("a")
+    assert (tasks.goals, tasks.priorities, tasks.held, tasks.freed) == ({}, {}, {}, True)
+    tasks.enter("b", "goal")
+    tasks.wait("b", of("x"))
+    tasks.leave("b")
+    tasks.leave("nobody")
+    assert tasks.waiting == {}
+
+
+@pytest.mark.parametrize(
+    ("effect", "precondition", "goal", "needed"),
+    [
+        ("Jar001 isOn Shelf2", "Jar001 isOn Shelf1", "Jar001 isOn Shelf2", (["Jar001"], [])),
+        ("NOT Jar001 isOn Shelf1", None, "Jar001.Clean = TRUE", (["Jar001"], [])),
+        ("Jar001 isOn Shelf2", "Jar002.Clean = TRUE", "Jar001 isOn Shelf2", (["Jar001"], ["Jar002"])),
+        ("Jar001 isOn Shelf2", "NOT Jar002 isOn Shelf1", "Jar001 isOn Shelf2", (["Jar001"], ["Jar002"])),
+        ("Jar001.PositionX = Jar002.PositionX", None, "Jar001 isOn Shelf2", (["Jar001"], ["Jar002"])),
+        ("5 = Jar001.PositionX", None, "Jar001 isOn Shelf2", (["Jar001"], [])),
+        ("Jar001.PositionX = 5", "Jar002.PositionX > Shelf1.PositionX", "Jar001 isOn Shelf2", (["Jar001"], ["Jar002", "Shelf1"])),
+        ("Jar001 isNextTo Jar002", None, "Jar001 isNextTo Jar002", (["Jar001", "Jar002"], [])),
+        ("Jar001 isOn Shelf2", None, "Jar001 isOn Shelf2 AND Jar002 isOn Shelf1", (["Jar001"], ["Jar002"])),
+        ("Jar001 isOn Shelf2", None, "Jar001 isOn Shelf2 OR Jar002 isOn Shelf1", (["Jar001"], [])),
+        ("Jar001 isOn Shelf2", "distance(Jar002, Shelf1) < 5", "Jar001 isOn Shelf2", (["Jar001"], ["Jar002", "Shelf1"])),
+    ],
+)
+def test_what_a_plan_needs_to_itself(effect: str, precondition: str | None, goal: str, needed: tuple[list[str], list[str]]) -> None:
+    step = Step("step1", "Any", {}, parse(effect), parse(precondition) if precondition is not None else None)
+    found = reservation([step], parse(goal), ONTOLOGY)
+    assert (sorted(found.changes), sorted(found.relies)) == needed
