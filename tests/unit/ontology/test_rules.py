@@ -50,6 +50,7 @@ ONTOLOGY = Ontology(
         ObjectType(name="Barrel", parent="Tank", defaults={"Load": 5.0}, constraints=(Constraint(formula="?Self.Shape.Height < 3"),)),
         ObjectType(name="Keg", parent="Barrel", defaults={"Load": 4.0}),
         ObjectType(name="Mate", parent="Thing", constraints=(Constraint(formula="?Box: Box isOn ?Self"),)),
+        ObjectType(name="Lid", parent="Thing", constraints=(Constraint(formula="?Self.Load < 3 AND ?Self isOn Model"),)),
         ObjectType(name="Twin", parent="Thing", constraints=(Constraint(formula="?Self.Load = Model.Load"),)),
     ]
 )
@@ -163,6 +164,10 @@ def test_what_is_said_of_a_value(name: str, value: Value, problem: str) -> None:
         (at("A", "Mate"), [broken("A", "constraint", "every Mate obeys ?Box: Box isOn ?Self; this one does not")]),
         (at("A", "Twin", Load=2.0), [broken("A", "constraint", "every Twin obeys ?Self.Load = Model.Load; this one does not")]),
         (at("A", "Twin", Load=1.0), []),
+        (
+            at("A", "Lid", Load=1.0),
+            [broken("A", "constraint", "every Lid obeys ?Self.Load < 3 AND ?Self isOn Model; this one does not")],
+        ),
         (Object(name="A", type="Box"), [broken("A", "place", NOWHERE)]),
         (Object(name="A", type="Box", values={"PositionX": 1.0}), [broken("A", "place", NOWHERE)]),
         (Object(name="A", type="Box", values={"PositionY": 1.0}), [broken("A", "place", NOWHERE)]),
