@@ -169,7 +169,7 @@ def test_what_an_entry_defines(section: str, body: dict[str, Any], expected: Def
 
 def test_nothing_else_defines_something() -> None:
     with pytest.raises(TypeError, match="File defines nothing"):
-        definition("New", File(), {})
+        definition("New", File.model_validate({}), {})
 
 
 def test_nested_values_are_told_by_their_path() -> None:
