@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from somrs.entish.formula import Attribute, Comparison, Formula, Literal, Name, Not, Relation, conjunction, conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
-from somrs.ontology.effects import changes
+from somrs.ontology.effects import applied, changes, settled
 from somrs.ontology.indexes import MANY
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
 from somrs.ontology.truth import holds
@@ -97,6 +97,65 @@ def test_what_is_no_effect_is_shown_in_its_place(effect: str, position: int, pro
         changes(parse(effect), MAP, ONTOLOGY)
     assert problem in caught.value.problem
     assert caught.value.position == position
+
+
+@pytest.mark.parametrize(
+    ("effect", "position", "problem", "hint"),
+    [
+        ("A isOn ?x", 7, "?x is not bound", "an effect is made true of named objects and values"),
+        ("A isOn B OR A isOn C", 2, "an effect with OR does not say what becomes true", "choose one of its alternatives"),
+        ("A.Size > 3", 7, "A.Size > 3 does not say what becomes true", "write Object.Attribute = value"),
+        ("NOT A.Size = 3", 11, "NOT A.Size = 3 does not say what becomes true", "say which value the attribute gets"),
+        ("NOT A isOm B", 6, "there is no relation isOm", "did you mean isOn?"),
+        ("A isOn Aa", 7, "there is no object Aa on the map", "did you mean A?"),
+        ("A.Sise = 3", 2, "a Jar has no attribute Sise", "did you mean Size?"),
+        ("A.Size = 3 kg", 9, "kg cannot be converted to m, the unit of Size", ""),
+        ("A.Size = Red", 9, "Red is no value of Size, a number", ""),
+        ("A.Open = 3", 9, "3 is no value of Open, a truth", ""),
+        ("A.Label = 3", 10, "3 is no value of Label, a text", ""),
+        ("A.Color = Rod", 10, "Rod is no Color", "did you mean Red?"),
+        ("A.Label = B.Label", 12, "B.Label has no value", ""),
+        ("B.Size = B.Size + 1", 16, "B.Size + 1 has no value", ""),
+        (
+            "A isNear D AND NOT D isNear A",
+            21,
+            "this contradicts the rest of the effect",
+            "an effect says what holds at one moment",
+        ),
+    ],
+)
+def test_what_is_said_of_no_effect(effect: str, position: int, problem: str, hint: str) -> None:
+    with pytest.raises(FormulaError) as caught:
+        changes(parse(effect), MAP, ONTOLOGY)
+    assert (caught.value.text, caught.value.position) == (effect, position)
+    assert (caught.value.problem, caught.value.hint) == (problem, hint)
+
+
+@pytest.mark.parametrize(
+    ("effect", "said", "expected"),
+    [
+        ("A.Size = A.Size + 2", "A.Size = 3 m", [ValueSet("A", "Size", 3.0)]),
+        ("A.Size = A.Size - 50 cm", "A.Size = 0.5 m", []),  # within the tolerance
+        ("A.Size + 1 = A.Size", "A.Size = 2 m", [ValueSet("A", "Size", 2.0)]),
+        ("A.Size = 3", "A.Size = 3", [ValueSet("A", "Size", 3.0)]),
+        ("B.Size = D.Size", "B.Size = D.Size", [ValueSet("B", "Size", 2.0)]),
+        (
+            "A.Size = A.Size + 1 AND D isOn C",
+            "A.Size = 2 m AND D isOn C",
+            [ValueSet("A", "Size", 2.0), added("isOn", "D", "C")],
+        ),
+    ],
+)
+def test_what_is_calculated_is_settled_before(effect: str, said: str, expected: list[Change]) -> None:
+    assert str(settled(parse(effect), MAP, ONTOLOGY)) == said
+    assert changes(parse(effect), MAP, ONTOLOGY) == expected
+    assert applied(parse(effect), MAP, ONTOLOGY) == MAP.changed(expected)
+
+
+def test_what_is_not_settled_stays() -> None:
+    assert str(settled(parse("A.Size > A.Size + 1"), MAP, ONTOLOGY)) == "A.Size > A.Size + 1"
+    assert str(settled(parse("B.Size = B.Size + 1"), MAP, ONTOLOGY)) == "B.Size = B.Size + 1", "it has no value"
+    assert applied(parse("A isOn B"), MAP, ONTOLOGY) is MAP
 
 
 def test_a_place_by_relation_gives_no_position() -> None:

@@ -93,6 +93,76 @@ def test_matches(offered: ServiceType, wanted: str, able: bool, rows: list[dict[
     assert sorted(found, key=str) == sorted(rows, key=str)
 
 
+LIGHTEN = service("?Object.Weight = ?Object.Weight - 1 kg", Object="Graspable")
+SAY = service("?Object.Label = ?Words", Object="Graspable", Words="text")
+MORE = service("?Object.Weight > 1 kg", Object="Graspable")
+
+
+@pytest.mark.parametrize(
+    ("offered", "wanted", "able"),
+    [
+        (FILL, "0.5 = Jar1.Weight", True),
+        (FILL, "0.6 = Jar1.Weight", False),
+        (FILL, "0.6 != Jar1.Weight", True),
+        (FILL, "0.5 != Jar1.Weight", False),
+        (FILL, "0.6 > Jar1.Weight", True),
+        (FILL, "0.5 > Jar1.Weight", False),
+        (FILL, "0.5 >= Jar1.Weight", True),
+        (FILL, "0.4 >= Jar1.Weight", False),
+        (FILL, "0.4 < Jar1.Weight", True),
+        (FILL, "0.5 < Jar1.Weight", False),
+        (FILL, "0.5 <= Jar1.Weight", True),
+        (FILL, "0.6 <= Jar1.Weight", False),
+        (FILL, "NOT Jar1.Weight = 0.6", True),
+        (FILL, "NOT Jar1.Weight = 0.5", False),
+        (FILL, "NOT Jar1.Weight != 0.5", True),
+        (FILL, "NOT Jar1.Weight != 0.6", False),
+        (FILL, "NOT Jar1.Weight < 0.5", True),
+        (FILL, "NOT Jar1.Weight < 0.6", False),
+        (FILL, "NOT Jar1.Weight <= 0.4", True),
+        (FILL, "NOT Jar1.Weight <= 0.5", False),
+        (FILL, "NOT Jar1.Weight > 0.5", True),
+        (FILL, "NOT Jar1.Weight > 0.4", False),
+        (FILL, "NOT Jar1.Weight >= 0.6", True),
+        (FILL, "NOT Jar1.Weight >= 0.5", False),
+        (FILL, "Jar1.Elevation = 0.5", False),
+        (FILL, "Door1.Weight = 0.5", False),
+        (FILL, "?x = Jar1", False),
+        (MORE, "Jar1.Weight > 1 kg", False),
+        (SAY, 'Jar1.Label = "x"', True),
+        (SAY, "Jar1.Label = Red", True),
+        (SAY, "Jar1.Label = 3", False),
+        (SAY, "Jar1.Label = TRUE", False),
+        (WEIGH, "Jar1.Weight = Red", False),
+        (OPEN, "Door1.Open = 3", False),
+        (LIGHTEN, "Jar1.Weight < 3 kg", True),
+    ],
+)
+def test_an_effect_on_a_value_reaches_a_limit(offered: ServiceType, wanted: str, able: bool) -> None:
+    assert can_bring_about(offered, parse(wanted), upper(), MAP) is able
+
+
+@pytest.mark.parametrize(
+    ("offered", "wanted", "rows"),
+    [
+        (LIGHTEN, "Jar1.Weight = Jar1.Weight - 1 kg", [{"Object": "Jar1"}]),
+        (LIGHTEN, "Jar1.Weight = Jar2.Weight - 1 kg", []),
+        (LIGHTEN, "Jar1.Weight <= Jar1.Weight - 1 kg", []),
+        (LIGHTEN, "Jar1.Weight < 3 kg", []),
+        (TRANSFER, "?x: Object isOn Table1", [{"Object": "?x: Graspable", "Destination": "Table1"}]),
+        (TRANSFER, "Nothing isOn Table1", []),
+        (TRANSFER, "Jar1 isOn ?y: Table", [{"Object": "Jar1", "Destination": "?y: Table"}]),
+        (TRANSFER, "NOT Jar1 isIn Table1", [{"Object": "Jar1"}]),
+        (TRANSFER, "NOT Jar1 isAdjacentTo Table1", []),
+        (SAY, "Jar1.Label = ?w: text", [{"Object": "Jar1", "Words": "?w: text"}]),
+        (SAY, "Jar1.Label = ?w: number", []),
+    ],
+)
+def test_what_is_sure_to_bring_about_all(offered: ServiceType, wanted: str, rows: list[dict[str, str]]) -> None:
+    found = bring_about_all(offered, parse(wanted), upper(), MAP)
+    assert [{name: str(term) for name, term in row.items()} for row in found] == rows
+
+
 def test_without_a_map_constants_may_be_anything() -> None:
     assert can_bring_about(TRANSFER, parse("Door1 isOn Table1"), upper())
     assert not can_bring_about(TRANSFER, parse("?Door: Door isOn Table1"), upper())

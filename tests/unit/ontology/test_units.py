@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.ontology.units import USUAL, _registry, converted
+from somrs.ontology.units import USUAL, _registry, converted, convertible, known
 from tests.support.paths import SCENARIO_1
 
 
@@ -22,3 +22,26 @@ def test_the_usual_units_are_as_pint_has_them(unit: str, to: str, value: float) 
 def test_a_map_in_usual_units_is_read_without_pint() -> None:
     program = "import sys; from somrs.ontology.files.loading import load; load(sys.argv[1:]); assert 'pint' not in sys.modules"
     subprocess.run([sys.executable, "-c", program, str(SCENARIO_1)], check=True)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "to", "expected"),
+    [
+        (2.0, "wibble", "wibble", 2.0),
+        (2.0, "wibble", "m", None),
+        (2.0, "kg", "m", None),
+        (2.0, "m/", "m", None),
+        (2.0, "", "m", None),
+        (2.0, "km", "m", 2000.0),
+        (500.0, "g", "kg", 0.5),
+        (3.0, "euro", "EUR", 3.0),
+    ],
+)
+def test_what_can_be_expressed_in_another_unit(value: float, unit: str, to: str, expected: float | None) -> None:
+    assert converted(value, unit, to) == expected
+    assert convertible(unit, to) is (expected is not None)
+
+
+@pytest.mark.parametrize(("unit", "there"), [("km/h", True), ("EUR", True), ("euro", True), ("wibble", False), ("m/", False)])
+def test_which_units_are_known(unit: str, there: bool) -> None:
+    assert known(unit) is there

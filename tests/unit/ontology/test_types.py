@@ -1,0 +1,90 @@
+"""What an ontology tells of its types, and how its definitions are found, added and taken away."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.ontology.naming import Named, Renaming, Section, find, named, revised
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import ROOT, AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
+
+LOAD = AttributeType(name="Load", kind=Kind.NUMBER)
+FORM = AttributeType(name="Form", kind=Kind.TEXT)
+SHAPE = AttributeType(name="Shape", kind=Kind.COMPLEX, attributes=("Form", "Size"))
+SIZE = AttributeType(name="Size", kind=Kind.COMPLEX, attributes=("Load", "Missing"))
+NEAR = RelationType(name="near", joins=("Box", "Box"))
+FAR = FunctionType(name="far", parameters=("Box",))
+OBJECT = ObjectType(name=ROOT, parent=None)
+BOX = ObjectType(name="Box", parent=ROOT, attributes=("Load",), defaults={"Load": 1.0, "Shape.Form": "flat"}, driver="a:A")
+CRATE = ObjectType(name="Crate", parent="Box", required=("Shape",), defaults={"Load": 0.0}, attributes=("Missing",))
+VAT = ObjectType(name="Vat", parent="Crate", driver="b:B")
+ONE = ObjectType(name="One", parent="Other")
+OTHER = ObjectType(name="Other", parent="One")
+STRAY = ObjectType(name="Stray", parent="Gone")
+OPEN = ServiceType(name="Open", effect="A near B")
+ALL: list[Definition] = [LOAD, FORM, SHAPE, SIZE, NEAR, FAR, OBJECT, BOX, CRATE, VAT, ONE, OTHER, STRAY, OPEN]
+ONTOLOGY = Ontology(reversed(ALL))
+
+
+@pytest.mark.parametrize(
+    ("name", "ancestors"),
+    [
+        (ROOT, (ROOT,)),
+        ("Vat", ("Vat", "Crate", "Box", ROOT)),
+        ("One", ("One", "Other")),
+        ("Stray", ("Stray",)),
+        ("Gone", ()),
+    ],
+)
+def test_ancestors_begin_with_the_type_itself(name: str, ancestors: tuple[str, ...]) -> None:
+    assert ONTOLOGY.ancestors(name) == ancestors
+    assert ONTOLOGY.ancestors(name) == ancestors, "asked once more"
+
+
+def test_every_object_is_one_of_the_root() -> None:
+    assert [ONTOLOGY.is_a("Gone", ROOT), ONTOLOGY.is_a("Vat", "Box"), ONTOLOGY.is_a("Box", "Vat")] == [True, True, False]
+    assert set(ONTOLOGY.subtypes("Crate")) == {"Crate", "Vat"}
+    assert set(ONTOLOGY.subtypes(ROOT)) == set(ONTOLOGY.types)
+
+
+def test_attributes_are_inherited_and_spread_out() -> None:
+    spread = {"Shape": SHAPE, "Shape.Form": FORM, "Shape.Size": SIZE, "Shape.Size.Load": LOAD}
+    assert ONTOLOGY.attributes_of("Box") == {"Load": LOAD}
+    for _ in range(2):
+        assert ONTOLOGY.attributes_of("Vat") == {"Load": LOAD, **spread}
+    assert ONTOLOGY.attributes_of("Gone") == {}
+
+
+def test_attributes_that_are_made_of_themselves_end_somewhere() -> None:
+    round_ = AttributeType(name="R", kind=Kind.COMPLEX, attributes=("R",))
+    paths = [*Ontology([round_, ObjectType(name="T", parent=None, attributes=("R",))]).attributes_of("T")]
+    assert paths == [".".join("R" * count) for count in range(1, 10)]
+
+
+def test_defaults_and_drivers_are_those_of_the_nearest_ancestor() -> None:
+    assert [ONTOLOGY.default(name, "Load") for name in ("Box", "Vat", ROOT)] == [1.0, 0.0, None]
+    assert ONTOLOGY.default("Vat", "Shape.Form") == "flat"
+    assert [ONTOLOGY.driver(name) for name in ("Box", "Crate", "Vat", ROOT, "Gone")] == ["a:A", "a:A", "b:B", None, None]
+
+
+def test_definitions_are_found_by_section_and_name() -> None:
+    assert {named(one) for one in ONTOLOGY} == {named(one) for one in ALL}
+    sections = [named(one).section for one in ONTOLOGY]
+    assert list(dict.fromkeys(sections)) == [section for section in Section if section is not Section.OBJECTS]
+    assert all(find(ONTOLOGY, named(one)) is one for one in ALL)
+    assert find(ONTOLOGY, Named(section=Section.OBJECTS, name="Box")) is None
+    assert find(ONTOLOGY, Named(section=Section.RELATIONS, name="Box")) is None
+
+
+def test_an_ontology_is_revised() -> None:
+    new = ObjectType(name="Box", parent=ROOT)
+    changed = revised(ONTOLOGY, [named(VAT), named(NEAR)], [new])
+    assert {named(one): one for one in changed} == {named(one): one for one in ALL if one not in (VAT, NEAR, BOX)} | {named(new): new}
+    assert [*revised(ONTOLOGY, [], [])] == [*ONTOLOGY]
+    assert [*ONTOLOGY.extended([new])][-1] == ONTOLOGY.services["Open"]
+    assert ONTOLOGY.types["Box"] is BOX, "the old one is as it was"
+
+
+def test_what_is_named_is_told_in_words() -> None:
+    assert str(Named(section=Section.SERVICES, name="Open")) == "service type Open"
+    assert str(Renaming(section=Section.TYPES, name="Box", to="Case")) == "type Box to Case"
