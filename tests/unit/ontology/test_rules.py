@@ -314,7 +314,7 @@ def test_a_map_has_a_root(map: Map, expected: list[Violation]) -> None:
         (ObjectRemoved("B"), {"A", "B", "T"}),
         (ObjectRemoved("T"), {"B", "T"}),
     ],
-    ids=str,
+    ids=["added", "set", "fact added", "fact removed", "removed", "removed from below others"],
 )
 def test_what_a_change_touches(change: Change, names: set[str]) -> None:
     map = site(at("A", "Box"), at("B", "Box"), at("T", "Thing"), facts=(Fact("isOn", ("A", "B")), Fact("isOn", ("B", "T"))))
