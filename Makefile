@@ -79,7 +79,8 @@ kill-runs: setup
 upgrade-runs: setup
 	@$(BIN)/python -m verification.upgrade_runs $(if $(N),--runs $(N)) $(if $(SEED),--seed $(SEED))
 
-# Small changes of the core, one at a time: a test has to fail. SEED=17 is the same sample once more, ONLY=FILE:LINE:NUMBER one alone.
+# Small changes of the core, one at a time: a test has to fail. SEED=17 is the same sample once more, ONLY=FILE:LINE:NUMBER one alone,
+# WITHIN=5 a quick look with the fastest tests; docs/mutants.md has more.
 mutants: setup
 	@$(BIN)/python -m verification.mutants $(if $(N),--sample $(N)) $(if $(SEED),--seed $(SEED)) $(if $(ONLY),--only "$(ONLY)") $(if $(WITHIN),--within $(WITHIN)) $(if $(JOBS:auto=),--jobs $(JOBS))
 

@@ -24,10 +24,8 @@ from somrs.ontology.types import (
     Ontology,
     RelationType,
 )
+from somrs.ontology.units import COMMON as COMMON_UNITS
 from somrs.ontology.units import known as unit_known
-
-COMMON_UNITS = frozenset({"m", "rad", "kg", "s", "m/s", "percent", "EUR"})
-"""Known without asking pint, whose import takes longer than reading most files."""
 
 VALUES = ("number", "text", "truth")
 """What an input or output of a service can be besides an object."""
@@ -101,7 +99,7 @@ def _inside(ontology: Ontology, name: str) -> set[str]:
 
 
 def _unit(subject: str, unit: str) -> Iterator[Violation]:
-    if unit not in COMMON_UNITS and not unit_known(unit):
+    if not unit_known(unit):
         hint = nearest(unit, COMMON_UNITS) or "write one such as m, cm, kg, rad, deg, s, m/s, percent, EUR"
         message = f"pint knows no unit {unit}; {hint}"
         yield Violation(subject=subject, rule="unit", message=message, path="unit")

@@ -7,6 +7,9 @@ import tokenize
 from functools import lru_cache
 from typing import Any
 
+COMMON = frozenset({"m", "rad", "kg", "s", "m/s", "percent", "EUR"})
+"""In which most attributes are."""
+
 USUAL = {("deg", "rad"): math.pi / 180, ("cm", "m"): 0.01, ("mm", "m"): 0.001, ("km/h", "m/s"): 1 / 3.6}
 """What maps usually say, as pint would have it."""
 
@@ -44,6 +47,8 @@ def converted(value: float, unit: str, to: str) -> float | None:
 @lru_cache(maxsize=256)
 def known(unit: str) -> bool:
     """Whether pint knows the unit."""
+    if unit in COMMON or any(unit == usual for usual, _ in USUAL):
+        return True
     try:
         _registry().parse_units(unit)
     except _not_units():

@@ -18,6 +18,12 @@ def completing(marked: str) -> Completions:
     return complete(marked.replace("|", "", 1), marked.index("|"), ONTOLOGY, MAP)
 
 
+UNITS = [
+    (unit, "unit", "a unit", " ") for unit in ("mm", "cm", "m", "km", "g", "kg", "s", "min", "h", "m/s", "km/h", "rad", "deg", "%", "EUR")
+]
+JOINED = [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them holds", " ")]
+
+
 @pytest.mark.parametrize(
     ("marked", "offered"),
     [
@@ -96,50 +102,20 @@ def completing(marked: str) -> Completions:
             [
                 ("kg", "unit", "its own unit", " "),
                 ("g", "unit", "a unit", " "),
-                ("AND", "keyword", "both hold", " "),
-                ("OR", "keyword", "one of them holds", " "),
+                *JOINED,
             ],
         ),
         (
             "Jar1.Shape.Count = 5 |",
             [
-                ("mm", "unit", "a unit", " "),
-                ("cm", "unit", "a unit", " "),
-                ("m", "unit", "a unit", " "),
-                ("km", "unit", "a unit", " "),
-                ("g", "unit", "a unit", " "),
-                ("kg", "unit", "a unit", " "),
-                ("s", "unit", "a unit", " "),
-                ("min", "unit", "a unit", " "),
-                ("h", "unit", "a unit", " "),
-                ("m/s", "unit", "a unit", " "),
-                ("km/h", "unit", "a unit", " "),
-                ("rad", "unit", "a unit", " "),
-                ("deg", "unit", "a unit", " "),
-                ("%", "unit", "a unit", " "),
-                ("EUR", "unit", "a unit", " "),
-                ("AND", "keyword", "both hold", " "),
-                ("OR", "keyword", "one of them holds", " "),
+                *UNITS,
+                *JOINED,
             ],
         ),
         (
             "5 |",
             [
-                ("mm", "unit", "a unit", " "),
-                ("cm", "unit", "a unit", " "),
-                ("m", "unit", "a unit", " "),
-                ("km", "unit", "a unit", " "),
-                ("g", "unit", "a unit", " "),
-                ("kg", "unit", "a unit", " "),
-                ("s", "unit", "a unit", " "),
-                ("min", "unit", "a unit", " "),
-                ("h", "unit", "a unit", " "),
-                ("m/s", "unit", "a unit", " "),
-                ("km/h", "unit", "a unit", " "),
-                ("rad", "unit", "a unit", " "),
-                ("deg", "unit", "a unit", " "),
-                ("%", "unit", "a unit", " "),
-                ("EUR", "unit", "a unit", " "),
+                *UNITS,
             ],
         ),
         (

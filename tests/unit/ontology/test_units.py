@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.ontology.units import USUAL, _registry, converted, convertible, known
+from somrs.ontology.units import COMMON, USUAL, _registry, converted, convertible, known
 from tests.support.paths import SCENARIO_1
 
 
@@ -17,6 +17,11 @@ from tests.support.paths import SCENARIO_1
 @pytest.mark.parametrize(("unit", "to"), USUAL)
 def test_the_usual_units_are_as_pint_has_them(unit: str, to: str, value: float) -> None:
     assert converted(value, unit, to) == float(_registry().convert(value, unit, to))
+
+
+@pytest.mark.parametrize("unit", sorted({*COMMON, *(unit for pair in USUAL for unit in pair)}))
+def test_pint_knows_what_is_taken_for_known(unit: str) -> None:
+    _registry().parse_units(unit)
 
 
 def test_a_map_in_usual_units_is_read_without_pint() -> None:
