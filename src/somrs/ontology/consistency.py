@@ -27,6 +27,9 @@ from somrs.ontology.types import (
 from somrs.ontology.units import COMMON as COMMON_UNITS
 from somrs.ontology.units import known as unit_known
 
+UNSAID = AttributeType(name="", kind=Kind.TEXT)
+"""An attribute of which nothing is said; a limit of 0 is something."""
+
 VALUES = ("number", "text", "truth")
 """What an input or output of a service can be besides an object."""
 
@@ -67,14 +70,16 @@ def _attribute(attribute: AttributeType, ontology: Ontology) -> Iterator[Violati
         yield Violation(subject=attribute.name, rule="reserved", message=message)
     number, wanted = attribute.kind is Kind.NUMBER, {Kind.ENUMERATION: "values", Kind.COMPLEX: "attributes"}.get(attribute.kind)
     for key in ("unit", "minimum", "maximum", "tolerance"):
-        if not number and getattr(attribute, key):
+        if not number and getattr(attribute, key) != getattr(UNSAID, key):
             message = f"only a number has a {key}; leave it out, or write kind: number"
             yield Violation(subject=attribute.name, rule="kind", message=message, path=key)
     for key, kind in (("values", "an enumeration"), ("attributes", "a complex attribute")):
         if key == wanted and not getattr(attribute, key):
             yield Violation(subject=attribute.name, rule="kind", message=f"{kind} needs {key}; list them", path="kind")
         elif key != wanted and getattr(attribute, key):
-            yield Violation(subject=attribute.name, rule="kind", message=f"only {kind} has {key}; this one is a {attribute.kind}", path=key)
+            yield Violation(
+                subject=attribute.name, rule="kind", message=f"only {kind} has {key}; this one's kind is {attribute.kind}", path=key
+            )
     if attribute.unit is not None:
         yield from _unit(attribute.name, attribute.unit)
     for index, inner in enumerate(attribute.attributes):

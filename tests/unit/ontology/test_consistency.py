@@ -78,10 +78,17 @@ def limited(**more: object) -> ObjectType:
             ],
         ),
         (
+            text(minimum=0, maximum=0),
+            [
+                broken("attributes", "kind", "minimum", "only a number has a minimum; leave it out, or write kind: number"),
+                broken("attributes", "kind", "maximum", "only a number has a maximum; leave it out, or write kind: number"),
+            ],
+        ),
+        (
             text(values=("a",), attributes=("Load",)),
             [
-                broken("attributes", "kind", "values", "only an enumeration has values; this one is a text"),
-                broken("attributes", "kind", "attributes", "only a complex attribute has attributes; this one is a text"),
+                broken("attributes", "kind", "values", "only an enumeration has values; this one's kind is text"),
+                broken("attributes", "kind", "attributes", "only a complex attribute has attributes; this one's kind is text"),
             ],
         ),
         (AttributeType(name="New", kind=Kind.ENUMERATION, values=("a",)), []),
@@ -95,11 +102,11 @@ def limited(**more: object) -> ObjectType:
         ),
         (
             AttributeType(name="New", kind=Kind.COMPLEX, values=("a",), attributes=("Load",)),
-            [broken("attributes", "kind", "values", "only an enumeration has values; this one is a complex")],
+            [broken("attributes", "kind", "values", "only an enumeration has values; this one's kind is complex")],
         ),
         (
             AttributeType(name="New", kind=Kind.ENUMERATION, values=("a",), attributes=("Load",)),
-            [broken("attributes", "kind", "attributes", "only a complex attribute has attributes; this one is a enumeration")],
+            [broken("attributes", "kind", "attributes", "only a complex attribute has attributes; this one's kind is enumeration")],
         ),
         (
             AttributeType(name="New", kind=Kind.COMPLEX, attributes=("Load", "Lode", "New", "Qwertz")),
