@@ -65,14 +65,13 @@ def memory(process: int) -> float:
 async def started(kind: type[Launcher]) -> Cost:
     launcher = kind()
     with tempfile.TemporaryDirectory() as folder:
-        system = System([SITE], Path(folder), windows=True)
-        system._launcher = launcher
+        system = System([SITE], Path(folder), windows=True, launcher=launcher)
         began = time.perf_counter()
         async with system:
             wall = time.perf_counter() - began
             processes = [program.process.pid for program in system.programs.values()]
-            if launcher._program is not None:
-                processes.append(launcher._program.pid)
+            if launcher.pid is not None:
+                processes.append(launcher.pid)
             return Cost(wall, sum(map(cpu, processes)), sum(map(memory, processes)))
 
 

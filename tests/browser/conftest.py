@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
@@ -19,6 +17,7 @@ import pytest
 from somrs.client.client import Addresses
 from somrs.errors import UsageError
 from tests.conftest import TOGETHER
+from tests.support import warm
 from tests.support.paths import ROOT, SCENARIO_1
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
@@ -59,11 +58,9 @@ class Running:
     """A system that `somrs up` runs, with its windows."""
 
     def __init__(self, data: Path, site: Path = SCENARIO_1, speed: str = "4") -> None:
-        line = [sys.executable, "-m", "somrs.cli.main", "up", str(site), "--data", str(data), "--speed", speed]
         self.data = data
         self.log = data.parent / f"{data.name}.log"
-        self._said = self.log.open("wb")
-        self._process = subprocess.Popen(line, stdout=self._said, stderr=self._said, start_new_session=True, preexec_fn=_end_with_parent)
+        self._process = warm.Program(["up", str(site), "--data", str(data), "--speed", speed], self.log)
         try:
             self.addresses = self._addresses()
         except BaseException:  # interrupted, too: no process is to be left
@@ -77,7 +74,7 @@ class Running:
 
     def _addresses(self) -> Addresses:
         until = time.monotonic() + UP_TIME
-        while time.monotonic() < until and self._process.poll() is None:
+        while time.monotonic() < until and not self._process.ended:
             try:
                 found = Addresses.read(self.data)
             except UsageError:
@@ -94,9 +91,31 @@ class Running:
 
     def kill(self, program: str) -> None:
         """SIGKILL one of its programs, such as `gui`; it is started again by itself."""
+        self._signal(program, signal.SIGKILL)
+
+    def _signal(self, program: str, what: int) -> None:
         found = subprocess.run(["pgrep", "-f", f"run {program} .*--data {self.data}"], capture_output=True, text=True, check=True)
         for id in found.stdout.split():
-            os.kill(int(id), signal.SIGKILL)
+            os.kill(int(id), what)
+
+    def kill_and_await(self, *programs: str) -> None:
+        """The same, until all are back."""
+        before = self.said()
+        for program in programs:
+            self.kill(program)
+        until = time.monotonic() + UP_TIME
+        while not all(f"{program} is back" in self.said()[len(before) :] for program in programs):
+            assert time.monotonic() < until, f"not all came back: {self.said()[len(before) :]}"
+            time.sleep(0.1)
+
+    @contextmanager
+    def paused(self, program: str) -> Iterator[None]:
+        """One of its programs does nothing meanwhile."""
+        self._signal(program, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._signal(program, signal.SIGCONT)
 
     @contextmanager
     def without(self, program: str) -> Iterator[None]:
@@ -114,14 +133,8 @@ class Running:
         programs = subprocess.run(["pgrep", "-P", str(self._process.pid)], capture_output=True, text=True)
         for id in programs.stdout.split():
             os.kill(int(id), signal.SIGKILL)
-        self._process.kill()
+        self._process.send_signal(signal.SIGKILL)
         self._process.wait()
-        self._said.close()
-
-
-def _end_with_parent() -> None:
-    """Have this process told to end when the tests are gone, however they ended; it ends all others then."""
-    ctypes.CDLL(None).prctl(1, signal.SIGINT)
 
 
 @contextmanager

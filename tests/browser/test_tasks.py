@@ -238,8 +238,8 @@ def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: 
     page.goto(f"{system.url}/tasks/{task}")
     flat(page)
     until(system, task, carries)
-    system.kill("task-manager")
-    system.kill("gui")
+    with system.paused("simulator"):
+        system.kill_and_await("task-manager", "gui")
     story = panel(page, "Story")
     expect(story).to_contain_text("step1 is done", timeout=WORK_TIME)
     expect(page.locator("header").filter(has_text="Jar002 isOn Table001")).to_contain_text("Accomplished", timeout=WORK_TIME)

@@ -128,11 +128,11 @@ def test_when_the_launcher_is_killed_all_end_and_another_starts_them_again(tmp_p
 def test_a_start_that_the_launcher_does_not_live_to_see_is_refused(tmp_path: Path) -> None:
     async def use(launcher: Launcher) -> None:
         await launcher.start(["schema"], tmp_path / "log", os.environ)
-        assert launcher._program is not None
-        launcher._program.send_signal(signal.SIGSTOP)
+        assert launcher.pid is not None
+        os.kill(launcher.pid, signal.SIGSTOP)
         asked = asyncio.create_task(launcher.start(["schema"], tmp_path / "log", os.environ))
         await asyncio.sleep(0.1)
-        launcher._program.kill()
+        os.kill(launcher.pid, signal.SIGKILL)
         with pytest.raises(RemoteError, match="somrs schema was not started"):
             await asked
 

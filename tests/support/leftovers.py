@@ -9,33 +9,41 @@ import signal
 import time
 from pathlib import Path
 
+from tests.support.warm import TITLE
+
 SET_CHILD_SUBREAPER = 36
 """Of prctl(2): whoever loses its parent becomes a child of this process, and is so found."""
 
-KEPT = ("multiprocessing.resource_tracker", "multiprocessing.forkserver")
-"""Python starts them once and ends them with itself."""
+KEPT = ("multiprocessing.resource_tracker", "multiprocessing.forkserver", "tests.support.warm", TITLE)
+"""Python, and tests, start them once and end them with themselves."""
 
 PATIENCE = 10.0
 """Seconds that a process has which was told to end and was not waited for."""
 
-TASKS = Path("/proc/self/task")
-
 
 def adopt_orphans() -> None:
-    if TASKS.is_dir():
+    if Path("/proc/self/task").is_dir():
         ctypes.CDLL(None).prctl(SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
 def processes() -> dict[int, str]:
-    """The children of this process that run, with their command lines; those of no parent any more are among them."""
+    """The children of this process that run, with their command lines; those of no parent any more are among them, and so are those of
+    a child that is kept."""
     found: dict[int, str] = {}
-    for task in TASKS.glob("*/children"):
-        with contextlib.suppress(OSError):  # a thread that just ended
-            for pid in map(int, task.read_text().split()):
-                line = _line(pid)
-                if line and not any(kept in line for kept in KEPT):
-                    found[pid] = line
+    for pid, line in _children("self").items():
+        if any(kept in line for kept in KEPT):
+            found |= _children(str(pid))
+        else:
+            found[pid] = line
     return found
+
+
+def _children(of: str) -> dict[int, str]:
+    found: dict[int, str] = {}
+    for task in Path("/proc", of).glob("task/*/children"):
+        with contextlib.suppress(OSError):  # a thread that just ended
+            found |= {pid: _line(pid) for pid in map(int, task.read_text().split())}
+    return {pid: line for pid, line in found.items() if line}
 
 
 def _line(pid: int) -> str:

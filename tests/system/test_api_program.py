@@ -17,6 +17,7 @@ from somrs.client.client import Addresses
 from somrs.deployment.system import System
 from somrs.errors import SomrsError
 from somrs.protocol.messages.clients import Submit
+from tests.support import warm
 from tests.support.paths import SCENARIO_1
 
 WITHOUT = """
@@ -42,7 +43,7 @@ async def answering(url: str) -> None:
 
 def test_it_runs_with_the_core_alone(tmp_path: Path) -> None:
     async def run() -> None:
-        async with System([SCENARIO_1], tmp_path / "run", speed="max") as system:
+        async with System([SCENARIO_1], tmp_path / "run", speed="max", launcher=warm.launcher()) as system:
             line = [sys.executable, "-c", WITHOUT, "run", "api", "--data", str(tmp_path / "run"), "--port", "0"]
             os.kill(system.programs["api"].process.pid, signal.SIGKILL)  # it has the file of orders
             await system.programs["api"].process.wait()
@@ -69,7 +70,10 @@ def test_the_windows_and_the_api_do_not_take_each_other_along(tmp_path: Path) ->
     pytest.importorskip("nicegui", reason="the windows' libraries are not installed")
 
     async def run() -> None:
-        async with System([SCENARIO_1], tmp_path / "run", speed="max", windows=True) as system, httpx.AsyncClient() as browser:
+        async with (
+            System([SCENARIO_1], tmp_path / "run", speed="max", windows=True, launcher=warm.launcher()) as system,
+            httpx.AsyncClient() as browser,
+        ):
             api, gui = system.addresses.api, system.addresses.gui
             assert api is not None
             assert gui is not None

@@ -14,6 +14,7 @@ from somrs.deployment.system import System
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import TaskRecord
+from tests.support import warm
 from tests.support.paths import SCENARIO_1
 
 pytestmark = pytest.mark.long
@@ -30,7 +31,7 @@ def test_what_is_over_is_exported_while_the_system_runs_when_it_is_killed_and_wh
     data, out = tmp_path / "run", tmp_path / "tasks.jsonl"
 
     async def run() -> None:
-        async with System([SCENARIO_1], data, speed="max") as system:
+        async with System([SCENARIO_1], data, speed="max", launcher=warm.launcher()) as system:
             assert await do(Submit(effect="Jar002 isOn Platform001"), data, wait=True, json=False) == 0
             said = capsys.readouterr().out
             assert said.count("✔ accomplished") == 1
@@ -44,7 +45,7 @@ def test_what_is_over_is_exported_while_the_system_runs_when_it_is_killed_and_wh
             await system.programs["task-manager"].process.wait()
             assert await exported(data, out) == running, "its addresses are still there, and nobody listens at them"
         assert await exported(data, out) == running
-        async with System([SCENARIO_1], data, speed="max"):
+        async with System([SCENARIO_1], data, speed="max", launcher=warm.launcher()):
             assert await exported(data, out) == running
             capsys.readouterr()
             await tasks(data, history=False, limit=20, json=False)

@@ -11,6 +11,7 @@ import pytest
 from somrs.ontology.objects import ValueSet
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Event
+from tests.support import warm
 from verification.kill_runs import truth
 from verification.kill_runs.bystanders import AUTHOR, CHANGED, PATH, Acknowledged
 from verification.kill_runs.draw import CELLS, MESSAGES, Victim, drawn
@@ -24,7 +25,7 @@ pytestmark = pytest.mark.long
 
 def test_a_killed_task_manager_and_a_killed_repository_find_their_places(tmp_path: Path) -> None:
     async def play() -> None:
-        async with Stage(tmp_path / "system") as stage:
+        async with Stage(tmp_path / "system", warm.launcher()) as stage:
             for number, (message, victim) in enumerate((("Execute", Victim.TASK_MANAGER), ("Arrange", Victim.REPOSITORY))):
                 carry = next(play for play in plays_of(message) if play.name == "carry")
                 case = drawn(CELLS.index((message, victim)))

@@ -13,6 +13,7 @@ from somrs.deployment.system import System
 from somrs.errors import UsageError
 from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
+from tests.support import warm
 from tests.support.paths import SCENARIO_1
 
 pytestmark = pytest.mark.long
@@ -37,7 +38,7 @@ def test_tasks_outlive_their_task_manager(tmp_path: Path) -> None:
     places = {"Arrange": "Jar002 isOn Platform001", "Accept": "Jar003 isOn Platform001", "Execute": "Jar002 isOn Table001"}
 
     async def run() -> None:
-        async with System([SCENARIO_1], tmp_path, speed="8") as system, Client(system.addresses) as client:
+        async with System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher()) as system, Client(system.addresses) as client:
             told: list[str] = []
             keeping = asyncio.create_task(system.keep_running(told.append))
             manager = system.programs["task-manager"]
@@ -66,7 +67,7 @@ def test_a_task_outlives_the_whole_system(tmp_path: Path) -> None:
     address of one of them."""
 
     async def run() -> None:
-        system = System([SCENARIO_1], tmp_path, speed="8")
+        system = System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher())
         try:
             await system.start()
             addresses = system.addresses
@@ -83,10 +84,10 @@ def test_a_task_outlives_the_whole_system(tmp_path: Path) -> None:
         host, _, port = addresses.task_manager.removeprefix("http://").partition("/")[0].partition(":")
         async with await asyncio.start_server(lambda reader, writer: None, host, int(port)):
             with pytest.raises(UsageError, match="1 task is open") as told:
-                async with System([SCENARIO_1], tmp_path, speed="8"):
+                async with System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher()):
                     pass
             assert f"belongs to {addresses.task_manager}" in str(told.value)
-        async with System([SCENARIO_1], tmp_path, speed="8") as system, Client(system.addresses) as client:
+        async with System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher()) as system, Client(system.addresses) as client:
             assert system.addresses.task_manager == addresses.task_manager
             view = await asyncio.wait_for(ended(client, task), 120)
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation

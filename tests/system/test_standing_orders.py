@@ -19,6 +19,7 @@ from somrs.ports import Reservation
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.orders import Every, OrderSaved, Run, RunState
+from tests.support import warm
 from tests.support.paths import SCENARIO_1
 
 pytestmark = pytest.mark.long
@@ -37,7 +38,10 @@ async def answered(api: Api, order: str) -> tuple[Run, ...]:
 
 def test_an_order_is_stated_once_each_time_though_the_scheduler_is_killed(tmp_path: Path) -> None:
     async def run() -> None:
-        async with System([SCENARIO_1], tmp_path / "run", speed="max") as system, Client(system.addresses) as client:
+        async with (
+            System([SCENARIO_1], tmp_path / "run", speed="max", launcher=warm.launcher()) as system,
+            Client(system.addresses) as client,
+        ):
             keeping = asyncio.create_task(system.keep_running(lambda text: None))
             async with api_of(system.addresses) as api:
                 wish = Submit(effect="Jar002 isOn ?Shelf: Cupboard")  # as it is
@@ -75,7 +79,10 @@ def test_an_order_is_stated_once_each_time_though_the_scheduler_is_killed(tmp_pa
 
 def test_orders_are_stated_while_neither_the_api_nor_the_windows_run(tmp_path: Path) -> None:
     async def run() -> None:
-        async with System([SCENARIO_1], tmp_path / "run", speed="max") as system, Client(system.addresses) as client:
+        async with (
+            System([SCENARIO_1], tmp_path / "run", speed="max", launcher=warm.launcher()) as system,
+            Client(system.addresses) as client,
+        ):
             async with api_of(system.addresses) as api:
                 wish = Submit(effect="Jar002 isOn ?Shelf: Cupboard")
                 order = await api.orders.add_order(OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=wish))

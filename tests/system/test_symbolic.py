@@ -27,6 +27,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Done, Halt, Order, Perform, Quote, Quoted, ServiceFailed
 from somrs.sites.pddl import Imported, read
+from tests.support import warm
 from tests.support.command import somrs
 from tests.support.paths import ROOT
 from tests.support.pddl_harbour import written
@@ -223,7 +224,7 @@ def test_a_system_has_bodies_or_none() -> None:
 async def running(folder: Path) -> AsyncIterator[tuple[System, Client]]:
     (folder / "run").mkdir()
     files = brought_in([PARCELS / "domain.pddl", PARCELS / "problem.pddl"], folder / "run")
-    async with System(files, folder / "run", speed="20") as system, Client(system.addresses) as client:
+    async with System(files, folder / "run", speed="20", launcher=warm.launcher()) as system, Client(system.addresses) as client:
         yield system, client
 
 

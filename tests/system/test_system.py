@@ -28,6 +28,7 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import UsageError
 from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
+from tests.support import warm
 from tests.support.command import program
 from tests.support.paths import ROOT, SCENARIO_1, SHARED
 
@@ -50,7 +51,7 @@ async def wish(client: Client, effect: str) -> TaskView:
 
 @asynccontextmanager
 async def running(data: Path, *site: Path) -> AsyncIterator[tuple[System, Client, OperatorLink]]:
-    async with System(site, data, speed="max") as system, Client(system.addresses) as client:
+    async with System(site, data, speed="max", launcher=warm.launcher()) as system, Client(system.addresses) as client:
         host, _, port = (system.addresses.simulator or "").rpartition(":")
         async with OperatorLink(host, int(port)) as operator:
             yield system, client, operator
@@ -193,14 +194,14 @@ def test_the_repository_survives_a_kill_and_its_map_is_gone_on_with_by_its_own_s
     async def run() -> None:
         async with running(tmp_path / "run", SCENARIO_1) as (system, client, _):
             with pytest.raises(UsageError, match="in use"):
-                async with System([SCENARIO_1], tmp_path / "run"):
+                async with System([SCENARIO_1], tmp_path / "run", launcher=warm.launcher()):
                     pass
             assert Addresses.read(tmp_path / "run") == system.addresses, "the one that runs can still be found"
             view = await wish(client, "Jar002 isOn Platform001")
             assert view.outcome is Outcome.ACCOMPLISHED
             system.programs["repository"].process.kill()
         with pytest.raises(UsageError, match="--fresh"):
-            async with System([other], tmp_path / "run"):
+            async with System([other], tmp_path / "run", launcher=warm.launcher()):
                 pass
         async with running(tmp_path / "run", SCENARIO_1) as (_, client, operator):
             assert (await client.query("Jar002 isOn Platform001")).rows
@@ -258,7 +259,7 @@ def test_a_system_that_cannot_start_says_why_and_leaves_nothing_running(tmp_path
     site.write_text("ontology: empty\n")
 
     async def run() -> None:
-        system = System([site], tmp_path / "run")
+        system = System([site], tmp_path / "run", launcher=warm.launcher())
         with pytest.raises(UsageError, match="no map"):
             async with system:
                 pass

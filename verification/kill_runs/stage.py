@@ -14,6 +14,7 @@ from importlib import resources
 from pathlib import Path
 
 from somrs.client.client import Client
+from somrs.deployment.launcher import Launcher
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
@@ -43,11 +44,11 @@ class Trouble(Exception):
 class Stage:
     """One system in a folder. An asynchronous context manager."""
 
-    def __init__(self, data: Path) -> None:
+    def __init__(self, data: Path, launcher: Launcher | None = None) -> None:
         self.data = data
         with resources.as_file(resources.files("somrs.demo") / "data" / "scenario-2.yaml") as site:
             loaded = load([site])
-            self.system = System([site], data, speed="max", fresh=True)
+            self.system = System([site], data, speed="max", fresh=True, launcher=launcher)
         assert loaded.map is not None, "the site has a map"
         self.ontology: Ontology = loaded.ontology
         self._homes: Map = loaded.map

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from somrs.client import terminal
 from somrs.client.client import Addresses, Client
+from somrs.deployment.launcher import Launcher
 from somrs.errors import ModelError, RemoteError, UsageError
 from somrs.ontology.types import Value
 from somrs.protocol.messages.directory import Discover
@@ -51,7 +52,7 @@ def schema(out: Path | None) -> None:
         print(f"{out}: begin a file with `# yaml-language-server: $schema={out}`, and editors that know YAML schemas complete it")
 
 
-async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool) -> None:
+async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool, launcher: Launcher) -> None:
     """Run a system until somebody ends it."""
     from somrs.cli.importing import brought_in
     from somrs.deployment.programs import until_stopped
@@ -63,7 +64,7 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
         if not file.exists():
             raise UsageError(f"{file}: there is no such file")
     files = brought_in(site, data)
-    system = System(files, data, speed=speed, host=host, fresh=fresh, windows=True)
+    system = System(files, data, speed=speed, host=host, fresh=fresh, windows=True, launcher=launcher)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
             await system.start()

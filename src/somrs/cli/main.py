@@ -49,9 +49,12 @@ def demo(
     seed: Annotated[int | None, typer.Option(help="Start at random places, and break the drive at a random moment.")] = None,
 ) -> None:
     """Play a scenario of the paper in the simulator."""
+    from somrs.deployment.launcher import Launcher, forked
+
+    begun = forked()
     from somrs.demo.scenarios import play
 
-    sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed)))
+    sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed, launcher=Launcher(begun))))
 
 
 @app.command()
@@ -63,9 +66,12 @@ def up(
     fresh: Annotated[bool, typer.Option("--fresh", help="Forget the map of an earlier run; begin with the site's.")] = False,
 ) -> None:
     """Start a whole system for a site: every part a process of its own. Ctrl-C ends it."""
+    from somrs.deployment.launcher import Launcher, forked
+
+    begun = forked()
     from somrs.cli.commands import up as run
 
-    awaited(run(site, data, speed, host, fresh))
+    awaited(run(site, data, speed, host, fresh, Launcher(begun)))
 
 
 @app.command()

@@ -25,6 +25,7 @@ from somrs.client.message_chart import chart
 from somrs.client.trace import Follower, Line
 from somrs.demo import recovery as recovery_demo
 from somrs.demo.picture_sheet import sheet
+from somrs.deployment.launcher import Launcher
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.link import OperatorLink
@@ -77,7 +78,7 @@ class Play:
         return all(self.checks.values())
 
 
-async def play(scenario: str, out: Path, seed: int | None, console: Console | None = None) -> int:
+async def play(scenario: str, out: Path, seed: int | None, console: Console | None = None, *, launcher: Launcher | None = None) -> int:
     """Play a scenario, tell what happens, and leave everything in `out`. 0 when all went as the paper says."""
     if scenario not in SCENARIOS:
         raise UsageError(f"there is no scenario {scenario}; there are {' and '.join(SCENARIOS)}")
@@ -86,7 +87,7 @@ async def play(scenario: str, out: Path, seed: int | None, console: Console | No
         shutil.rmtree(out)
     out.mkdir(parents=True)
     site, distance = prepare(scenario, out, seed)
-    system = System([site], out / "run", speed=recovery_demo.SPEED if scenario == "2" else SPEED)
+    system = System([site], out / "run", speed=recovery_demo.SPEED if scenario == "2" else SPEED, launcher=launcher)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the Service Managers ..."):
             await system.start()

@@ -4,8 +4,8 @@ That saves each program most of the CPU of its start and, as a forked process sh
 memory for code. The launcher has neither threads nor an event loop, so that it can be forked. It ends, and with it all programs, when
 whoever started it is gone.
 
-Requests come through a Unix socket, its standard input, with the file descriptors for a program's output. To standard output goes which
-processes it has started, and how they have ended.
+Requests come through a Unix socket, with the file descriptors for a program's output. Back go which processes it has started, and how
+they have ended.
 """
 
 from __future__ import annotations
@@ -18,9 +18,13 @@ import os
 import selectors
 import signal
 import socket
+import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 import msgspec
 import setproctitle
@@ -90,31 +94,76 @@ class Process:
         self._over.set()
 
 
-class Launcher:
-    """The launcher as whoever uses it has it: started when it is needed, and again when somebody has killed it."""
+@dataclass(slots=True)
+class Begun:
+    """A launcher that runs."""
 
-    def __init__(self) -> None:
+    channel: socket.socket
+    pid: int
+    over: Callable[[], object]
+    """To be called when its end of the channel is closed: it is at its end, and somebody has to ask how it ended."""
+
+
+def spawned() -> Begun:
+    """A launcher that is a Python of its own."""
+    here, there = socket.socketpair()
+    with there:
+        line = [sys.executable, "-m", "somrs.deployment.launcher"]
+        program = subprocess.Popen(line, stdin=there, stdout=subprocess.DEVNULL, start_new_session=True)
+    return Begun(here, program.pid, program.wait)
+
+
+def forked() -> Begun:
+    """A launcher that comes out of this process, which has no event loop yet; where it has threads, one that is spawned. It saves to start
+    another Python, and what both import."""
+    if threading.active_count() > 1:
+        return spawned()
+    import_common()
+    here, there = socket.socketpair()
+    pid = os.fork()
+    if pid == 0:
+        here.close()
+        os.setsid()  # Ctrl-C is for who started it
+        nothing = os.open(os.devnull, os.O_RDWR)
+        os.dup2(nothing, sys.stdin.fileno())
+        os.dup2(nothing, sys.stdout.fileno())
+        launch(there)
+    there.close()
+    return Begun(here, pid, lambda: os.waitpid(pid, 0))
+
+
+class Launcher:
+    """The launcher as whoever uses it has it: started when it is needed, and again when somebody has killed it.
+
+    `begun`: one that runs already.
+    """
+
+    def __init__(self, begun: Begun | None = None) -> None:
         self._lock = asyncio.Lock()
-        self._program: asyncio.subprocess.Process | None = None
-        self._channel: socket.socket | None = None
-        self._listening: asyncio.Task[None] | None = None
+        self._begun = begun
+        self._over: asyncio.Event | None = None
+        """Set when the launcher that is listened to has ended."""
+        self._heard = b""
         self._stdout: asyncio.StreamReader | None = None
         self._started: asyncio.Queue[Process | None] = asyncio.Queue()
         self._running: dict[int, Process] = {}
+
+    @property
+    def pid(self) -> int | None:
+        """The process of the launcher; None while there is none."""
+        return self._begun.pid if self._begun is not None else None
 
     async def start(self, arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> Process:
         """Start `somrs` with the arguments; errors go to the log. Raises RemoteError when the launcher is killed meanwhile."""
         request = msgspec.json.encode(Start(arguments=tuple(arguments), environment=dict(environment))) + b"\n"
         async with self._lock:
-            if self._listening is None or self._listening.done():
-                await self._begin()
-            assert self._channel is not None, "made when it begins"
+            channel = self._listened_to().channel
             self._stdout = stdout = asyncio.StreamReader()
             read, write = os.pipe()
             await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(stdout), os.fdopen(read, "rb"))
-            with os.fdopen(write, "wb") as output, log.open("ab") as errors, contextlib.suppress(ConnectionError):  # the queue tells
-                sent = socket.send_fds(self._channel, [request], [output.fileno(), errors.fileno()])
-                self._channel.sendall(request[sent:])
+            with os.fdopen(write, "wb") as output, log.open("ab") as errors, contextlib.suppress(OSError):  # the queue tells
+                sent = socket.send_fds(channel, [request], [output.fileno(), errors.fileno()])
+                channel.sendall(request[sent:])
             process = await self._started.get()
         if process is None:
             raise RemoteError(f"somrs {' '.join(arguments)} was not started: the process that starts programs was killed")
@@ -122,41 +171,50 @@ class Launcher:
 
     async def stop(self) -> None:
         """End the launcher, and all that it has started and that has not ended."""
-        if self._channel is not None:
-            self._channel.close()
-        if self._program is not None and self._listening is not None:
-            await self._program.wait()
-            await self._listening
+        if self._begun is not None:
+            begun, over = self._listened_to(), self._over
+            with contextlib.suppress(OSError):  # it has ended
+                begun.channel.shutdown(socket.SHUT_WR)
+            assert over is not None, "made when it is listened to"
+            await over.wait()
 
-    async def _begin(self) -> None:
-        self._channel, there = socket.socketpair()
-        with there:
-            self._program = await asyncio.create_subprocess_exec(
-                sys.executable,
-                "-m",
-                "somrs.deployment.launcher",
-                stdin=there.fileno(),
-                stdout=asyncio.subprocess.PIPE,
-                start_new_session=True,
-            )
-        assert self._program.stdout is not None
-        self._started = asyncio.Queue()
-        self._listening = asyncio.create_task(self._listen(self._program.stdout, self._started))
+    def _listened_to(self) -> Begun:
+        """A launcher that is there, and is listened to."""
+        if self._begun is None:
+            self._begun = spawned()
+        if self._over is None:
+            self._over, self._heard, self._started = asyncio.Event(), b"", asyncio.Queue()
+            asyncio.get_running_loop().add_reader(self._begun.channel, self._hear, self._begun, self._over)
+        return self._begun
 
-    async def _listen(self, said: asyncio.StreamReader, started: asyncio.Queue[Process | None]) -> None:
-        while line := await said.readline():
+    def _hear(self, begun: Begun, over: asyncio.Event) -> None:
+        try:
+            more = begun.channel.recv(CHUNK)
+        except ConnectionError:
+            more = b""
+        *lines, self._heard = (self._heard + more).split(b"\n")
+        for line in lines:
             match _ANSWERS.decode(line):
                 case Started(pid=pid):
                     assert self._stdout is not None, "made before it is asked for"
                     process = self._running[pid] = Process(pid, self._stdout)
-                    started.put_nowait(process)
+                    self._started.put_nowait(process)
                 case Ended(pid=pid, code=code):
                     self._running.pop(pid).ended(code)
+        if not more:
+            self._ended(begun)
+            over.set()
+
+    def _ended(self, begun: Begun) -> None:
+        asyncio.get_running_loop().remove_reader(begun.channel)
+        begun.channel.close()
+        begun.over()
         for process in self._running.values():
             process.kill()
             process.ended(-signal.SIGKILL)
         self._running.clear()
-        started.put_nowait(None)
+        self._begun = self._over = None
+        self._started.put_nowait(None)
 
 
 _ANSWERS = msgspec.json.Decoder(Started | Ended)
@@ -165,16 +223,23 @@ _ANSWERS = msgspec.json.Decoder(Started | Ended)
 # In the launcher
 
 
-def main() -> None:
-    setproctitle.setproctitle("somrs launcher")
+def import_common() -> None:
+    """Have what programs have in common, as it is to be shared by all that come out of this process."""
     for name in COMMON:
         with contextlib.suppress(ImportError):  # of an extra that is not installed
             importlib.import_module(name)
     gc.collect()
     gc.freeze()  # what is there is not looked at again, and stays shared
-    begun = serve(socket.socket(fileno=os.dup(sys.stdin.fileno())))
+
+
+def launch(channel: socket.socket) -> NoReturn:
+    """Be a launcher, until nobody is there any more who wants it."""
+    setproctitle.setproctitle("somrs launcher")
+    begun = serve(channel)
     if begun is not None:
         become(*begun)
+        sys.exit()
+    os._exit(0)  # there is nothing to be put in order
 
 
 def serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
@@ -190,7 +255,7 @@ def serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
             for key, _ in selector.select():
                 if key.fileobj is woken:
                     woken.recv(CHUNK)
-                    _tell_ended()
+                    _tell_ended(channel)
                     continue
                 text, files = _request(channel)
                 if not text:
@@ -200,7 +265,7 @@ def serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
                     return msgspec.json.decode(text, type=Start), files
                 for file in files:
                     os.close(file)
-                _say(Started(pid=pid))
+                _say(channel, Started(pid=pid))
 
 
 def become(request: Start, files: list[int]) -> None:
@@ -226,16 +291,17 @@ def _request(channel: socket.socket) -> tuple[bytes, list[int]]:
     return text, files
 
 
-def _tell_ended() -> None:
+def _tell_ended(channel: socket.socket) -> None:
     with contextlib.suppress(ChildProcessError):
         while (ended := os.waitpid(-1, os.WNOHANG))[0]:
-            _say(Ended(pid=ended[0], code=os.waitstatus_to_exitcode(ended[1])))
+            _say(channel, Ended(pid=ended[0], code=os.waitstatus_to_exitcode(ended[1])))
 
 
-def _say(what: Started | Ended) -> None:
-    with contextlib.suppress(BrokenPipeError):  # whoever is to hear it is gone
-        os.write(sys.stdout.fileno(), msgspec.json.encode(what) + b"\n")
+def _say(channel: socket.socket, what: Started | Ended) -> None:
+    with contextlib.suppress(ConnectionError):  # whoever is to hear it is gone
+        channel.sendall(msgspec.json.encode(what) + b"\n")
 
 
 if __name__ == "__main__":
-    main()
+    import_common()
+    launch(socket.socket(fileno=os.dup(sys.stdin.fileno())))

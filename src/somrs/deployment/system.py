@@ -55,6 +55,7 @@ class System:
     """The processes of one system, its data folder, and its addresses. An asynchronous context manager.
 
     `stage`: where a simulator, or a symbolic world, runs already, as host:port; None: the system has its own.
+    `launcher`: what starts the programs; None: the system has its own, and ends it.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class System:
         fresh: bool = False,
         windows: bool = False,
         stage: str | None = None,
+        launcher: Launcher | None = None,
     ) -> None:
         self.site, self.data, self.speed, self.host, self.fresh = [path.resolve() for path in site], data, speed, host, fresh
         self.programs: dict[str, Program] = {}
@@ -74,7 +76,7 @@ class System:
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._listed = False
         self._reservation: Reservation | None = None
-        self._launcher = Launcher()
+        self._launcher = launcher or Launcher()
 
     def _check_site(self) -> None:
         """A map that is kept from an earlier run is gone on with, but only if it began with the same files."""

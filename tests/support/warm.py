@@ -1,0 +1,116 @@
+"""Where tests start one system after the other, their programs come out of a process that has imported what they need, also what only one
+of them needs. That saves each system five seconds of CPU, and changes nothing else: a program out of it is a process as it always is."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import os
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+import setproctitle
+
+from somrs.deployment.launcher import Begun, Launcher, Start, Started, import_common, launch
+
+TITLE = "warm launchers of tests"
+
+PROGRAMS = (
+    "somrs.api.program",
+    "somrs.cli.commands",
+    "somrs.deployment.system",
+    "somrs.devices.simulator.server.follower",
+    "somrs.devices.simulator.server.server",
+    "somrs.planner_service.process",
+    "somrs.registry.component",
+    "somrs.scheduling.program",
+    "somrs.storage.repository_store",
+    "somrs.task_manager.manager",
+    # What NiceGUI is made of; it reads the environment itself when it is imported.
+    "docutils.core",
+    "fastapi",
+    "fastapi.middleware.gzip",
+    "fastapi.staticfiles",
+    "httpx",
+    "itsdangerous",
+    "jinja2",
+    "markdown2",
+    "pygments.formatters",
+    "socketio",
+)
+PID = struct.Struct("i")
+
+
+def launcher() -> Launcher:
+    """One of its own for a system."""
+    return Launcher(begun())
+
+
+def begun() -> Begun:
+    here, there = socket.socketpair()
+    with there:
+        socket.send_fds(_warm(), [b"?"], [there.fileno()])
+    return Begun(here, PID.unpack(_warm().recv(PID.size))[0], lambda: None)
+
+
+@functools.cache
+def _warm() -> socket.socket:
+    here, there = socket.socketpair()
+    with there:
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # no threads, so that it can be forked
+        subprocess.Popen([sys.executable, "-m", "tests.support.warm"], stdin=there, start_new_session=True, env=environment)
+    return here
+
+
+class Program:
+    """A process out of it, without an event loop."""
+
+    def __init__(self, arguments: Sequence[str], log: Path) -> None:
+        """Run `somrs` with the arguments; what it says goes to the log."""
+        self._channel = begun().channel
+        request = Start(arguments=tuple(arguments), environment={**os.environ})
+        with log.open("wb") as said:
+            socket.send_fds(self._channel, [msgspec.json.encode(request) + b"\n"], [said.fileno(), said.fileno()])
+        self._told = self._channel.makefile("rb")
+        self.pid = msgspec.json.decode(self._told.readline(), type=Started).pid
+
+    def send_signal(self, what: int) -> None:
+        os.kill(self.pid, what)
+
+    @property
+    def ended(self) -> bool:
+        return bool(select.select([self._channel], [], [], 0)[0])
+
+    def wait(self) -> None:
+        """Return when it has ended."""
+        with self._channel, self._told:
+            self._told.readline()
+
+
+def main() -> None:
+    setproctitle.setproctitle(TITLE)
+    for name in PROGRAMS:
+        importlib.import_module(name)
+    import_common()
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody asks how a launcher ended
+    with socket.socket(fileno=os.dup(sys.stdin.fileno())) as asked:
+        while True:
+            _, files, _, _ = socket.recv_fds(asked, 1, 1)
+            if not files:
+                return
+            if (pid := os.fork()) == 0:
+                asked.close()
+                launch(socket.socket(fileno=files[0]))
+            os.close(files[0])
+            asked.sendall(PID.pack(pid))
+
+
+if __name__ == "__main__":
+    main()
