@@ -13,14 +13,15 @@ from pathlib import Path
 
 import pytest
 
-from somrs.deployment.launcher import Launcher, Process
+from somrs.deployment.launcher import Begun, Launcher, Process, spawned
 from somrs.errors import RemoteError
+from tests.support import warm
 from tests.support.paths import SCENARIO_1
 
 
-def launching(use: Callable[[Launcher], Awaitable[None]]) -> None:
+def launching(use: Callable[[Launcher], Awaitable[None]], begun: Callable[[], Begun] = warm.begun) -> None:
     async def run() -> None:
-        launcher = Launcher()
+        launcher = Launcher(begun())
         try:
             await use(launcher)
         finally:
@@ -65,7 +66,7 @@ def test_a_program_writes_where_it_is_to_and_its_end_is_told(tmp_path: Path) -> 
             badly.send_signal(signal.SIGTERM)
         badly.kill()
 
-    launching(use)
+    launching(use, spawned)
 
 
 def test_each_has_an_environment_of_its_own(tmp_path: Path) -> None:
@@ -80,7 +81,7 @@ def test_each_has_an_environment_of_its_own(tmp_path: Path) -> None:
 
 def test_many_are_started_at_the_same_time(tmp_path: Path) -> None:
     async def use(launcher: Launcher) -> None:
-        programs = await asyncio.gather(*(launcher.start(["schema"], tmp_path / f"{n}.log", os.environ) for n in range(20)))
+        programs = await asyncio.gather(*(launcher.start(["--help"], tmp_path / f"{n}.log", os.environ) for n in range(20)))
         said = await asyncio.gather(*(program.stdout.read() for program in programs))
         assert len({program.pid for program in programs}) == 20
         assert len({*said}) == 1
@@ -164,3 +165,37 @@ def test_programs_end_when_whoever_wanted_them_is_killed(tmp_path: Path) -> None
         assert runs(pid)
         process.kill()
     until_gone(pid)
+
+
+COMES_OUT = """
+import asyncio, os, signal, sys, threading
+from pathlib import Path
+from somrs.deployment.launcher import Launcher, forked
+
+async def run(begun, log):
+    launcher = Launcher(begun)
+    first = launcher.pid
+    well, badly = [await launcher.start([word], log, os.environ) for word in ("--help", "no-such-command")]
+    print((await well.stdout.read()).decode().split()[0], await well.wait(), await badly.wait())
+    print(Path(f"/proc/{first}/cmdline").read_text(), os.getsid(first) == first != os.getsid(0))
+    os.kill(first, signal.SIGKILL)
+    while launcher.pid == first:
+        await asyncio.sleep(0.01)
+    again = await launcher.start(["--help"], log, os.environ)
+    print(launcher.pid not in (None, first), await again.wait())
+    await launcher.stop()
+    print(launcher.pid)
+
+if "thread" in sys.argv:
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+asyncio.run(run(forked(), Path(sys.argv[1])))
+print("over")
+"""
+
+
+@pytest.mark.parametrize("more", [[], ["thread"]])
+def test_a_launcher_comes_out_of_the_process_that_wants_it(tmp_path: Path, more: list[str]) -> None:
+    line = [sys.executable, "-c", COMES_OUT, str(tmp_path / "log"), *more]
+    said = subprocess.run(line, capture_output=True, text=True, check=False)
+    assert said.stderr == ""
+    assert said.stdout.replace("\0", "").splitlines() == ["Usage: 0 2", "somrs launcher True", "True 0", "None", "over"]
