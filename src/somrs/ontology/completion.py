@@ -132,8 +132,10 @@ class _Offering:
             yield _Ranked(item, match, group + preference, preference)
 
     def known_variables(self, group: int) -> Iterator[_Ranked]:
-        fits = self.cursor.slot.type
+        fits, objects = self.cursor.slot.type, self.cursor.spot is Spot.OBJECT
         for name, type_name in self.cursor.variables.items():
+            if type_name in VALUE_TYPES and objects:
+                continue
             if type_name is None or type_name in VALUE_TYPES or self.ontology.is_a(type_name, fits) or self.ontology.is_a(fits, type_name):
                 yield from self.words({f"?{name}": type_name or "a variable"}, "variable", group, "" if self.cursor.inside else " ")
 

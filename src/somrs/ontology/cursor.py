@@ -51,7 +51,7 @@ class Spot(Enum):
     TYPE = auto()
     """Behind a variable and a colon."""
     VARIABLE = auto()
-    """Behind a question mark."""
+    """Behind a question mark, where more than objects can be."""
     ON = auto()
     """Behind what needs nothing more."""
 
@@ -114,7 +114,7 @@ def spot(text: str, at: int, ontology: Ontology, map: Map, variables: Mapping[st
     begin = _atom(before, start)
     found = _with(placing.at(before[begin:start]), negated=_NEGATED.search(before[:begin]) is not None)
     typed = before[start:]
-    if typed.startswith("?") and found.spot in (Spot.ATOM, Spot.OBJECT, Spot.VALUE, Spot.TERM):
+    if typed.startswith("?") and found.spot in (Spot.ATOM, Spot.VALUE, Spot.TERM):
         found = _with(found, spot=Spot.VARIABLE)
     if opened is not None:
         found = _with(found, inside='"') if found.spot is Spot.VALUE else _with(found, spot=Spot.NOWHERE)
@@ -169,7 +169,7 @@ def _inferred(text: str, known: Mapping[str, str | None], ontology: Ontology) ->
         if relation is None or len(relation.joins) != 2 or not 0 < index < len(words) - 1:
             continue
         for other, joined in ((words[index - 1], relation.joins[0]), (words[index + 1], relation.joins[1])):
-            if other.startswith("?") and known.get(other[1:]) is None and joined != ROOT:
+            if other.startswith("?") and known.get(other[1:], "being written") is None and joined != ROOT:
                 found.setdefault(other[1:], joined)
     return found
 

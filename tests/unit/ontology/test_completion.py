@@ -159,6 +159,11 @@ JOINED = [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them h
             [("?z", "variable", "Thing", ""), ("?Jar: Jar", "variable", "any Jar", ""), ("?Thing: Thing", "variable", "any Thing", "")],
         ),
         (
+            "?y: number = 3 AND ?t: Table = Table1 AND Jar1 isOn ?|",
+            [("?t", "variable", "Table", " "), ("?Table: Table", "variable", "any Table", " ")],
+        ),
+        ("Jar1 isOn ?t|", [("?Table: Table", "variable", "any Table", " ")]),
+        (
             "Jar1.Weight < 3 AND ?y: number = ?|",
             [
                 ("?y", "variable", "number", " "),

@@ -287,6 +287,7 @@ def test_services_that_cannot_be_planned_with_are_named_where_they_matter_and_el
     why = "Find: ?Jar: Jar isOn ?Place: ?Place is known only when the service is done"
     near = refused(problem(GOAL, find))
     assert near.said == (f"{GOAL} could be brought about by Find, which cannot be planned with: {why}",)
+    assert near.undecided
     far = refused(problem("Jar001.Clean = TRUE", find))
     assert far.said == (f"Jar001.Clean = TRUE {DENIED}", f"not considered: {why}")
     assert far.undecided

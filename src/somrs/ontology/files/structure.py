@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -12,7 +12,7 @@ from somrs.entish import Number
 from somrs.entish.parse import nearest
 from somrs.errors import Problem
 from somrs.ontology.files.nodes import Path, Source
-from somrs.ontology.schema import ENTRIES, AttributeEntry, File, FunctionEntry, ObjectEntry, RelationEntry, ServiceEntry, TypeEntry
+from somrs.ontology.schema import ENTRIES, AttributeEntry, File, FunctionEntry, RelationEntry, ServiceEntry, TypeEntry
 from somrs.ontology.services import Handler, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, ObjectType, Part, RelationType, Value
 
@@ -107,11 +107,22 @@ def _owner(path: Path) -> str | None:
     return str(owner)
 
 
+def _model(path: Path) -> type[BaseModel]:
+    """What the entry at the place has to look like."""
+    found: Any = File
+    for step in path:
+        if isinstance(found, type) and issubclass(found, BaseModel):
+            found = found.model_fields[str(step)].annotation
+        else:  # what a list or a dictionary is of
+            found = get_args(found)[-1]
+    assert issubclass(found, BaseModel), "nothing else has keys that may be unknown"
+    return found
+
+
 def _message(path: Path, detail: Any) -> str:
     key = str(path[-1]) if path else "the file"
     if detail["type"] == "extra_forbidden":
-        model: Any = File if len(path) == 1 else ENTRIES.get(str(path[0]), ObjectEntry)
-        known = [*model.model_fields]
+        known = [*_model(path[:-1]).model_fields]
         return f"unknown key {key}; {nearest(key, known) or 'there are ' + ', '.join(known)}"
     if detail["type"] == "missing":
         return f"{key} is missing; write {key}: and its value"

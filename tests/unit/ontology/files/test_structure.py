@@ -45,6 +45,15 @@ ANY_KEY = f"there are {', '.join(File.model_fields)}"
             [(1, "Heat", "minimum should be number, not 'a'")],
         ),
         ("relations:\n  near: {}\n", {"near"}, [(2, "near", "joins is missing; write joins: and its value")]),
+        (
+            "types: {Vase: {parts: [{type: Jar, parent: Jar, minimun: 1}], constraints: [{atribute: Weight}]}}\n",
+            {"Vase"},
+            [
+                (1, "Vase", "unknown key parent; there are type, minimum, maximum"),
+                (1, "Vase", "unknown key minimun; did you mean minimum?"),
+                (1, "Vase", "unknown key atribute; did you mean attribute?"),
+            ],
+        ),
         ("functions: {far: {}}\n", {"far"}, [(1, "far", "parameters is missing; write parameters: and its value")]),
         (
             "objects:\n  A:\n    type: Jar\n    parts:\n      B:\n        parts:\n          C: {tipe: Jar}\n",
