@@ -65,7 +65,7 @@ def _warm() -> socket.socket:
     here, there = socket.socketpair()
     with there:
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # no threads, so that it can be forked
-        subprocess.Popen([sys.executable, "-m", "tests.support.warm"], stdin=there, start_new_session=True, env=environment)
+        subprocess.Popen([sys.executable, "-m", "tests.support.warm"], stdin=there.fileno(), start_new_session=True, env=environment)
     return here
 
 

@@ -109,7 +109,7 @@ def spawned() -> Begun:
     here, there = socket.socketpair()
     with there:
         line = [sys.executable, "-m", "somrs.deployment.launcher"]
-        program = subprocess.Popen(line, stdin=there, stdout=subprocess.DEVNULL, start_new_session=True)
+        program = subprocess.Popen(line, stdin=there.fileno(), stdout=subprocess.DEVNULL, start_new_session=True)
     return Begun(here, program.pid, program.wait)
 
 

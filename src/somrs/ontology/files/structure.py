@@ -115,8 +115,8 @@ def _model(path: Path) -> type[BaseModel]:
             found = found.model_fields[str(step)].annotation
         else:  # what a list or a dictionary is of
             found = get_args(found)[-1]
-    assert issubclass(found, BaseModel), "nothing else has keys that may be unknown"
-    return found
+    model: type[BaseModel] = found  # nothing else has keys that may be unknown
+    return model
 
 
 def _message(path: Path, detail: Any) -> str:
