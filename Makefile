@@ -25,9 +25,9 @@ demo: setup
 test: setup
 	@scripts/test
 
-# All tests but those in a browser.
+# Tests of several parts and of whole systems, all at once.
 tests: setup
-	@$(BIN)/pytest tests/unit tests/integration tests/system $(AT_ONCE)
+	@$(BIN)/pytest tests/integration tests/system $(AT_ONCE)
 
 unit: setup
 	@$(BIN)/pytest tests/unit --numprocesses $(JOBS) --dist worksteal

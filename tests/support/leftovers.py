@@ -9,12 +9,12 @@ import signal
 import time
 from pathlib import Path
 
-from tests.support.warm import TITLE
-
 SET_CHILD_SUBREAPER = 36
 """Of prctl(2): whoever loses its parent becomes a child of this process, and is so found."""
 
-KEPT = ("multiprocessing.resource_tracker", "multiprocessing.forkserver", "tests.support.warm", TITLE)
+WARM = "warm launchers of tests"
+
+KEPT = ("multiprocessing.resource_tracker", "multiprocessing.forkserver", "tests.support.warm", WARM)
 """Python, and tests, start them once and end them with themselves."""
 
 PATIENCE = 10.0

@@ -19,8 +19,7 @@ import msgspec
 import setproctitle
 
 from somrs.deployment.launcher import Begun, Launcher, Start, Started, import_common, launch
-
-TITLE = "warm launchers of tests"
+from tests.support.leftovers import WARM
 
 PROGRAMS = (
     "somrs.api.program",
@@ -95,7 +94,7 @@ class Program:
 
 
 def main() -> None:
-    setproctitle.setproctitle(TITLE)
+    setproctitle.setproctitle(WARM)
     for name in PROGRAMS:
         importlib.import_module(name)
     import_common()

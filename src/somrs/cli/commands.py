@@ -52,6 +52,13 @@ def schema(out: Path | None) -> None:
         print(f"{out}: begin a file with `# yaml-language-server: $schema={out}`, and editors that know YAML schemas complete it")
 
 
+def check_files(site: Sequence[Path]) -> None:
+    """Raises UsageError for one that is not there."""
+    for file in site:
+        if not file.exists():
+            raise UsageError(f"{file}: there is no such file")
+
+
 async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool, launcher: Launcher) -> None:
     """Run a system until somebody ends it."""
     from somrs.cli.importing import brought_in
@@ -60,9 +67,6 @@ async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: boo
 
     console = terminal.console()
     data.mkdir(parents=True, exist_ok=True)
-    for file in site:
-        if not file.exists():
-            raise UsageError(f"{file}: there is no such file")
     files = brought_in(site, data)
     system = System(files, data, speed=speed, host=host, fresh=fresh, windows=True, launcher=launcher)
     try:

@@ -51,7 +51,7 @@ def demo(
     """Play a scenario of the paper in the simulator."""
     from somrs.deployment.launcher import Launcher, forked
 
-    begun = forked()
+    begun = forked()  # before there are threads, as numpy has them
     from somrs.demo.scenarios import play
 
     sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed, launcher=Launcher(begun))))
@@ -66,11 +66,12 @@ def up(
     fresh: Annotated[bool, typer.Option("--fresh", help="Forget the map of an earlier run; begin with the site's.")] = False,
 ) -> None:
     """Start a whole system for a site: every part a process of its own. Ctrl-C ends it."""
+    from somrs.cli.commands import check_files
+    from somrs.cli.commands import up as run
     from somrs.deployment.launcher import Launcher, forked
 
+    guarded(lambda: check_files(site))
     begun = forked()
-    from somrs.cli.commands import up as run
-
     awaited(run(site, data, speed, host, fresh, Launcher(begun)))
 
 

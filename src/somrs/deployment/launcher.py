@@ -116,7 +116,7 @@ def spawned() -> Begun:
 def forked() -> Begun:
     """A launcher that comes out of this process, which has no event loop yet; where it has threads, one that is spawned. It saves to start
     another Python, and what both import."""
-    if threading.active_count() > 1:
+    if _threads() > 1:
         return spawned()
     import_common()
     here, there = socket.socketpair()
@@ -125,8 +125,8 @@ def forked() -> Begun:
         here.close()
         os.setsid()  # Ctrl-C is for who started it
         nothing = os.open(os.devnull, os.O_RDWR)
-        os.dup2(nothing, sys.stdin.fileno())
-        os.dup2(nothing, sys.stdout.fileno())
+        for standard in (0, 1):
+            os.dup2(nothing, standard)
         launch(there)
     there.close()
     return Begun(here, pid, lambda: os.waitpid(pid, 0))
@@ -218,6 +218,12 @@ class Launcher:
 
 
 _ANSWERS = msgspec.json.Decoder(Started | Ended)
+
+
+def _threads() -> int:
+    """Those of this process, also those that Python does not know."""
+    tasks = Path("/proc/self/task")
+    return len(os.listdir(tasks)) if tasks.is_dir() else threading.active_count()
 
 
 # In the launcher
