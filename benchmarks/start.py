@@ -1,4 +1,4 @@
-"""What the start of a system costs: CPU and memory of its programs, out of the launcher and each started by itself, in turns.
+"""What the start of a system costs: CPU and memory of its programs, by `somrs up` and each started by itself, in turns.
 
 The paper's scenario with its windows. CPU is what each process has used when all are ready, from /proc; memory is what is its own (Pss: of
 what several processes share, each has its share). Run it as `python benchmarks/start.py`.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import statistics
 import subprocess
 import sys
@@ -62,27 +63,51 @@ def memory(process: int) -> float:
     return sum(int(line.split()[1]) for line in lines if line.startswith("Pss:")) / 1024
 
 
-async def started(kind: type[Launcher]) -> Cost:
-    launcher = kind()
+async def started_singly() -> Cost:
+    """All programs of a system, each a Python of its own, without what starts them."""
     with tempfile.TemporaryDirectory() as folder:
-        system = System([SITE], Path(folder), windows=True, launcher=launcher)
+        system = System([SITE], Path(folder), windows=True, launcher=Singly())
         began = time.perf_counter()
         async with system:
             wall = time.perf_counter() - began
-            processes = [program.process.pid for program in system.programs.values()]
-            if launcher.pid is not None:
-                processes.append(launcher.pid)
-            return Cost(wall, sum(map(cpu, processes)), sum(map(memory, processes)))
+            return cost(wall, [program.process.pid for program in system.programs.values()])
+
+
+def started_by_command() -> Cost:
+    """`somrs up`, and all that comes out of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        line = [sys.executable, "-m", "somrs.cli.main", "up", str(SITE), "--data", folder]
+        began = time.perf_counter()
+        with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as program:
+            assert program.stdout is not None
+            for said in program.stdout:
+                if "In the browser" in said:
+                    break
+            wall = time.perf_counter() - began
+            found = cost(wall, [program.pid, *below(program.pid)])
+            program.send_signal(signal.SIGINT)
+            program.stdout.read()
+        return found
+
+
+def below(process: int) -> list[int]:
+    """The processes that it has started, and those that they have."""
+    children = [int(id) for id in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+    return [*children, *(one for child in children for one in below(child))]
+
+
+def cost(wall: float, processes: Sequence[int]) -> Cost:
+    return Cost(wall, sum(map(cpu, processes)), sum(map(memory, processes)))
 
 
 def main() -> None:
-    found: dict[str, list[Cost]] = {"out of the launcher": [], "each by itself": []}
+    found: dict[str, list[Cost]] = {"somrs up, itself included": [], "each by itself": []}
     for _ in range(ROUNDS):
-        found["out of the launcher"].append(asyncio.run(started(Launcher)))
-        found["each by itself"].append(asyncio.run(started(Singly)))
+        found["somrs up, itself included"].append(started_by_command())
+        found["each by itself"].append(asyncio.run(started_singly()))
     for name, costs in found.items():
-        wall, spent, own = (statistics.median(getattr(cost, what) for cost in costs) for what in ("wall", "cpu", "memory"))
-        print(f"{name:22} {wall:5.1f} s, {spent:5.1f} s of CPU, {own:5.0f} MB")
+        wall, spent, own = (statistics.median(getattr(one, what) for one in costs) for what in ("wall", "cpu", "memory"))
+        print(f"{name:26} {wall:5.1f} s, {spent:5.1f} s of CPU, {own:5.0f} MB")
 
 
 if __name__ == "__main__":
