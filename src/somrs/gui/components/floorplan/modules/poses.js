@@ -3,6 +3,7 @@
 import { Motion } from "somrs-scene/motion.js";
 
 const AGAIN = 3000; // milliseconds after which a lost connection is made again
+const SELDOM = 100; // milliseconds between two frames, for who wants less motion
 const STILL = 0.01; // metres, or radians; what has not moved by more since it was heard of first stands where the map says
 
 export class Poses {
@@ -12,7 +13,8 @@ export class Poses {
     this._motion = new Motion();
     this._table = -1;
     this._first = new Map();
-    this._frame = 0;
+    this._frame = this._pause = 0;
+    this._waits = false;
     this._socket = null;
     this._seen = () => (document.hidden ? this.rest() : this.follow());
     document.addEventListener("visibilitychange", this._seen);
@@ -40,9 +42,10 @@ export class Poses {
 
   rest() {
     clearTimeout(this._timer);
+    clearTimeout(this._pause);
     cancelAnimationFrame(this._frame);
     const socket = this._socket;
-    [this._socket, this._frame, this._table] = [null, 0, -1];
+    [this._socket, this._waits, this._table] = [null, false, -1];
     socket?.close();
     this._motion.restart();
     this._first.clear();
@@ -60,10 +63,18 @@ export class Poses {
     if (head.getUint32(16, true) !== this._table) return;
     const count = head.getUint32(20, true);
     this._motion.hear(head.getFloat64(0, true), new Uint32Array(buffer, 24, count), new Float32Array(buffer, 24 + 4 * count), performance.now() / 1000);
-    this._frame ||= requestAnimationFrame(() => this._play());
+    if (!this._waits) this._next();
+  }
+
+  _next() {
+    this._waits = true;
+    const draw = () => (this._frame = requestAnimationFrame(() => this._play()));
+    if (matchMedia("(prefers-reduced-motion: reduce)").matches) this._pause = setTimeout(draw, SELDOM);
+    else draw();
   }
 
   _play() {
+    this._waits = false;
     const moved = new Map();
     this._motion.play(performance.now() / 1000, (name, [x, y, , turned]) => {
       const first = this._first.get(name);
@@ -74,6 +85,6 @@ export class Poses {
       }
     });
     if (moved.size) this._place(moved);
-    this._frame = this._motion.active ? requestAnimationFrame(() => this._play()) : 0;
+    if (this._motion.active) this._next();
   }
 }
