@@ -161,7 +161,7 @@ class Launcher:
             self._stdout = stdout = asyncio.StreamReader()
             read, write = os.pipe()
             await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(stdout), os.fdopen(read, "rb"))
-            with os.fdopen(write, "wb") as output, log.open("ab") as errors, contextlib.suppress(OSError):  # the queue tells
+            with os.fdopen(write, "wb") as output, log.open("ab") as errors, contextlib.suppress(ConnectionError):  # the queue tells
                 sent = socket.send_fds(channel, [request], [output.fileno(), errors.fileno()])
                 channel.sendall(request[sent:])
             process = await self._started.get()
@@ -290,10 +290,13 @@ def become(request: Start, files: list[int]) -> None:
 
 def _request(channel: socket.socket) -> tuple[bytes, list[int]]:
     """A line, and the file descriptors that came with it. Nothing when the other end is closed."""
-    text, files, _, _ = socket.recv_fds(channel, CHUNK, 2)
-    while text and not text.endswith(b"\n"):
-        more = channel.recv(CHUNK)
-        text = text + more if more else b""
+    try:
+        text, files, _, _ = socket.recv_fds(channel, CHUNK, 2)
+        while text and not text.endswith(b"\n"):
+            more = channel.recv(CHUNK)
+            text = text + more if more else b""
+    except ConnectionError:  # it was killed before it had read all
+        return b"", []
     return text, files
 
 
