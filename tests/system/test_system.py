@@ -63,7 +63,7 @@ def lines_of(out: Path) -> list[Line]:
 
 def test_a_transaction_survives_dead_robots_a_dead_task_manager_and_a_client_that_changes_its_mind(tmp_path: Path) -> None:
     said = Console(file=(tmp_path / "said.txt").open("w"), width=150)
-    code = asyncio.run(play("2", tmp_path / "out", None, said))
+    code = asyncio.run(play("2", tmp_path / "out", None, said, launcher=warm.launcher()))
     assert code == 0, (tmp_path / "said.txt").read_text()
     told = (tmp_path / "said.txt").read_text()
     assert "NO" not in told.split("Seen to be so")[1]
@@ -94,7 +94,7 @@ def test_the_papers_scenario_as_a_program_without_opengl(tmp_path: Path) -> None
 def test_the_papers_scenario_with_a_drive_that_breaks(tmp_path: Path) -> None:
     said = Console(file=(tmp_path / "said.txt").open("w"), width=150)
     out = tmp_path / "out"
-    code = asyncio.run(play("1b", out, None, said))
+    code = asyncio.run(play("1b", out, None, said, launcher=warm.launcher()))
     assert code == 0, (tmp_path / "said.txt").read_text()
     lines = conversation(out)
     types = [line.type for line in lines]

@@ -54,6 +54,8 @@ from somrs.ports import bound
 
 log = logging.getLogger(__name__)
 
+TICK = 0.001
+"""Seconds: the least that an event loop can wait; what is less, it does not wait at all."""
 SLICE = 0.004
 """Seconds for which physics may keep the sockets waiting."""
 BEHIND = 0.2
@@ -174,7 +176,7 @@ class Server:
             if resting:
                 await self._nap(NAP)
             else:
-                await asyncio.sleep(max(0.0, -lag / speed) if lag < 0 else 0.002)
+                await asyncio.sleep(max(TICK, -lag / speed) if lag < 0 else 2 * TICK)
 
     async def _nap(self, seconds: float) -> None:
         """Until somebody says something, but not for longer: the map may change, too."""
