@@ -22,6 +22,13 @@ UNITS = [
     (unit, "unit", "a unit", " ") for unit in ("mm", "cm", "m", "km", "g", "kg", "s", "min", "h", "m/s", "km/h", "rad", "deg", "%", "EUR")
 ]
 JOINED = [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them holds", " ")]
+JARS = [("Jar1", "object", "Jar, sugar", " "), ("Jar2", "object", "Jar", " ")]
+FUNCTIONS = [("weight", "function", "(Thing)", "("), ("distance", "function", "(Thing, Robot) in m", "(")]
+
+
+def any_of(*types: str, after: str = " ") -> list[tuple[str, str, str, str]]:
+    """Variables with their types."""
+    return [(f"?{name}: {name}", "variable", f"any {name}", after) for name in types]
 
 
 @pytest.mark.parametrize(
@@ -30,10 +37,8 @@ JOINED = [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them h
         (
             "|",
             [
-                ("Jar1", "object", "Jar, sugar", " "),
-                ("Jar2", "object", "Jar", " "),
-                ("weight", "function", "(Thing)", "("),
-                ("distance", "function", "(Thing, Robot) in m", "("),
+                *JARS,
+                *FUNCTIONS,
                 ("Table1", "object", "Table, desk", " "),
                 ("Robot1", "object", "Robot", " "),
                 ("between", "relation", "(Thing, Table, Robot)", "("),
@@ -44,7 +49,7 @@ JOINED = [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them h
         ("Robot1 isA|", [("isAt", "relation", "where it stands", " ")]),
         ("distance(Jar1, ?y: o|", [("Object", "type", "", ""), ("Robot", "type", "a kind of Object", "")]),
         ("ta|", [("Table1", "object", "Table, desk", " "), ("distance", "function", "(Thing, Robot) in m", "(")]),
-        ("ar|", [("Jar1", "object", "Jar, sugar", " "), ("Jar2", "object", "Jar", " ")]),
+        ("ar|", [*JARS]),
         (
             "NOT b|",
             [
@@ -96,7 +101,7 @@ JOINED = [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them h
         ("Jar1.Open = |", [("TRUE", "value", "", " "), ("FALSE", "value", "", " ")]),
         ("Table1.Label = |", [('"desk"', "value", "a text", " "), ('"sugar"', "value", "a text", " ")]),
         ('Table1.Label = "d|', [('"desk"', "value", "a text", " ")]),
-        ("Jar1.Weight = |", [("weight", "function", "(Thing)", "("), ("distance", "function", "(Thing, Robot) in m", "(")]),
+        ("Jar1.Weight = |", [*FUNCTIONS]),
         (
             "Jar1.Weight < 5 |",
             [
@@ -149,14 +154,13 @@ JOINED = [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them h
             [
                 ("Jar1", "object", "Jar, sugar", ""),
                 ("Jar2", "object", "Jar", ""),
-                ("?Jar: Jar", "variable", "any Jar", ""),
-                ("?Thing: Thing", "variable", "any Thing", ""),
+                *any_of("Jar", "Thing", after=""),
             ],
         ),
         ("weight(j|", [("Jar1", "object", "Jar, sugar", ""), ("Jar2", "object", "Jar", "")]),
         (
             "?x isAt Table1 AND ?z isOn Table1 AND weight(?|",
-            [("?z", "variable", "Thing", ""), ("?Jar: Jar", "variable", "any Jar", ""), ("?Thing: Thing", "variable", "any Thing", "")],
+            [("?z", "variable", "Thing", ""), *any_of("Jar", "Thing", after="")],
         ),
         (
             "?y: number = 3 AND ?t: Table = Table1 AND Jar1 isOn ?|",
@@ -167,11 +171,7 @@ JOINED = [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them h
             "Jar1.Weight < 3 AND ?y: number = ?|",
             [
                 ("?y", "variable", "number", " "),
-                ("?Jar: Jar", "variable", "any Jar", " "),
-                ("?Table: Table", "variable", "any Table", " "),
-                ("?Robot: Robot", "variable", "any Robot", " "),
-                ("?Object: Object", "variable", "any Object", " "),
-                ("?Thing: Thing", "variable", "any Thing", " "),
+                *any_of("Jar", "Table", "Robot", "Object", "Thing"),
             ],
         ),
         (
@@ -179,22 +179,17 @@ JOINED = [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them h
             [
                 ("?Jar", "variable", "Jar", " "),
                 ("?Jar2: Jar", "variable", "any Jar", " "),
-                ("?Table: Table", "variable", "any Table", " "),
-                ("?Robot: Robot", "variable", "any Robot", " "),
-                ("?Object: Object", "variable", "any Object", " "),
-                ("?Thing: Thing", "variable", "any Thing", " "),
+                *any_of("Table", "Robot", "Object", "Thing"),
             ],
         ),
         (
             "Jar1 = |",
             [
-                ("weight", "function", "(Thing)", "("),
-                ("distance", "function", "(Thing, Robot) in m", "("),
-                ("Jar1", "object", "Jar, sugar", " "),
-                ("Jar2", "object", "Jar", " "),
+                *FUNCTIONS,
+                *JARS,
             ],
         ),
-        ("Jar1 isOn Table1 |", [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them holds", " ")]),
+        ("Jar1 isOn Table1 |", [*JOINED]),
         ("Jar1 isOn Table1 o|", [("OR", "keyword", "one of them holds", " ")]),
         (
             "Jar1.Weight |",
@@ -208,14 +203,12 @@ JOINED = [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them h
             ],
         ),
         ("Jar1.Color |", [("=", "operator", "is", " "), ("!=", "operator", "is not", " ")]),
-        ("(Jar1 isOn Table1) |", [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them holds", " ")]),
+        ("(Jar1 isOn Table1) |", [*JOINED]),
         (
             "Jar1.Weight < 3 kg + |",
             [
-                ("Jar1", "object", "Jar, sugar", " "),
-                ("Jar2", "object", "Jar", " "),
-                ("weight", "function", "(Thing)", "("),
-                ("distance", "function", "(Thing, Robot) in m", "("),
+                *JARS,
+                *FUNCTIONS,
                 ("Table1", "object", "Table, desk", " "),
                 ("Robot1", "object", "Robot", " "),
             ],
@@ -224,12 +217,9 @@ JOINED = [("AND", "keyword", "both hold", " "), ("OR", "keyword", "one of them h
             "Robot1 isAt |",
             [
                 ("Table1", "object", "Table, desk", " "),
-                ("Jar1", "object", "Jar, sugar", " "),
-                ("Jar2", "object", "Jar", " "),
+                *JARS,
                 ("Robot1", "object", "Robot", " "),
-                ("?Table: Table", "variable", "any Table", " "),
-                ("?Jar: Jar", "variable", "any Jar", " "),
-                ("?Robot: Robot", "variable", "any Robot", " "),
+                *any_of("Table", "Jar", "Robot"),
             ],
         ),
         ("Jar1|", []),
