@@ -62,6 +62,7 @@ from somrs.devices.simulator.link.link import OperatorLink, RobotLink
 from somrs.devices.simulator.server.server import MOST_STATES, Server
 from somrs.errors import RemoteError, SimulationError, UsageError, WireError
 from somrs.ontology.objects import Object
+from tests.support.command import somrs
 from tests.support.robot_lab import SITE, run, simulator
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
@@ -795,12 +796,10 @@ def test_one_who_does_not_listen_keeps_nobody_waiting() -> None:
     run(test())
 
 
-PROGRAM = [sys.executable, "-m", "somrs.cli.main", "run", "simulator"]
-
-
 def test_the_program_serves_a_map_until_it_is_told_to_end(tmp_path: Path) -> None:
     (tmp_path / "lab.yaml").write_text(SITE)
-    with subprocess.Popen([*PROGRAM, "--site", str(tmp_path / "lab.yaml"), "--speed", "max"], stdout=subprocess.PIPE) as program:
+    line = [sys.executable, "-m", "somrs.cli.main", "run", "simulator", "--site", str(tmp_path / "lab.yaml"), "--speed", "max"]
+    with subprocess.Popen(line, stdout=subprocess.PIPE) as program:
         assert program.stdout is not None
         host, _, port = json.loads(program.stdout.readline())["at"].partition(":")
 
@@ -825,7 +824,6 @@ def test_the_program_says_what_is_wrong(tmp_path: Path, text: str, arguments: li
     (tmp_path / "lab.yaml").write_text(text)
     with socket.create_server(("127.0.0.1", 0)) as other:
         given = [argument.format(taken=other.getsockname()[1]) for argument in arguments]
-        line = [*PROGRAM, "--site", str(tmp_path / "lab.yaml"), *given]
-        ended = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
+        ended = somrs("run", "simulator", "--site", tmp_path / "lab.yaml", *given)
     assert ended.returncode == 2
     assert told in ended.stderr
