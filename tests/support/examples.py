@@ -18,7 +18,7 @@ PROFILE = settings(
     suppress_health_check=[HealthCheck.too_slow],
     derandomize=FACTOR == 1,
     database=None if FACTOR == 1 else DirectoryBasedExampleDatabase(".hypothesis/examples"),
-    max_examples=30 * FACTOR,
+    max_examples=25 * FACTOR,
     phases=PHASES,
 )
 

@@ -176,7 +176,7 @@ parts: st.SearchStrategy[Literal] = st.one_of(atoms, st.builds(Not, atoms), equa
 effects: st.SearchStrategy[Formula] = st.lists(parts, min_size=1, max_size=4).map(lambda found: conjunction(*found))
 
 
-@examples(60)
+@examples(35)
 @given(effects, maps())
 def test_an_effect_becomes_true_or_is_refused(effect: Formula, map: Map) -> None:
     try:
@@ -231,7 +231,7 @@ anything = st.one_of(
 )
 
 
-@examples(45)
+@examples(35)
 @given(st.lists(st.lists(anything, max_size=4), max_size=4))
 def test_every_index_follows_any_change(sequence: list[list[Change]]) -> None:
     """Each map of a history, asked when it was new and when all of its successors are there."""

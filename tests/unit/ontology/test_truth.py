@@ -196,7 +196,7 @@ def shown(row: Assignment) -> frozenset[tuple[str, str]]:
     return frozenset((name, f"{metres(term):.6f}" if isinstance(term, Number) else str(term)) for name, term in row.items())
 
 
-@examples(50)
+@examples(30)
 @given(formulas, maps())
 def test_bindings_are_those_of_the_plain_twin(formula: Formula, map: Map) -> None:
     assume(says_what_x_is(formula))

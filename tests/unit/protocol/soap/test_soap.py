@@ -303,7 +303,7 @@ EXAMPLES = [
 ]
 
 
-@examples(60)
+@examples(35)
 @given(st.data())
 def test_no_mutation_does_harm(data: st.DataObject) -> None:
     """Bytes replaced, pieces cut out or doubled, tags exchanged: a message comes out of it, or a WireError."""
