@@ -40,7 +40,7 @@ system: setup
 
 # Property tests with many times as many examples, and others every time.
 properties: setup
-	@EXAMPLES=$(or $(EXAMPLES),30) $(BIN)/pytest tests/unit tests/integration -m hypothesis $(AT_ONCE)
+	@EXAMPLES=$(or $(EXAMPLES),20) $(BIN)/pytest tests/unit tests/integration -m hypothesis $(AT_ONCE)
 
 lint: setup
 	@$(BIN)/ruff check .

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -45,6 +46,7 @@ SCREENSHOTS = ROOT / "out" / "screenshots"
 WIDTHS = {"1280": (1280, 800), "1920": (1920, 1080), "820": (820, 1180)}
 SIZES = {**WIDTHS, "640": (640, 480)}
 """The smallest is for what takes long to draw, and not for how it looks."""
+SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 UP_TIME = 300.0
 """Seconds that a system has to start, on a machine that does much else, too."""
 PATIENCE = 120.0
@@ -266,13 +268,12 @@ def fits(page: Page) -> bool:
 
 
 def every_look(page: Page) -> Iterator[str]:
-    """The page in windows of all `WIDTHS`, and dark in one of them; what each is called."""
-    for size in reversed(WIDTHS):
+    """The page in windows of all `WIDTHS`, light and dark; what each is called."""
+    for size in WIDTHS:
         resize(page, size)
-        page.emulate_media(color_scheme="light")
-        yield f"{size}-light"
-    page.emulate_media(color_scheme="dark")
-    yield f"{size}-dark"
+        for scheme in SCHEMES:
+            page.emulate_media(color_scheme=scheme)
+            yield f"{size}-{scheme}"
 
 
 def resize(page: Page, size: str) -> None:

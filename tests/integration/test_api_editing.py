@@ -291,13 +291,13 @@ def test_the_map_of_the_past_is_the_same_however_it_is_found(tmp_path: Path) -> 
 
 def test_many_events_come_from_as_many_pages_as_it_takes(tmp_path: Path) -> None:
     async def use(desk: LiveApi) -> None:
-        for number in range(250):
+        for number in range(450):
             await desk.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 1 + number / 1000),), author=f"Robot{number % 3}"))
-        events = await desk.map.events(limit=220)
-        assert [event.version for event in events.events] == list(range(250, 30, -1))
+        events = await desk.map.events(limit=400)
+        assert [event.version for event in events.events] == list(range(450, 50, -1))
         assert events.more
-        later = await desk.map.events(after=10, limit=230)
-        assert [event.version for event in later.events] == list(range(11, 241))
+        later = await desk.map.events(after=10, limit=430)
+        assert [event.version for event in later.events] == list(range(11, 441))
         assert [event.version for event in (await desk.map.events(before=3)).events] == [2, 1]
 
     desk(tmp_path, use)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
@@ -18,6 +19,7 @@ from starlette.routing import Mount
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
+from somrs.api.formulas import CheckFormula
 from somrs.api.map_news import MapNews
 from somrs.api.program import served
 from somrs.api.remote import TOPICS, Api, LiveApi, live_api
@@ -100,6 +102,10 @@ def test_the_map_here_is_that_of_the_repository_and_is_not_sent_again(tmp_path: 
             assert api.context.map == await client.map()
             assert [*api.context.ontology] == [*await client.ontology()]
         api.context._read_map = read  # type: ignore[method-assign]
+        began = time.perf_counter()
+        for _ in range(20):
+            await api.formulas.check(CheckFormula(text="Tin0001 isOn ?Where: Platform"))
+        assert (time.perf_counter() - began) / 20 < 0.1, "a formula is checked while one types"
 
     played(tmp_path / "data", scenario)
 

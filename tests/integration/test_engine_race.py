@@ -105,5 +105,5 @@ def test_nobody_runs_on_when_time_is_up(task: Path) -> None:
     started = time.monotonic()
     with pytest.raises(RemoteError, match="no plan was found in 2 s"):
         race([engine(program)], task, 2)
-    assert time.monotonic() - started < 120
+    assert time.monotonic() - started < 30
     assert [alive(pid) for pid in noted()] == [False]

@@ -522,7 +522,7 @@ def test_a_task_manager_whose_port_is_taken_says_who_knows_it_there(tmp_path: Pa
 steps = st.lists(st.one_of(st.integers(-9, 9), st.sampled_from(("answer", "ring", "arrive", "snapshot", "restart"))), max_size=30)
 
 
-@examples(25)
+@examples(40)
 @given(steps)
 def test_restarts_change_nothing(script: list[int | str]) -> None:
     with tempfile.TemporaryDirectory() as folder:

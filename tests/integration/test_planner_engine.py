@@ -67,7 +67,7 @@ ENGINES = {entrant.name: entrant for entrant in entrants() if entrant.name != "c
 
 
 @needs_engine
-@examples(18)
+@examples(25)
 @given(problems())
 def test_every_engine_and_the_small_search_agree(problem: Problem) -> None:
     task = task_of(problem)

@@ -221,7 +221,7 @@ def test_a_task_manager_that_is_killed_while_it_asks_sends_everybody_home(snapsh
     assert system.manager.state.previews == {}
 
 
-@examples(18)
+@examples(25)
 @given(
     robots=st.lists(
         st.tuples(st.integers(1, 50), st.integers(5, 90), st.sampled_from(("", "", "no")), st.booleans()), min_size=1, max_size=4

@@ -259,7 +259,7 @@ OFFER = _offer()
 deeds = st.lists(st.tuples(st.sampled_from(("want", "end", "vanish", "restart")), names, st.integers(-1, 1)), max_size=40)
 
 
-@examples(35)
+@examples(75)
 @given(deeds=deeds, at_once=st.integers(1, 3))
 def test_a_device_is_never_idle_while_somebody_waits_nor_overrun_and_the_highest_goes_first(
     deeds: list[tuple[str, str, int]], at_once: int

@@ -1,4 +1,4 @@
-"""How many examples property tests try: as many as fit a run of all tests, or, with EXAMPLES=30 in the environment, 30 times as many.
+"""How many examples property tests try: as many as fit a run of all tests, or, with EXAMPLES=20 in the environment, 20 times as many.
 
 In a run of all tests they are the same every time: what is found there, everybody finds. `make properties` looks for others.
 """
@@ -18,7 +18,7 @@ PROFILE = settings(
     suppress_health_check=[HealthCheck.too_slow],
     derandomize=FACTOR == 1,
     database=None if FACTOR == 1 else DirectoryBasedExampleDatabase(".hypothesis/examples"),
-    max_examples=25 * FACTOR,
+    max_examples=50 * FACTOR,
     phases=PHASES,
 )
 

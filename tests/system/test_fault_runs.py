@@ -34,7 +34,7 @@ from verification.fault_runs.story import AT_WORK, Act, Character, Cut, Fault, K
 @pytest.fixture(scope="module")
 def many() -> Result:
     total = Result()
-    for seed in range(100):
+    for seed in range(150):
         total.add(run(seed))
     return total
 
@@ -42,7 +42,7 @@ def many() -> Result:
 @pytest.mark.long
 def test_whatever_goes_wrong_the_properties_hold(many: Result) -> None:
     assert not many.failed
-    assert many.runs == 100
+    assert many.runs == 150
 
 
 @pytest.mark.long

@@ -98,7 +98,7 @@ def test_every_mutant_of_the_core_is_python_and_another_program() -> None:
     assert len({mutant.name for mutant in found}) == len(found) > 10_000
     sources = {mutant.file: (ROOT / mutant.file).read_bytes() for mutant in found}
     programs = {file: ast.dump(ast.parse(source)) for file, source in sources.items()}
-    for mutant in found[::200]:
+    for mutant in found[::50]:
         assert ast.dump(ast.parse(mutant.applied(sources[mutant.file]))) != programs[mutant.file], mutant.name
 
 

@@ -288,7 +288,7 @@ STEPS = st.one_of(
 )
 
 
-@examples(25)
+@examples(40)
 @given(st.lists(STEPS, max_size=60))
 def test_on_any_medium_it_comes_to_be_what_the_repository_has(steps: list[tuple[str, int]]) -> None:
     medium = Medium(Repository(REPOSITORY, many_jars(250)))

@@ -110,7 +110,7 @@ def test_declared_variables() -> None:
         check("?Object isOn ?Place", upper(), variables={"Object": "Graspeble"})
 
 
-@examples(35)
+@examples(75)
 @given(formulas, maps())
 def test_any_formula_fits_or_is_refused_in_a_place(formula: Formula, map: Map) -> None:
     text = str(formula)

@@ -74,7 +74,7 @@ def without_broken_formulas(ontology: Ontology) -> bool:
 
 
 @given(st.data())
-@examples(35)
+@examples(75)
 def test_looking_at_what_a_change_concerns_finds_what_looking_at_all_finds(data: st.DataObject) -> None:
     before = ONTOLOGY
     if data.draw(st.booleans()):  # rules that another change may break
@@ -114,7 +114,7 @@ VALUES = st.sampled_from([None, 0.1, 0.3, 2.0, math.pi])
     ],
 )
 @given(st.data())
-@examples(25)
+@examples(40)
 def test_a_rule_about_an_objects_own_values_is_answered_as_any_formula_is(rule: str, data: st.DataObject) -> None:
     type = structs.replace(ONTOLOGY.types["Tin"], constraints=(Constraint(formula=rule),), required=(), defaults={})
     ontology = ONTOLOGY.extended(

@@ -96,7 +96,7 @@ def some_changes(map: Map) -> st.SearchStrategy[list[Change]]:
 
 
 @given(st.data())
-@examples(25)
+@examples(40)
 def test_checking_what_an_update_touched_finds_what_checking_all_finds(demo: Map, data: st.DataObject) -> None:
     changes = data.draw(some_changes(demo))
     if data.draw(st.booleans()):

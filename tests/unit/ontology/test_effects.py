@@ -176,7 +176,7 @@ parts: st.SearchStrategy[Literal] = st.one_of(atoms, st.builds(Not, atoms), equa
 effects: st.SearchStrategy[Formula] = st.lists(parts, min_size=1, max_size=4).map(lambda found: conjunction(*found))
 
 
-@examples(35)
+@examples(100)
 @given(effects, maps())
 def test_an_effect_becomes_true_or_is_refused(effect: Formula, map: Map) -> None:
     try:
@@ -198,7 +198,7 @@ def test_an_effect_becomes_true_or_is_refused(effect: Formula, map: Map) -> None
             ]
 
 
-@examples(30)
+@examples(50)
 @given(st.lists(effects, max_size=5), maps())
 def test_indexes_follow_the_changes(sequence: list[Formula], map: Map) -> None:
     """A map that was changed, asked and changed again answers as one that is made anew."""
@@ -231,7 +231,7 @@ anything = st.one_of(
 )
 
 
-@examples(35)
+@examples(75)
 @given(st.lists(st.lists(anything, max_size=4), max_size=4))
 def test_every_index_follows_any_change(sequence: list[list[Change]]) -> None:
     """Each map of a history, asked when it was new and when all of its successors are there."""

@@ -198,7 +198,7 @@ def made_true(effect: Formula, map: Map, inputs: dict[str, Term]) -> Map | None:
         return None  # this effect contradicts itself
 
 
-@examples(30)
+@examples(60)
 @given(effects, wishes, small.maps(), st.sampled_from(["Object", "Thing", "Jar"]))
 @example(parse("?P isPairedWith ?P"), parse("NOT A isPairedWith B"), PAIRED, "Thing")
 def test_matches_agree_with_the_effects_made_true(effect: Formula, wanted: Formula, map: Map, type_name: str) -> None:

@@ -196,7 +196,7 @@ def shown(row: Assignment) -> frozenset[tuple[str, str]]:
     return frozenset((name, f"{metres(term):.6f}" if isinstance(term, Number) else str(term)) for name, term in row.items())
 
 
-@examples(30)
+@examples(80)
 @given(formulas, maps())
 def test_bindings_are_those_of_the_plain_twin(formula: Formula, map: Map) -> None:
     assume(says_what_x_is(formula))
@@ -210,7 +210,7 @@ def test_bindings_are_those_of_the_plain_twin(formula: Formula, map: Map) -> Non
     assert holds(formula, map, ONTOLOGY) == bool(rows)
 
 
-@examples(25)
+@examples(40)
 @given(formulas, maps())
 def test_given_bindings_select_among_the_rows(formula: Formula, map: Map) -> None:
     assume(not undefined(formula))

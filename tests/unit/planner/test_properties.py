@@ -223,7 +223,7 @@ def described(problem: Problem) -> str:
     return "\n".join([*services, "; ".join(facts), str({o.name: o.values for o in problem.map.objects.values()}), f"goal: {problem.goal}"])
 
 
-@examples(30)
+@examples(50)
 @given(problems())
 def test_plans_are_valid_and_a_plain_search_agrees(problem: Problem) -> None:
     note(described(problem))

@@ -100,7 +100,7 @@ def test_when_a_search_takes_too_long_what_is_left_is_kept() -> None:
     assert kept == repaired(left) is not None
 
 
-@examples(25)
+@examples(40)
 @given(problems(), st.data())
 def test_whatever_is_kept_leads_to_the_goal(problem: Problem, data: st.DataObject) -> None:
     found = plan(problem)

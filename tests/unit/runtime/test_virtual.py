@@ -95,7 +95,7 @@ def medium(seed: int | None) -> World:
     return World(medium=times)
 
 
-@examples(35)
+@examples(75)
 @given(st.lists(steps, max_size=25), st.none() | st.integers(0, 2**32))
 def test_whenever_it_is_killed_the_sums_are_right_and_everything_is_said(steps: list[object], seed: int | None) -> None:
     books = Books(world=medium(seed))

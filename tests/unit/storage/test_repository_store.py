@@ -241,7 +241,7 @@ UPDATES = st.builds(
 RESTARTS = st.sampled_from(["", "", "", "kill", "stop"])
 
 
-@examples(25)
+@examples(40)
 @given(st.lists(st.tuples(UPDATES, RESTARTS), max_size=12))
 def test_the_file_holds_the_map_and_history_adds_up_to_it(updates: list[tuple[UpdateMap, str]]) -> None:
     with tempfile.TemporaryDirectory() as folder:

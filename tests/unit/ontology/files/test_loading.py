@@ -240,7 +240,7 @@ def test_what_is_wrong_with_the_whole_file_is_said_of_the_file() -> None:
 
 
 @given(st.data())
-@examples(25)
+@examples(40)
 def test_no_text_makes_loading_fail_otherwise(data: st.DataObject) -> None:
     """A file with something overwritten is read, or its problems are told; nothing else happens."""
     start = data.draw(st.integers(0, len(HOUSE) - 1))
@@ -393,7 +393,7 @@ def maps(draw: st.DrawFn) -> Map:
 
 
 @given(maps())
-@examples(25)
+@examples(40)
 def test_map_is_read_back_as_written(map: Map) -> None:
     assert load_text(dump_map(map, upper())).map == map
 
@@ -436,7 +436,7 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
 
 
 @given(definitions())
-@examples(25)
+@examples(40)
 def test_ontology_is_read_back_as_written(new: list[AttributeType | RelationType | FunctionType | ObjectType | ServiceType]) -> None:
     ontology = upper().extended(new)
     assert [*load_text(dump_ontology(ontology, without=upper())).ontology] == [*ontology]

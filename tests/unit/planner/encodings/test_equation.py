@@ -80,7 +80,7 @@ def occurrences(task: FiniteTask, plan: list[int], wanted: Equation) -> list[int
     return times
 
 
-@examples(20)
+@examples(30)
 @given(tasks())
 def test_every_plan_satisfies_the_equation_of_whichever_pairs(task: FiniteTask) -> None:
     plan = a_plan(task)
@@ -96,7 +96,7 @@ def test_every_plan_satisfies_the_equation_of_whichever_pairs(task: FiniteTask) 
         assert all(found >= least for found, least in zip(sums, wanted.least, strict=True)), (pairs, plan)
 
 
-@examples(20)
+@examples(30)
 @given(tasks())
 def test_companions_are_definite_and_what_changes_one_says_the_other(task: FiniteTask) -> None:
     for first, second in companions(task):
@@ -127,7 +127,7 @@ def test_a_lamp_that_a_switch_lights_only_if_there_is_power_is_not_looked_at_wit
 
 
 @needs_scipy
-@examples(30)
+@examples(50)
 @given(tasks())
 def test_no_plan_is_said_of_no_task_that_has_one(task: FiniteTask) -> None:
     from somrs.planner_service.engine_equation import equations, unsatisfiable

@@ -192,7 +192,7 @@ def test_a_plan_has_the_moves_of_its_steps_in_order() -> None:
     assert [sorted(of) for of in encoded.of] == [[1], [1, 2], [0, 1, 2]]
 
 
-@examples(25)
+@examples(40)
 @given(tasks())
 def test_whatever_the_clauses_allow_is_a_plan_and_a_plan_is_allowed(asked: FiniteTask) -> None:
     expected = a_plan(asked)

@@ -63,7 +63,7 @@ def check_groups(task: Task) -> int:
     return len(found)
 
 
-@examples(25)
+@examples(40)
 @given(problems())
 def test_of_facts_that_exclude_each_other_never_two_hold(problem: Problem) -> None:
     task = task_of(problem)
@@ -86,7 +86,7 @@ def test_the_same_in_problems_of_the_field(name: str) -> None:
     assert check_groups(task) > 0
 
 
-@examples(25)
+@examples(40)
 @given(problems())
 def test_what_is_written_can_be_read(problem: Problem) -> None:
     task = task_of(problem)
@@ -153,7 +153,7 @@ def small_strips(draw: st.DrawFn) -> Problem:
     return strips(draw(some), draw(some), *((needs, gone, "".join(sorted({*come} - {*gone}))) for needs, gone, come in actions))
 
 
-@examples(35)
+@examples(75)
 @given(small_strips())
 @example(strips("a", "bc", ("a", "a", "c"), ("a", "a", "bc")))
 @example(strips("a", "bc", ("a", "a", "b"), ("a", "a", "bc")))

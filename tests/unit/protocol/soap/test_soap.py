@@ -288,7 +288,7 @@ def test_sender_and_reply_to_may_be_missing() -> None:
         assert (header.sender if name == "From" else header.reply_to) == ANONYMOUS
 
 
-@examples(30)
+@examples(50)
 @given(st.binary(max_size=200) | st.text(max_size=100).map(lambda text: text.encode(errors="surrogatepass")))
 def test_no_bytes_do_harm(document: bytes) -> None:
     refused(document)
@@ -303,7 +303,7 @@ EXAMPLES = [
 ]
 
 
-@examples(35)
+@examples(100)
 @given(st.data())
 def test_no_mutation_does_harm(data: st.DataObject) -> None:
     """Bytes replaced, pieces cut out or doubled, tags exchanged: a message comes out of it, or a WireError."""
