@@ -10,7 +10,7 @@ from itertools import pairwise
 from verification.model_check.coordinator import Phase
 from verification.model_check.properties import Outcome, Property, at_home, outcome, wrongs
 from verification.model_check.sides import Fair
-from verification.model_check.system import Link, LinkState, Lost, Move
+from verification.model_check.system import Kind, Link, LinkState, Lost, Move
 
 ENDED = (Phase.ACCOMPLISHED, Phase.BROKEN)
 
@@ -19,10 +19,6 @@ MOST_STATES = 2_000_000
 
 Tick = Callable[[int], None]
 """Told now and then how many states were found."""
-
-
-Kind = tuple[str, Fair, bool]
-"""Of a move: the rule of the transaction, whether a fair run has it happen, and whether it is the coordinator's own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,16 +78,16 @@ def explore(link: Link, *, alone: bool, hasty: bool = False, most: int = MOST_ST
                 space.falls.setdefault(which, Falls(property=which, why=why, state=at))
         space.begins.append(len(space.targets))
         for move in link.moves(state):
-            if alone and move.joint == "accomplish-":
+            kind, to, _, _, wrong = move
+            if alone and kind[0] == "accomplish-":
                 continue
-            if move.wrong and held:
-                space.falls.setdefault(Property.FITS, Falls(property=Property.FITS, why=move.wrong, state=at, last=move))
-            after = numbers.get(move.after)
+            if wrong and held:
+                space.falls.setdefault(Property.FITS, Falls(property=Property.FITS, why=wrong, state=at, last=move))
+            after = numbers.get(to)
             if after is None:
-                after = numbers[move.after] = len(space.states)
-                space.states.append(move.after)
+                after = numbers[to] = len(space.states)
+                space.states.append(to)
                 space.came_from.append(at)
-            kind = (move.joint, move.fair, move.who == "tm")
             space.labels.append(kinds.setdefault(kind, len(kinds)))
             space.targets.append(after)
         if hasty and space.falls:

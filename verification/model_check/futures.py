@@ -8,6 +8,7 @@ forget only what makes no difference to anything that can follow, and both are r
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 
 from somrs.protocol.frp import states
 from somrs.protocol.frp.states import Kind, Said
@@ -19,6 +20,9 @@ class Futures:
 
     def __init__(self, *, lost_disk: bool, queries: bool = False) -> None:
         self.queries = queries or lost_disk
+        self.past = cache(self._past)
+        self.moves_participant = cache(self._moves_participant)
+        self.moves_coordinator = cache(self._moves_coordinator)
         participant = {
             state: {entry.next for entry in row.values()} | set(states.PARTICIPANT_SENDS.get(state, {}).values())
             for state, row in states.PARTICIPANT.items()
@@ -38,14 +42,14 @@ class Futures:
         self.participant = {state: _reached(state, participant) for state in participant}
         self.coordinator = {state: _reached(state, coordinator) for state in coordinator}
 
-    def moves_participant(self, state: State, name: str) -> bool:
+    def _moves_participant(self, state: State, name: str) -> bool:
         """Whether a message of the type can move the participant, now or later."""
         return any(states.PARTICIPANT[at][kind].kind is Kind.MOVES for at in self.participant[state] for kind in _named(name, at, True))
 
-    def moves_coordinator(self, state: State, name: str) -> bool:
+    def _moves_coordinator(self, state: State, name: str) -> bool:
         return any(states.COORDINATOR[at][kind].kind is Kind.MOVES for at in self.coordinator[state] for kind in _named(name, at, False))
 
-    def past(self, coordinator: State, participant: State) -> tuple[frozenset[Said], frozenset[Said]]:
+    def _past(self, coordinator: State, participant: State) -> tuple[frozenset[Said], frozenset[Said]]:
         """The types of messages to the participant, and of those to the coordinator, that can have no effect any more."""
         down = frozenset(kind for kind in states.TO_PARTICIPANT if self._without_effect_down(participant, kind, frozenset()))
         silent = End in down and Cancel in down

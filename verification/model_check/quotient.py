@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 from somrs.protocol.frp import states
 from verification.model_check.coordinator import Phase
-from verification.model_check.explore import Kind, Space
+from verification.model_check.explore import Space
 from verification.model_check.properties import Outcome, at_home, outcome
+from verification.model_check.system import Kind
 
 
 class Shows(NamedTuple):

@@ -57,15 +57,22 @@ class Model:
     """An order that is under way when a participant is given up is too late by the participant's clock, too."""
 
 
+Kind = tuple[str, Fair, bool]
+"""Of a move: the rule of the transaction for it, whether a fair run has it happen, and whether it is the coordinator's own."""
+
+
 class Move(NamedTuple):
     """A step of the whole: who does what, and the state then."""
 
-    joint: str
-    fair: Fair
+    kind: Kind
     after: LinkState
     who: str
     step: Step | Event
     wrong: str = ""
+
+    @property
+    def joint(self) -> str:
+        return self.kind[0]
 
 
 class _Channels:
@@ -79,7 +86,7 @@ class _Channels:
         self._arrivals: dict[int, tuple[tuple[Arrival, int], ...]] = {}
         self._events: dict[int, tuple[tuple[Event, int], ...]] = {}
         self._lapsed: dict[int, tuple[tuple[Event, int], ...]] = {}
-        self._without: dict[tuple[int, frozenset[Said]], int] = {}
+        self._restarted: dict[int, tuple[int, ...]] = {}
 
     def number(self, channel: Channel) -> int:
         if channel not in self._numbers:
@@ -121,14 +128,54 @@ class _Channels:
 
     def without(self, at: int, kinds: frozenset[Said]) -> int:
         """None of these types arrives any more."""
-        if at == 0 or not kinds:
-            return at
-        if (at, kinds) not in self._without:
-            self._without[at, kinds] = self.number(self.medium.without(self.all[at], self.post.of(kinds)))
-        return self._without[at, kinds]
+        return self.number(self.medium.without(self.all[at], self.post.of(kinds))) if at and kinds else at
 
     def restarted(self, at: int) -> tuple[int, ...]:
-        return tuple(self.number(channel) for channel in self.medium.restarted(self.all[at]))
+        if at not in self._restarted:
+            self._restarted[at] = tuple(self.number(channel) for channel in self.medium.restarted(self.all[at]))
+        return self._restarted[at]
+
+
+class _After(dict[int, int]):
+    """What becomes of each channel of one direction when these messages are put into it, and then none of these types counts any
+    more; worked out once for each."""
+
+    def __init__(self, channels: _Channels, says: tuple[int, ...], past: frozenset[Said]) -> None:
+        self.channels, self.says, self.past = channels, says, past
+
+    def __missing__(self, at: int) -> int:
+        found = self[at] = self.channels.without(self.channels.put(at, self.says), self.past)
+        return found
+
+
+class _Act(NamedTuple):
+    """A move, whatever is under way: what it makes of both sides, and of each channel."""
+
+    kind: Kind
+    c: int
+    p: int
+    down: _After
+    up: _After
+    who: str
+    step: Step
+
+    def move(self, down: int, up: int) -> Move:
+        return Move(self.kind, (self.c, self.p, self.down[down], self.up[up]), self.who, self.step, self.step.wrong)
+
+
+class _Pair(NamedTuple):
+    """What the two sides can do, each in one state, and what became of what they heard there: a token, and whether it is repeated."""
+
+    acts: tuple[_Act, ...]
+    asks: tuple[_Act, ...]
+    """Only when nothing is under way to the participant."""
+    gives_up: tuple[_Act, ...]
+    restarts: tuple[_Act, ...]
+    loses_disk: tuple[_Act, ...]
+    at_participant: dict[tuple[int, bool], _Act]
+    at_coordinator: dict[tuple[int, bool], _Act]
+    down: _After
+    up: _After
 
 
 def _fair(event: Event, wanted: bool) -> Fair | None:
@@ -154,7 +201,8 @@ class Link:
         self.coordinators.queries = model.lost_disk is Lost.PARTICIPANT
         self.participants = Participants(hears=self.down, says=self.up, futures=self._futures)
         self._to_participant, self._to_coordinator = _Channels(model.medium, self.down), _Channels(model.medium, self.up)
-        self._past: dict[tuple[int, int], tuple[frozenset[Said], frozenset[Said]]] = {}
+        self._pairs: dict[tuple[int, int], _Pair] = {}
+        self._afters: dict[tuple[_Channels, tuple[int, ...], frozenset[Said]], _After] = {}
         self._wanted: dict[tuple[int, int], bool] = {}
 
     @property
@@ -168,69 +216,111 @@ class Link:
         return self.participants.states[state[1]]
 
     def moves(self, state: LinkState) -> Iterator[Move]:
-        """Everything that can happen next."""
-        return (move._replace(after=self._settled(move.after)) for move in self._all_moves(state))
-
-    def _settled(self, state: LinkState) -> LinkState:
-        """Without the messages that can have no effect any more."""
+        """Everything that can happen next. No channel keeps messages that can have no effect any more."""
         c, p, down, up = state
-        if (c, p) not in self._past:
-            coordinator, participant = self.coordinators.states[c], self.participants.states[p]
-            done = participant.forgot or coordinator.phase is Phase.LOST
-            self._past[c, p] = (self._certain if done else self._futures).past(coordinator.session.state, participant.session.state)
-        past_down, past_up = self._past[c, p]
-        return c, p, self._to_participant.without(down, past_down), self._to_coordinator.without(up, past_up)
+        pair = self._pairs.get((c, p)) or self._pair(c, p)
+        to_participant, to_coordinator = self._to_participant, self._to_coordinator
+        for act in pair.acts:
+            yield act.move(down, up)
+        for act in pair.asks if down == 0 else ():
+            yield act.move(down, up)
+        for act in pair.gives_up:
+            yield act.move(self._too_late(down), up)
+        for one, rest in to_participant.arrivals(down):
+            yield (pair.at_participant.get((one.token, one.sure)) or self._heard_by_participant(pair, c, p, one)).move(rest, up)
+        for one, rest in to_coordinator.arrivals(up):
+            yield (pair.at_coordinator.get((one.token, one.sure)) or self._heard_by_coordinator(pair, c, p, one)).move(down, rest)
+        for event, rest in to_participant.events(down):
+            if (happens := _fair(event, self._is_wanted(c, event.token))) is not None:
+                yield Move(("", happens, False), (c, p, pair.down[rest], up), "down", event)
+        for event, rest in to_participant.lapsed(down) if self.model.lapses else ():
+            yield Move(("", Fair.NO, False), (c, p, pair.down[rest], up), "down", event)
+        for event, rest in to_coordinator.events(up):
+            if (happens := _fair(event, self._is_repeated(p, event.token))) is not None:
+                yield Move(("", happens, False), (c, p, down, pair.up[rest]), "up", event)
+        for act in pair.restarts:
+            for rest in to_coordinator.restarted(up) if act.who == "sm" else (up,):
+                yield act.move(down, rest)
+        for act in pair.loses_disk:
+            if act.who == "sm":
+                yield from (act.move(down, rest) for rest in to_coordinator.restarted(up))
+            else:
+                yield from (act.move(rest, up) for rest in to_participant.restarted(down))
 
-    def _all_moves(self, state: LinkState) -> Iterator[Move]:
-        c, p, down, up = state
-        put_down, put_up = self._to_participant.put, self._to_coordinator.put
-        reliable = self.model.medium.reliable
+    def _pair(self, c: int, p: int) -> _Pair:
+        coordinator, participant = self.coordinators.states[c], self.participants.states[p]
         # What a lost disk has silenced is over when the timers ring that a fair run does not need otherwise.
-        late = self.model.lost_disk is Lost.COORDINATOR and self.coordinators.states[c].phase is Phase.LOST
-        asks = self.model.lost_disk is Lost.PARTICIPANT
-        waits = asks and self.coordinators.states[c].session.state is State.ARRANGING
+        late = self.model.lost_disk is Lost.COORDINATOR and coordinator.phase is Phase.LOST
+        asked = self.model.lost_disk is Lost.PARTICIPANT
+        waits = asked and coordinator.session.state is State.ARRANGING
+        acts: list[_Act] = []
+        asks: list[_Act] = []
+        gives_up: list[_Act] = []
         for step in self.coordinators.moves(c):
             if step.joint == "give up":
-                if (after := self._given_up(state, step)) is not None:
-                    yield Move("", Fair.NO, after, "tm", step)
+                if not (self.model.cut_off and participant.moving):
+                    gives_up.append(self._act(("", Fair.NO, True), step.after, p, "tm", step))
             elif step.joint == "again":
-                if self.participants.states[p].session.state in IDLE.get(self.coordinators.states[c].session.state, ()):
-                    yield Move("", Fair.YES, (step.after, p, put_down(down, step.says), up), "tm", step, step.wrong)
-            elif step.what != "says Query" or down == 0:  # it asks when all is silent
-                fair = step.fair or _yes((asks and step.what == "says Query") or (waits and step.what == "says Cancel"))
-                yield Move(step.joint, fair, (step.after, p, put_down(down, step.says), up), "tm", step, step.wrong)
+                if participant.session.state in IDLE.get(coordinator.session.state, ()):
+                    acts.append(self._act(("", Fair.YES, True), step.after, p, "tm", step))
+            else:
+                query = step.what == "says Query"
+                fair = step.fair or _yes((asked and query) or (waits and step.what == "says Cancel"))
+                (asks if query else acts).append(self._act((step.joint, fair, True), step.after, p, "tm", step))
         for step in self.participants.moves(p):
-            fair = step.fair or _yes(late and step.joint == "timer")
-            yield Move("", fair, (c, step.after, down, put_up(up, step.says)), "sm", step, step.wrong)
-        for one, rest in self._to_participant.arrivals(down):
-            step = self.participants.receive(p, one.token)
-            fair = _yes(one.sure and (reliable or self._is_wanted(c, one.token)))
-            yield Move("", fair, (c, step.after, rest, put_up(up, step.says)), "to sm", step, step.wrong)
-        for one, rest in self._to_coordinator.arrivals(up):
-            step = self.coordinators.receive(c, one.token)
-            fair = _yes(one.sure and (reliable or self._is_repeated(p, one.token)))
-            yield Move("", fair, (step.after, p, put_down(down, step.says), rest), "to tm", step, step.wrong)
-        for event, rest in self._to_participant.events(down):
-            if (happens := _fair(event, self._is_wanted(c, event.token))) is not None:
-                yield Move("", happens, (c, p, rest, up), "down", event)
-        for event, rest in self._to_participant.lapsed(down) if self.model.lapses else ():
-            yield Move("", Fair.NO, (c, p, rest, up), "down", event)
-        for event, rest in self._to_coordinator.events(up):
-            if (happens := _fair(event, self._is_repeated(p, event.token))) is not None:
-                yield Move("", happens, (c, p, down, rest), "up", event)
-        if self.model.restarts:
-            yield from self._restarts(state)
-        if self.model.lost_disk is not Lost.NONE:
-            yield from self._disk_lost(state)
+            acts.append(self._act(("", step.fair or _yes(late and step.joint == "timer"), False), c, step.after, "sm", step))
+        past_down, past_up = self._without_effect(c, p)
+        found = _Pair(
+            acts=tuple(acts),
+            asks=tuple(asks),
+            gives_up=tuple(gives_up),
+            restarts=tuple(self._restarts(c, p)) if self.model.restarts else (),
+            loses_disk=tuple(self._disk_lost(c, p)),
+            at_participant={},
+            at_coordinator={},
+            down=self._after(self._to_participant, (), past_down),
+            up=self._after(self._to_coordinator, (), past_up),
+        )
+        self._pairs[c, p] = found
+        return found
 
-    def _given_up(self, state: LinkState, step: Step) -> LinkState | None:
-        """The coordinator has waited as long as the timing assumption says; None when it has to wait for longer."""
-        _, p, down, up = state
-        if self.model.cut_off and self.participants.states[p].moving:
-            return None
+    def _act(self, kind: Kind, c: int, p: int, who: str, step: Step) -> _Act:
+        """`c` and `p` are the sides' states then; what is said goes out from the side that does or hears something."""
+        past_down, past_up = self._without_effect(c, p)
+        from_coordinator = who in ("tm", "to tm")
+        down = self._after(self._to_participant, step.says if from_coordinator else (), past_down)
+        up = self._after(self._to_coordinator, () if from_coordinator else step.says, past_up)
+        return _Act(kind, c, p, down, up, who, step)
+
+    def _after(self, channels: _Channels, says: tuple[int, ...], past: frozenset[Said]) -> _After:
+        key = channels, says, past
+        if key not in self._afters:
+            self._afters[key] = _After(channels, says, past)
+        return self._afters[key]
+
+    def _without_effect(self, c: int, p: int) -> tuple[frozenset[Said], frozenset[Said]]:
+        """The types of messages to the participant, and of those to the coordinator, that can have no effect any more."""
+        coordinator, participant = self.coordinators.states[c], self.participants.states[p]
+        done = participant.forgot or coordinator.phase is Phase.LOST
+        return (self._certain if done else self._futures).past(coordinator.session.state, participant.session.state)
+
+    def _heard_by_participant(self, pair: _Pair, c: int, p: int, one: Arrival) -> _Act:
+        step = self.participants.receive(p, one.token)
+        fair = _yes(one.sure and (self.model.medium.reliable or self._is_wanted(c, one.token)))
+        act = pair.at_participant[one.token, one.sure] = self._act(("", fair, False), c, step.after, "to sm", step)
+        return act
+
+    def _heard_by_coordinator(self, pair: _Pair, c: int, p: int, one: Arrival) -> _Act:
+        step = self.coordinators.receive(c, one.token)
+        fair = _yes(one.sure and (self.model.medium.reliable or self._is_repeated(p, one.token)))
+        act = pair.at_coordinator[one.token, one.sure] = self._act(("", fair, False), step.after, p, "to tm", step)
+        return act
+
+    def _too_late(self, down: int) -> int:
+        """What is under way to the participant when the coordinator has waited for as long as the timing assumption says."""
         while self.model.clocks and (lapsed := self._to_participant.lapsed(down)):
             down = lapsed[0][1]
-        return step.after, p, down, up
+        return down
 
     def _is_wanted(self, c: int, token: int) -> bool:
         """Whether the coordinator's node sends it again until it arrives."""
@@ -244,30 +334,21 @@ class Link:
         name = self.up.name(token)
         return name in SURE or (name == "Progress" and self.participants.states[p].session.state in WORKING)
 
-    def _restarts(self, state: LinkState) -> Iterator[Move]:
-        c, p, down, up = state
+    def _restarts(self, c: int, p: int) -> Iterator[_Act]:
         after, again = self.participants.restarted(p)
-        for rest in self._to_coordinator.restarted(up):
-            reached = (c, after, down, self._to_coordinator.put(rest, again))
-            if reached != state:
-                yield Move("", Fair.NO, reached, "sm", Step("is killed and restarts", after, again))
+        yield self._act(("", Fair.NO, False), c, after, "sm", Step("is killed and restarts", after, again))
         # A Task Manager replays its journal and sends again what it had to send. Where messages are repeated anyhow, or may
         # arrive twice, that adds nothing.
         if self.model.medium.reliable and self.coordinators.states[c].phase is not Phase.LOST:
             for token in self.coordinators.said(c):
-                reached = (c, p, self._to_participant.put(down, (token,)), up)
-                if reached != state:
-                    yield Move("", Fair.NO, reached, "tm", Step("is killed, restarts and says again", c, (token,)))
+                yield self._act(("", Fair.NO, True), c, p, "tm", Step("is killed, restarts and says again", c, (token,)))
 
-    def _disk_lost(self, state: LinkState) -> Iterator[Move]:
-        c, p, down, up = state
+    def _disk_lost(self, c: int, p: int) -> Iterator[_Act]:
         participant, coordinator = self.participants.states[p], self.coordinators.states[c]
         whose = self.model.lost_disk
         if whose is Lost.PARTICIPANT and not participant.forgot and participant.session.state is not State.NEW:
-            for rest in self._to_coordinator.restarted(up):
-                after = self.participants.without_memory(p)
-                yield Move("", Fair.NO, (c, after, down, rest), "sm", Step("loses its disk", after))
+            after = self.participants.without_memory(p)
+            yield self._act(("", Fair.NO, False), c, after, "sm", Step("loses its disk", after))
         if whose is Lost.COORDINATOR and coordinator.phase is not Phase.LOST and coordinator.session.state is not State.NEW:
-            for rest in self._to_participant.restarted(down):
-                after = self.coordinators.without_memory(c)
-                yield Move("", Fair.NO, (after, p, rest, up), "tm", Step("loses its disk", after))
+            after = self.coordinators.without_memory(c)
+            yield self._act(("", Fair.NO, True), after, p, "tm", Step("loses its disk", after))
