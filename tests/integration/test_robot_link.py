@@ -123,6 +123,14 @@ class Raw:
             pass
         return answer
 
+    async def states_until(self, order: Order) -> list[dict[str, Any]]:
+        """What it says of itself until the order is carried out."""
+        self.writer.write(written(order))
+        said = []
+        while (line := await self.hear())["say"] == "state":
+            said.append(line)
+        return said
+
 
 async def raw(server: Server, hello: dict[str, Any] | None = None) -> Raw:
     client = Raw(*await asyncio.open_connection(server.host, server.port))
@@ -781,6 +789,19 @@ def test_states_come_at_the_rate_that_was_asked_for_and_not_in_floods() -> None:
                 # Lower bounds, which a busy machine cannot break. The rate counts simulated time; a heartbeat may come between.
                 assert times[-1] - times[0] >= 8 / rate
                 assert time.monotonic() - begun >= 9 / MOST_STATES
+
+    run(test())
+
+
+def test_a_robot_that_stands_says_so_about_once_a_second_however_often_its_state_was_asked_for() -> None:
+    async def test() -> None:
+        async with simulator(speed=20) as server:
+            drives, stands = [await raw(server, {"robot": robot, "rate": 50}) for robot in ("Robot1", "Robot2")]
+            begun = time.monotonic()
+            moved = await drives.states_until(Order(id=1, command=DriveTo(x=7, y=5)))
+            stood = await stands.states_until(Order(id=1, command=Status()))
+            assert len(moved) > 10
+            assert 1 <= len(stood) <= 2 + (time.monotonic() - begun) / HEARTBEAT
 
     run(test())
 

@@ -30,7 +30,7 @@ class Hello(Struct, frozen=True, kw_only=True, tag="hello", tag_field="say"):
     version: int
     robot: str | None = None
     rate: Annotated[float, Meta(ge=0)] = 10.0
-    """How often it wants to hear the robot's state, per second of simulated time; 0: only about once a second."""
+    """How often it wants to hear the robot's state while that changes, per second of simulated time; 0: only about once a second."""
 
 
 class Opening(Struct, frozen=True, kw_only=True):

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.lines import Mover, Poses, Work
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.simulation import Simulation
@@ -71,6 +71,12 @@ class Table:
         arms = np.concatenate([robots[: len(self._arms)], position[self._joints]], axis=1)
         things = np.concatenate([self._data.xpos[self._things], _angles(self._data.xquat[self._things])], axis=1)
         return np.concatenate([arms.ravel(), robots[len(self._arms) :].ravel(), things.ravel()])
+
+
+def same(one: RobotState, other: RobotState) -> bool:
+    """Whether nothing is otherwise but the time."""
+    still = abs(one.x - other.x) < SMALLEST and abs(one.y - other.y) < SMALLEST and abs(one.yaw - other.yaw) < SMALLEST
+    return still and (one.holding, one.doing, one.faults) == (other.holding, other.doing, other.faults)
 
 
 def _faults(one: Robot | StationaryCamera) -> tuple[Fault, ...]:

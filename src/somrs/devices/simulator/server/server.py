@@ -12,7 +12,7 @@ import logging
 import time
 from dataclasses import dataclass
 
-from somrs.devices.simulator.link.commands import Done, Fault, Gave, Stop
+from somrs.devices.simulator.link.commands import Done, Fault, Gave, RobotState, Stop
 from somrs.devices.simulator.link.lines import (
     HEARTBEAT,
     LONGEST,
@@ -45,7 +45,7 @@ from somrs.devices.simulator.link.lines import (
     written,
 )
 from somrs.devices.simulator.server.faults import Schedule
-from somrs.devices.simulator.server.poses import Table, Telling, works
+from somrs.devices.simulator.server.poses import Table, Telling, same, works
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.server.ways import leg_lengths
 from somrs.devices.simulator.world.camera import Camera, following
@@ -54,8 +54,8 @@ from somrs.ports import bound
 
 log = logging.getLogger(__name__)
 
-TICK = 0.001
-"""Seconds: the least that an event loop can wait; what is less, it does not wait at all."""
+TICK = 0.002
+"""Seconds that the sockets have between two slices of physics at least; an event loop waits in milliseconds."""
 SLICE = 0.004
 """Seconds for which physics may keep the sockets waiting."""
 BEHIND = 0.2
@@ -79,6 +79,8 @@ class _Session:
     """Simulated time."""
     last_state: float = 0.0
     """On the processor's clock."""
+    said: RobotState | None = None
+    """The state that was told last."""
 
     def say(self, line: ServerLine) -> None:
         if self.writer.transport.get_write_buffer_size() > TOO_SLOW_READER:
@@ -176,7 +178,8 @@ class Server:
             if resting:
                 await self._nap(NAP)
             else:
-                await asyncio.sleep(max(TICK, -lag / speed) if lag < 0 else 2 * TICK)
+                ahead = (self.simulation.time - origin) / speed - (time.monotonic() - began)
+                await asyncio.sleep(max(TICK, ahead))
 
     async def _nap(self, seconds: float) -> None:
         """Until somebody says something, but not for longer: the map may change, too."""
@@ -211,7 +214,11 @@ class Server:
                 continue
             if not self._mute(robot):
                 session.next_state = self.simulation.time + (1 / session.rate if session.rate else 0.0)
-                session.say(State(state=self.simulation.state(robot)))
+                state = self.simulation.state(robot)
+                if not beat and session.said is not None and same(state, session.said):
+                    continue
+                session.said = state
+                session.say(State(state=state))
             elif beat:
                 session.say(Unheard())
             else:

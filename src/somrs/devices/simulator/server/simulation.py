@@ -5,9 +5,11 @@ Nothing here reads a clock: whoever calls `step` decides how fast simulated time
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from somrs.devices.simulator.link.commands import Command, Done, Fault, Gave, RobotState, Seen, Sense, Status, Stop
 from somrs.devices.simulator.motion.driving import make_way
@@ -52,17 +54,14 @@ class Simulation:
         self._navigators: dict[float, Navigator] = {}
         self.robots: dict[str, Robot] = {}
         self.cameras: dict[str, StationaryCamera] = {}
+        self.linked: Mapping[str, Robot | StationaryCamera] = ChainMap[str, Any](self.cameras, self.robots)
+        """All that can be spoken with: robots and cameras."""
         self._work: dict[str, _Work] = {}
         self._dropped: dict[str, str] = {}
         self._stirred = 0.0
         """When anything was seen to move last."""
         for solid in self.scene.world.of(Role.ROBOT, Role.CAMERA):
             self._add_linked(solid)
-
-    @property
-    def linked(self) -> Mapping[str, Robot | StationaryCamera]:
-        """All that can be spoken with: robots and cameras."""
-        return {**self.robots, **self.cameras}
 
     @property
     def time(self) -> float:

@@ -123,34 +123,35 @@ class Joints:
     """A robot's joints and servos by name in a compiled model. Made anew after each compilation."""
 
     def __init__(self, name: str, model: mujoco.MjModel, data: mujoco.MjData, gripper: bool) -> None:
-        self._data = data
+        # Views of the physics' own memory: to ask for them anew costs more than to read them.
+        self._positions, self._velocities, self._targets = np.asarray(data.qpos), np.asarray(data.qvel), np.asarray(data.ctrl)
         joints = JOINTS if gripper else BASE_JOINTS
         ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}/{joint}") for joint in joints]
         self._position = {joint: int(model.jnt_qposadr[i]) for joint, i in zip(joints, ids, strict=True)}
         self._velocity = {joint: int(model.jnt_dofadr[i]) for joint, i in zip(joints, ids, strict=True)}
         self._servo = {joint: mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{name}/{joint}") for joint in joints}
-        self._origin = model.body(name).pos[:2].copy()
+        self._origin = tuple(float(value) for value in model.body(name).pos[:2])
 
     def __getitem__(self, joint: str) -> float:
         """The joint's position."""
-        return float(self._data.qpos[self._position[joint]])
+        return float(self._positions[self._position[joint]])
 
     def start(self, joint: str, position: float) -> None:
         """Put the joint there, without any motion: for a robot that appears."""
-        self._data.qpos[self._position[joint]] = position
+        self._positions[self._position[joint]] = position
         if joint not in BASE_JOINTS:
             self.drive(joint, position)
 
     def drive(self, joint: str, target: float) -> None:
         """Set the servo's target: a velocity for the base, a position for the arm."""
-        self._data.ctrl[self._servo[joint]] = target
+        self._targets[self._servo[joint]] = target
 
     def pose(self) -> tuple[float, float, float]:
         """The base's x, y and yaw on the map; yaw in (-pi, pi]."""
         yaw = self["yaw"]
-        return self["x"] + float(self._origin[0]), self["y"] + float(self._origin[1]), math.atan2(math.sin(yaw), math.cos(yaw))
+        return self["x"] + self._origin[0], self["y"] + self._origin[1], math.atan2(math.sin(yaw), math.cos(yaw))
 
     def speed(self) -> tuple[float, float]:
         """How fast the base moves (m/s) and turns (rad/s)."""
-        velocity = np.asarray(self._data.qvel)
-        return math.hypot(velocity[self._velocity["x"]], velocity[self._velocity["y"]]), float(velocity[self._velocity["yaw"]])
+        x, y, yaw = (float(self._velocities[self._velocity[joint]]) for joint in BASE_JOINTS)
+        return math.hypot(x, y), yaw

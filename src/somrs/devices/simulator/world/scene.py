@@ -16,7 +16,7 @@ from somrs.devices.simulator.world.chassis import Joints
 from somrs.devices.simulator.world.dimensions import dimensions_of
 from somrs.devices.simulator.world.distances import Array, distances_from
 from somrs.devices.simulator.world.solids import Role, Solid
-from somrs.devices.simulator.world.world import World, build
+from somrs.devices.simulator.world.world import STEP, World, build
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology
@@ -53,6 +53,10 @@ class Scene:
         self._geom_body = names
         self._things = {solid.name: model.body(solid.name).id for solid in self.world.of(Role.THING)}
         self.joints = {s.name: Joints(s.name, model, self.data, s.gripper) for s in self.world.of(Role.ROBOT)}
+        # Views of the physics' own memory: to ask for them anew costs more than to read them.
+        self._position, self._velocity = np.asarray(self.data.qpos), np.asarray(self.data.qvel)
+        self._place, self._rotation = np.asarray(self.data.xpos), np.asarray(self.data.xmat)
+        self._motion = {thing: int(model.body_dofadr[body]) for thing, body in self._things.items()}
 
     def _start(self, solid: Solid) -> None:
         joints, size = self.joints[solid.name], dimensions_of(solid)
@@ -69,16 +73,15 @@ class Scene:
 
     def step(self, steps: int) -> None:
         """Let physics run."""
-        for _ in range(steps):
-            mujoco.mj_step(self.model, self.data)
+        mujoco.mj_step(self.model, self.data, steps)
         mujoco.mj_kinematics(self.model, self.data)  # else bodies are where they were before the last step
-        self.time += steps * self.model.opt.timestep
+        self.time += steps * STEP
         self._check()
 
     def _check(self) -> None:
         warnings = self.data.warning
         bad = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
-        if any(warnings[kind].number for kind in bad) or not math.isfinite(float(np.sum(self.data.qpos))):
+        if any(warnings[kind].number for kind in bad) or not math.isfinite(float(self._position.sum())):
             wrong = np.flatnonzero(~np.isfinite(self.data.qpos))
             joint = next(
                 (self.model.joint(j).name for j in range(self.model.njnt) for i in wrong[:1] if self.model.jnt_qposadr[j] <= i), ""
@@ -139,8 +142,8 @@ class Scene:
         """The middle of an object's underside, and its heading."""
         body = self._things.get(name)
         if body is not None:
-            x, y, z = (float(value) for value in self.data.xpos[body])
-            rotation = self.data.xmat[body]
+            x, y, z = self._place[body].tolist()
+            rotation = self._rotation[body]
             return x, y, z, math.atan2(rotation[3], rotation[0])
         solid = self.world.solids[name]
         if solid.role is Role.ROBOT:
@@ -149,12 +152,12 @@ class Scene:
         return solid.x, solid.y, solid.z, solid.yaw
 
     def upright(self, thing: str) -> bool:
-        return float(self.data.xmat[self._things[thing]][8]) > 0.97
+        return float(self._rotation[self._things[thing]][8]) > 0.97
 
     def still(self, *things: str) -> bool:
         """Whether all the things have come to rest, to a millimetre or two a second."""
-        first = self.model.body_dofadr[[self._things[thing] for thing in things]]
-        velocity = np.abs(self.data.qvel[first[:, None] + np.arange(6)])
+        first = np.array([self._motion[thing] for thing in things])
+        velocity = np.abs(self._velocity[first[:, None] + np.arange(6)])
         return float(velocity[:, :3].max()) < 0.02 and float(velocity[:, 3:].max()) < 0.3
 
     def things(self) -> Iterable[str]:
