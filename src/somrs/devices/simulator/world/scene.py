@@ -23,6 +23,10 @@ from somrs.ontology.types import Ontology
 
 SETTLING = 40
 """Steps in which things come to rest on what they stand on, before time begins."""
+WAKE = 1.0
+"""Seconds after something was disturbed in which nothing sleeps: what tips over slowly has fallen by then. Later, physics leaves out what
+does not move, until something that moves touches it."""
+SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
 
 
 class Scene:
@@ -39,7 +43,7 @@ class Scene:
         self.joints: dict[str, Joints] = {}
         self.held: dict[str, str] = {}
         self.time = 0.0
-        self.disturbed = True
+        self.disturbed, self._disturbed, self._awake = True, 0.0, True
         self._bind()
         for solid in self.world.of(Role.ROBOT):
             self._start(solid)
@@ -57,6 +61,8 @@ class Scene:
         self._position, self._velocity = np.asarray(self.data.qpos), np.asarray(self.data.qvel)
         self._place, self._rotation = np.asarray(self.data.xpos), np.asarray(self.data.xmat)
         self._motion = {thing: int(model.body_dofadr[body]) for thing, body in self._things.items()}
+        self._asleep = np.asarray(self.data.tree_asleep)
+        self._tree = {thing: int(model.body_treeid[body]) for thing, body in self._things.items()}
 
     def _start(self, solid: Solid) -> None:
         joints, size = self.joints[solid.name], dimensions_of(solid)
@@ -73,6 +79,9 @@ class Scene:
 
     def step(self, steps: int) -> None:
         """Let physics run."""
+        if self._awake and self.time - self._disturbed >= WAKE:
+            self._awake = False
+            self.model.opt.enableflags |= SLEEP
         mujoco.mj_step(self.model, self.data, steps)
         mujoco.mj_kinematics(self.model, self.data)  # else bodies are where they were before the last step
         self.time += steps * STEP
@@ -110,8 +119,13 @@ class Scene:
         self._recompile()
         mujoco.mj_forward(self.model, self.data)
 
+    def _disturb(self) -> None:
+        """Nothing sleeps from the next step on."""
+        self.disturbed, self._disturbed, self._awake = True, self.time, True
+        self.model.opt.enableflags &= ~SLEEP
+
     def _recompile(self) -> None:
-        self.disturbed = True
+        self._disturb()
         controls = {self.model.actuator(i).name: float(self.data.ctrl[i]) for i in range(self.model.nu)}
         welds = {robot: self.model.eq_data[self._weld(robot)].copy() for robot in self.held}
         self.model, self.data = self.world.spec.recompile(self.model, self.data)
@@ -133,7 +147,7 @@ class Scene:
         place, speed = int(self.model.jnt_qposadr[body.jntadr[0]]), int(body.dofadr[0])
         self.data.qpos[place : place + 7] = [x, y, z, math.cos(yaw / 2), 0, 0, math.sin(yaw / 2)]
         self.data.qvel[speed : speed + 6] = 0
-        self.disturbed = True
+        self._disturb()
         mujoco.mj_forward(self.model, self.data)
 
     # Where things are
@@ -205,6 +219,11 @@ class Scene:
 
     def _contacts(self, thing: str) -> Iterable[tuple[str, bool]]:
         """What touches the thing, and whether it does so from below."""
+        if self._asleep[self._tree[thing]] >= 0:  # what touches what sleeps is not looked for in a step
+            flags = self.model.opt.enableflags
+            self.model.opt.enableflags = flags & ~SLEEP
+            mujoco.mj_collision(self.model, self.data)
+            self.model.opt.enableflags = flags
         contact, middle = self.data.contact, self.pose(thing)[2] + 0.4 * self.world.solids[thing].height
         for i, (a, b) in enumerate(contact.geom):
             if thing in (self._owner[a], self._owner[b]):
@@ -264,7 +283,7 @@ class Scene:
 
     def release(self, robot: str) -> None:
         self.data.eq_active[self._weld(robot)] = 0
-        self.disturbed = True
+        self._disturb()
         self.held.pop(robot, None)
 
     def ray(self, start: tuple[float, float, float], end: tuple[float, float, float], ignored: Iterable[str]) -> bool:

@@ -10,6 +10,7 @@ import pytest
 
 from somrs.devices.simulator.link.commands import Approach, Done, DriveTo, Gave, Grip, Place
 from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world import scene as scene_module
 from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Role, solid_of
 from somrs.devices.simulator.world.world import triangles
@@ -38,6 +39,38 @@ def test_things_stay_where_they_are_for_a_minute() -> None:
     run.simulation.scene.step(12000)
     after = run.simulation.scene.pose("Carton1"), run.simulation.scene.pose("Jar002")
     assert np.allclose(before, after, atol=1e-3)
+
+
+def sleeping(run: Run) -> list[str]:
+    scene = run.simulation.scene
+    return [thing for thing in scene.things() if scene.data.tree_asleep[scene.model.body_treeid[scene.model.body(thing).id]] >= 0]
+
+
+def test_what_sleeps_is_as_it_would_be_awake(monkeypatch: pytest.MonkeyPatch) -> None:
+    more = [thing("Jar003", "Jar", 0.4, 4.3, 0.8), thing("Carton1", "Carton", 4, 5.2, 0.74, RotationZ=0.5)]
+    ends = []
+    for wake in (scene_module.WAKE, math.inf):
+        monkeypatch.setattr(scene_module, "WAKE", wake)
+        run = Run(room(more=more))
+        run.all("Robot1", Grip(object="Jar003"), Place(on="Platform001"))
+        for _ in range(100):
+            run.step()
+        assert sleeping(run) == (["Jar002", "Jar003", "Carton1"] if wake < math.inf else [])
+        ends.append([run.simulation.seen(name) for name in ("Robot1", "Jar002", "Jar003", "Carton1")])
+    for slept, awake in zip(*ends, strict=True):
+        assert (slept.on, slept.held_by) == (awake.on, awake.held_by)
+        assert (slept.x, slept.y, slept.z, slept.yaw) == pytest.approx((awake.x, awake.y, awake.z, awake.yaw), abs=0.002)
+
+
+def test_what_sleeps_falls_when_what_it_stands_on_is_gone() -> None:
+    run = Run(room())
+    run.until(lambda: sleeping(run))
+    assert run.simulation.seen("Jar002").on == "Cupboard001"
+    assert run.simulation.scene.touches("Jar002", ["Cupboard001"])
+    run.simulation.remove("Cupboard001")
+    run.until(lambda: run.simulation.time > 3 and not run.simulation.busy)
+    assert run.simulation.seen("Jar002").on == "Floor1"
+    assert run.simulation.scene.pose("Jar002")[2] < 0.1
 
 
 def test_nothing_is_busy_until_somebody_says_something() -> None:
