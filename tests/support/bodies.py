@@ -56,6 +56,7 @@ def values_of(hint: Any) -> st.SearchStrategy[Any]:
     return st.builds(hint, **{name: values_of(hints[name]) for name in hint.__struct_fields__})
 
 
+@cache
 def messages(kind: type[Struct]) -> st.SearchStrategy[Message]:
     """Messages with a body of that kind; those of the Failure Recovery Protocol belong to a transaction."""
     session = {"transaction": ids, "participant": names} if kind in union_of(FrpBody) else {}

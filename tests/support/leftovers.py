@@ -40,17 +40,23 @@ def processes() -> dict[int, str]:
 
 def _children(of: str) -> dict[int, str]:
     found: dict[int, str] = {}
-    for task in Path("/proc", of).glob("task/*/children"):
-        with contextlib.suppress(OSError):  # a thread that just ended
-            found |= {pid: _line(pid) for pid in map(int, task.read_text().split())}
+    with contextlib.suppress(OSError):  # it just ended, or there is no such folder
+        for task in os.listdir(f"/proc/{of}/task"):
+            with contextlib.suppress(OSError):  # a thread that just ended
+                found |= {pid: _line(pid) for pid in map(int, _read(f"/proc/{of}/task/{task}/children").split())}
     return {pid: line for pid, line in found.items() if line}
 
 
 def _line(pid: int) -> str:
     """Empty when it has ended, though nobody asked yet how."""
     with contextlib.suppress(OSError):
-        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+        return _read(f"/proc/{pid}/cmdline").replace(b"\0", b" ").decode(errors="replace").strip()
     return ""
+
+
+def _read(path: str) -> bytes:
+    with open(path, "rb", buffering=0) as file:
+        return file.read()
 
 
 def end(before: dict[int, str]) -> list[str]:

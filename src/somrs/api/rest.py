@@ -6,6 +6,7 @@ import asyncio
 import json
 import logging
 from collections.abc import Sequence
+from functools import cache
 from importlib.util import find_spec
 from typing import Any
 
@@ -43,10 +44,13 @@ def has_page() -> bool:
 
 def application(operations: Sequence[Operation], hub: Hub, more: Sequence[Route | WebSocketRoute | Mount] = ()) -> Starlette:
     """Serves the operations, `openapi.json`, the page that shows it (without its library, the document itself), and the news at `live`."""
-    described = json.dumps(document(operations)).encode()
+
+    @cache
+    def described() -> bytes:
+        return json.dumps(document(operations)).encode()
 
     async def openapi(request: Request) -> Response:
-        return Response(described, media_type="application/json")
+        return Response(described(), media_type="application/json")
 
     async def page(request: Request) -> Response:
         return HTMLResponse(PAGE.format(root=request.scope.get("root_path", "").rstrip("/")))

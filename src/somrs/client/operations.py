@@ -11,6 +11,7 @@ import inspect
 import re
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, TypeVar, get_type_hints
 
 import msgspec
@@ -75,10 +76,13 @@ def operations(group: str, part: object) -> Iterator[Operation]:
     for name, function in inspect.getmembers(part, inspect.iscoroutinefunction):
         if (marked := getattr(function, MARK, None)) is not None:
             method, path = marked
-            yield _operation(f"{group}.{name}", method, path, function)
+            declared = _declared(getattr(function, "__func__", function), path)
+            yield Operation(f"{group}.{name}", method, path, function, *declared)
 
 
-def _operation(name: str, method: str, path: str, function: Callable[..., Awaitable[Any]]) -> Operation:
+@cache
+def _declared(function: Callable[..., Awaitable[Any]], path: str) -> tuple[tuple[Parameter, ...], Any, str]:
+    """What a method takes and returns, and its docstring: read once, however many objects have it."""
     hints = get_type_hints(function)
     in_path = set(re.findall(r"{(\w+)}", path))
     parameters = tuple(
@@ -86,5 +90,5 @@ def _operation(name: str, method: str, path: str, function: Callable[..., Awaita
         for one in inspect.signature(function).parameters.values()
         if one.name != "self"
     )
-    assert in_path <= {one.name for one in parameters}, f"{name}: {path} names what the operation does not take"
-    return Operation(name, method, path, function, parameters, hints.get("return"), inspect.getdoc(function) or "")
+    assert in_path <= {one.name for one in parameters}, f"{function.__qualname__}: {path} names what the operation does not take"
+    return parameters, hints.get("return"), inspect.getdoc(function) or ""
