@@ -17,6 +17,7 @@ from somrs.api.remote import LiveApi, live_api
 from somrs.client.api_client import address_of
 from somrs.client.client import Addresses
 from somrs.deployment.programs import until_stopped
+from somrs.gui.cache import Cache
 from somrs.gui.proxy import Proxy
 from somrs.ports import bound
 from somrs.runtime.http import QuietServer
@@ -38,7 +39,7 @@ async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> Non
     listening = bound(host, port)
     async with live_api(address_of(addresses)) as desk:
         config = uvicorn.Config(
-            _application(desk, data), log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
+            Cache(_application(desk, data)), log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
         )
         server = QuietServer(config)
         serving = asyncio.create_task(server.serve(sockets=[listening]))

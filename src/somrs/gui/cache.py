@@ -1,0 +1,77 @@
+"""What never changes, served out of memory: the many small files of a page, which NiceGUI reads and compresses anew for each browser.
+
+NiceGUI says so itself: addresses that hold its version are `immutable` (RFC 8246). But each of its answers also sets the session's cookie,
+and is said to vary with that, so that a browser asks for every file again with every page. Nothing of a file depends on who asks: what is
+kept here says nothing of cookies, and browsers may keep it, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+LARGEST = 4 * 2**20
+"""Bytes of a file that is kept."""
+
+CONDITIONS = ("range", "if-none-match", "if-modified-since", "if-match", "if-unmodified-since", "if-range")
+"""Headers with which a request asks for something else than the whole file."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    start: Message
+    body: bytes
+
+
+class Cache:
+    """An ASGI application before another one."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        self._kept: dict[tuple[str, bool], _Answer] = {}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or scope["method"] != "GET" or scope["query_string"]:
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        if any(name in headers for name in CONDITIONS):
+            await self._app(scope, receive, send)
+            return
+        key = scope["path"], "gzip" in headers.get("accept-encoding", "")
+        if (kept := self._kept.get(key)) is not None:
+            await send(kept.start)
+            await send({"type": "http.response.body", "body": kept.body})
+            return
+        said: list[Message] = []
+
+        async def heard(message: Message) -> None:
+            if message["type"] == "http.response.start" and _immutable(message):
+                message = _anyones(message)
+                said.append(message)
+            elif said:
+                said.append(message)
+            await send(message)
+
+        await self._app(scope, receive, heard)
+        if said and not said[-1].get("more_body", False):
+            body = b"".join(message.get("body", b"") for message in said[1:])
+            if len(body) <= LARGEST:
+                self._kept[key] = _Answer(said[0], body)
+
+
+def _immutable(start: Message) -> bool:
+    return start["status"] == 200 and "immutable" in Headers(raw=start["headers"]).get("cache-control", "")
+
+
+def _anyones(start: Message) -> Message:
+    """Without what concerns only the one who asked."""
+    headers = MutableHeaders(raw=[*start["headers"]])
+    del headers["set-cookie"]
+    vary = [name for name in headers.get("vary", "").split(",") if name.strip() and name.strip().lower() != "cookie"]
+    del headers["vary"]
+    if vary:
+        headers["vary"] = ", ".join(name.strip() for name in vary)
+    return {**start, "headers": headers.raw}

@@ -1,0 +1,109 @@
+"""Files that never change are asked for once."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+from starlette.types import Message, Receive, Scope, Send
+
+from somrs.gui.cache import CONDITIONS, LARGEST, Cache
+
+FOREVER = "public, max-age=31536000, immutable"
+
+
+class Server:
+    """Answers all with what it has, in two pieces, and sets a cookie each time."""
+
+    def __init__(self, body: bytes = b"var a", status: int = 200, cache: str = FOREVER, vary: str = "Accept-Encoding, Cookie") -> None:
+        self.body, self.status, self.asked = body, status, 0
+        self.headers = {"cache-control": cache, "vary": vary, "content-length": str(len(body))}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self.asked += 1
+        cookie = (b"set-cookie", f"session={self.asked}".encode())
+        headers = [*((name.encode(), value.encode()) for name, value in self.headers.items()), cookie]
+        await send({"type": "http.response.start", "status": self.status, "headers": headers})
+        await send({"type": "http.response.body", "body": self.body[:3], "more_body": True})
+        await send({"type": "http.response.body", "body": self.body[3:]})
+
+
+def got(app: Cache, path: str = "/a.js", method: str = "GET", query: str = "", **headers: str) -> tuple[int, dict[str, str], bytes]:
+    scope: dict[str, Any] = {"type": "http", "method": method, "path": path, "query_string": query.encode()}
+    scope["headers"] = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
+    said: list[Message] = []
+
+    async def receive() -> Message:
+        return {"type": "http.request", "body": b"", "more_body": False}
+
+    async def send(message: Message) -> None:
+        said.append(message)
+
+    asyncio.run(app(scope, receive, send))
+    found = {name.decode(): value.decode() for name, value in said[0]["headers"]}
+    return said[0]["status"], found, b"".join(message.get("body", b"") for message in said[1:])
+
+
+def test_what_never_changes_is_asked_for_once_and_is_anyones() -> None:
+    server = Server()
+    app = Cache(server)
+    first, again = got(app), got(app)
+    assert first == again == (200, {"cache-control": FOREVER, "content-length": "5", "vary": "Accept-Encoding"}, b"var a")
+    assert server.asked == 1
+    got(app, "/b.js")
+    got(app, accept_encoding="br, gzip")
+    got(app, accept_encoding="gzip")
+    assert server.asked == 3, "another file, and the same compressed"
+
+
+def test_what_varies_with_nothing_but_cookies_varies_with_nothing() -> None:
+    assert "vary" not in got(Cache(Server(vary="Cookie")))[1]
+
+
+@pytest.mark.parametrize(
+    "server",
+    [Server(cache="no-cache"), Server(status=404), Server(body=bytes(LARGEST + 1))],
+    ids=["what may change", "what is not there", "what is too large"],
+)
+def test_nothing_else_is_kept(server: Server) -> None:
+    app = Cache(server)
+    before = server.asked
+    assert got(app)[2] == got(app)[2] == server.body
+    assert server.asked == before + 2
+
+
+def test_answers_for_one_who_asks_keep_their_cookie() -> None:
+    assert got(Cache(Server(cache="no-cache")))[1]["set-cookie"] == "session=1"
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_a_part_of_a_file_or_one_under_a_condition_is_asked_for(condition: str) -> None:
+    server = Server()
+    app = Cache(server)
+    got(app)
+    got(app, **{condition.replace("-", "_"): "x"})
+    assert server.asked == 2
+
+
+def test_other_requests_pass() -> None:
+    server = Server()
+    app = Cache(server)
+    got(app)
+    got(app, method="HEAD")
+    got(app, query="a=1")
+    assert server.asked == 3
+
+
+def test_a_file_that_ended_too_early_is_not_kept() -> None:
+    class Dies(Server):
+        async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+            self.asked += 1
+            await send({"type": "http.response.start", "status": 200, "headers": [(b"cache-control", FOREVER.encode())]})
+            await send({"type": "http.response.body", "body": b"v", "more_body": True})
+
+    server = Dies()
+    app = Cache(server)
+    got(app)
+    got(app)
+    assert server.asked == 2
