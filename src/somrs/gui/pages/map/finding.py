@@ -124,9 +124,8 @@ class Finding:
         self._names.clear()
         with self._names:
             for one in found.things:
-                with ui.element("li"), ui.button(on_click=lambda one=one: self._go(one.name)).props("flat dense no-caps align=left"):
-                    ui.icon(one.symbol).props('aria-hidden="true"')
-                    ui.label(one.name)
+                with ui.element("li"), ui.button(one.name, icon=one.symbol, on_click=lambda one=one: self._go(one.name)) as button:
+                    button.props("flat dense no-caps align=left")
                     more = one.type + (f", {one.label}" if one.label else "") + (f", {one.where}" if one.where else "")
                     ui.label(more).classes("somrs-soft")
             if found.more:
