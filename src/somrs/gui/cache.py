@@ -7,10 +7,14 @@ kept here says nothing of cookies, and browsers may keep it, too.
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+FILES = "/_nicegui/"
+"""Addresses below which there are only files."""
 
 LARGEST = 4 * 2**20
 """Bytes of a file that is kept."""
@@ -33,7 +37,7 @@ class Cache:
         self._kept: dict[tuple[str, bool], _Answer] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or scope["method"] != "GET" or scope["query_string"]:
+        if scope["type"] != "http" or scope["method"] != "GET" or scope["query_string"] or not scope["path"].startswith(FILES):
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
@@ -55,11 +59,21 @@ class Cache:
                 said.append(message)
             await send(message)
 
-        await self._app(scope, receive, heard)
+        await self._app(scope, _patient(), heard)
         if said and not said[-1].get("more_body", False):
             body = b"".join(message.get("body", b"") for message in said[1:])
             if len(body) <= LARGEST:
                 self._kept[key] = _Answer(said[0], body)
+
+
+def _patient() -> Receive:
+    """One who asks and does not leave: else a file would end where the first who asked for it closed the page."""
+    asked: list[Message] = [{"type": "http.request", "body": b"", "more_body": False}]
+
+    async def receive() -> Message:
+        return asked.pop() if asked else await asyncio.get_running_loop().create_future()
+
+    return receive
 
 
 def _immutable(start: Message) -> bool:

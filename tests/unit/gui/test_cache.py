@@ -29,13 +29,15 @@ class Server:
         await send({"type": "http.response.body", "body": self.body[3:]})
 
 
-def got(app: Cache, path: str = "/a.js", method: str = "GET", query: str = "", **headers: str) -> tuple[int, dict[str, str], bytes]:
+def got(
+    app: Cache, path: str = "/_nicegui/a.js", method: str = "GET", query: str = "", **headers: str
+) -> tuple[int, dict[str, str], bytes]:
     scope: dict[str, Any] = {"type": "http", "method": method, "path": path, "query_string": query.encode()}
     scope["headers"] = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
     said: list[Message] = []
 
     async def receive() -> Message:
-        return {"type": "http.request", "body": b"", "more_body": False}
+        return {"type": "http.disconnect"}
 
     async def send(message: Message) -> None:
         said.append(message)
@@ -51,7 +53,7 @@ def test_what_never_changes_is_asked_for_once_and_is_anyones() -> None:
     first, again = got(app), got(app)
     assert first == again == (200, {"cache-control": FOREVER, "content-length": "5", "vary": "Accept-Encoding"}, b"var a")
     assert server.asked == 1
-    got(app, "/b.js")
+    got(app, "/_nicegui/b.js")
     got(app, accept_encoding="br, gzip")
     got(app, accept_encoding="gzip")
     assert server.asked == 3, "another file, and the same compressed"
@@ -92,7 +94,28 @@ def test_other_requests_pass() -> None:
     got(app)
     got(app, method="HEAD")
     got(app, query="a=1")
-    assert server.asked == 3
+    got(app, path="/map")
+    got(app, path="/map")
+    assert server.asked == 5
+
+
+def test_a_file_is_whole_though_the_first_who_asked_for_it_left() -> None:
+    class Heeds(Server):
+        """Says no more once nobody listens, as Starlette's middleware does."""
+
+        async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+            self.asked += 1
+            await send({"type": "http.response.start", "status": 200, "headers": [(b"cache-control", FOREVER.encode())]})
+            waiting = asyncio.ensure_future(receive())
+            await asyncio.sleep(0)
+            left = waiting.done() and waiting.result()["type"] == "http.disconnect"
+            waiting.cancel()
+            await send({"type": "http.response.body", "body": b"" if left else self.body})
+
+    server = Heeds()
+    app = Cache(server)
+    assert got(app)[2] == got(app)[2] == b"var a"
+    assert server.asked == 1
 
 
 def test_a_file_that_ended_too_early_is_not_kept() -> None:
