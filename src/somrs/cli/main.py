@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer.main import get_command
 
 from somrs.cli.ontology import SOMEBODY, Author, Before, Dry, Limit, ontology_app, undo
 from somrs.cli.options import HERE, LOOPBACK, Data, Formula, HostOption, Json, awaited, fail, guarded
@@ -270,8 +273,14 @@ def export(out: Annotated[Path, typer.Argument(help="The YAML file to write.")],
     awaited(run(out, data))
 
 
+@cache
+def command() -> Callable[..., object]:
+    """The command with all that is below it. To make it takes longer than to understand a line: programs are forked when it is made."""
+    return get_command(app)
+
+
 def main() -> None:
-    app(prog_name="somrs")
+    command()(prog_name="somrs")
 
 
 if __name__ == "__main__":

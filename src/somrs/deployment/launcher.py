@@ -37,9 +37,14 @@ COMMON = (
     "somrs.deployment.programs",
     "somrs.ontology.files.loading",
     "somrs.storage.journal",
+    "uvicorn.lifespan.off",
+    "uvicorn.protocols.http.auto",
     "uvloop",
 )
 """What several programs import."""
+
+MADE = ("somrs.cli.main:command", "somrs.ontology.files.loading:upper")
+"""What several programs make, and never change: the command line, and the upper ontology with the grammar of its formulas."""
 
 CHUNK = 1 << 16
 
@@ -234,6 +239,9 @@ def import_common() -> None:
     for name in COMMON:
         with contextlib.suppress(ImportError):  # of an extra that is not installed
             importlib.import_module(name)
+    for made in MADE:
+        module, _, function = made.partition(":")
+        getattr(importlib.import_module(module), function)()
     gc.collect()
     gc.freeze()  # what is there is not looked at again, and stays shared
 
