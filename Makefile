@@ -23,6 +23,7 @@ demo: setup
 	@$(BIN)/somrs demo $(SCENARIO) --out out/scenario-$(SCENARIO)
 
 test: setup
+	@scripts/javascript setup
 	@scripts/test
 
 # Tests of several parts and of whole systems, all at once.
