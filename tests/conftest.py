@@ -76,6 +76,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=rank)
 
 
+def pytest_collection_finish() -> None:
+    """What was collected stays until the end: nobody need look again and again whether it is garbage."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(autouse=True)
 def _nothing_left() -> Iterator[None]:
     """What a test started it ends, also when it fails; else it is ended here and the test is an error."""
@@ -102,9 +108,3 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         terminalreporter.write_line(f"NOT TESTED ({count} test{'s' if count > 1 else ''} skipped): {reason}", yellow=True, bold=True)
     failed = sum(len(terminalreporter.stats.get(kind, ())) for kind in ("failed", "error"))
     terminalreporter.write_line(f"{len(terminalreporter.stats.get('passed', ()))} passed, {failed} failed")
-
-
-def pytest_collection_finish() -> None:
-    """What was collected stays until the end: nobody need look again and again whether it is garbage."""
-    gc.collect()
-    gc.freeze()

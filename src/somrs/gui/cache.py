@@ -16,8 +16,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 FILES = "/_nicegui/"
 """Addresses below which there are only files."""
 
-LARGEST = 4 * 2**20
-"""Bytes of a file that is kept."""
+MOST = 32 * 2**20
+"""Bytes that are kept in all: a file has more addresses than one, as with `/./` in it, and somebody may try them all."""
 
 CONDITIONS = ("range", "if-none-match", "if-modified-since", "if-match", "if-unmodified-since", "if-range")
 """Headers with which a request asks for something else than the whole file."""
@@ -35,6 +35,7 @@ class Cache:
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
         self._kept: dict[tuple[str, bool], _Answer] = {}
+        self._room = MOST
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or scope["method"] != "GET" or scope["query_string"] or not scope["path"].startswith(FILES):
@@ -62,8 +63,9 @@ class Cache:
         await self._app(scope, _patient(), heard)
         if said and not said[-1].get("more_body", False):
             body = b"".join(message.get("body", b"") for message in said[1:])
-            if len(body) <= LARGEST:
+            if len(body) <= self._room and key not in self._kept:
                 self._kept[key] = _Answer(said[0], body)
+                self._room -= len(body)
 
 
 def _patient() -> Receive:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from somrs.gui.cache import CONDITIONS, LARGEST, Cache
+from somrs.gui.cache import CONDITIONS, MOST, Cache
 
 FOREVER = "public, max-age=31536000, immutable"
 
@@ -21,12 +21,15 @@ class Server:
         self.headers = {"cache-control": cache, "vary": vary, "content-length": str(len(body))}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        await self.begin(send)
+        await send({"type": "http.response.body", "body": self.body[:3], "more_body": True})
+        await send({"type": "http.response.body", "body": self.body[3:]})
+
+    async def begin(self, send: Send) -> None:
         self.asked += 1
         cookie = (b"set-cookie", f"session={self.asked}".encode())
         headers = [*((name.encode(), value.encode()) for name, value in self.headers.items()), cookie]
         await send({"type": "http.response.start", "status": self.status, "headers": headers})
-        await send({"type": "http.response.body", "body": self.body[:3], "more_body": True})
-        await send({"type": "http.response.body", "body": self.body[3:]})
 
 
 def got(
@@ -65,7 +68,7 @@ def test_what_varies_with_nothing_but_cookies_varies_with_nothing() -> None:
 
 @pytest.mark.parametrize(
     "server",
-    [Server(cache="no-cache"), Server(status=404), Server(body=bytes(LARGEST + 1))],
+    [Server(cache="no-cache"), Server(status=404), Server(body=bytes(MOST + 1))],
     ids=["what may change", "what is not there", "what is too large"],
 )
 def test_nothing_else_is_kept(server: Server) -> None:
@@ -73,6 +76,15 @@ def test_nothing_else_is_kept(server: Server) -> None:
     before = server.asked
     assert got(app)[2] == got(app)[2] == server.body
     assert server.asked == before + 2
+
+
+def test_no_more_is_kept_than_there_is_room_for() -> None:
+    server = Server(body=bytes(MOST // 2))
+    app = Cache(server)
+    for path in ("/_nicegui/a.js", "/_nicegui/./a.js", "/_nicegui/././a.js"):
+        got(app, path)
+        got(app, path)
+    assert server.asked == 4, "the first two are kept"
 
 
 def test_answers_for_one_who_asks_keep_their_cookie() -> None:
@@ -104,8 +116,7 @@ def test_a_file_is_whole_though_the_first_who_asked_for_it_left() -> None:
         """Says no more once nobody listens, as Starlette's middleware does."""
 
         async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-            self.asked += 1
-            await send({"type": "http.response.start", "status": 200, "headers": [(b"cache-control", FOREVER.encode())]})
+            await self.begin(send)
             waiting = asyncio.ensure_future(receive())
             await asyncio.sleep(0)
             left = waiting.done() and waiting.result()["type"] == "http.disconnect"
@@ -121,8 +132,7 @@ def test_a_file_is_whole_though_the_first_who_asked_for_it_left() -> None:
 def test_a_file_that_ended_too_early_is_not_kept() -> None:
     class Dies(Server):
         async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-            self.asked += 1
-            await send({"type": "http.response.start", "status": 200, "headers": [(b"cache-control", FOREVER.encode())]})
+            await self.begin(send)
             await send({"type": "http.response.body", "body": b"v", "more_body": True})
 
     server = Dies()

@@ -178,8 +178,7 @@ class Server:
             if resting:
                 await self._nap(NAP)
             else:
-                ahead = (self.simulation.time - origin) / speed - (time.monotonic() - began)
-                await asyncio.sleep(max(TICK, ahead))
+                await asyncio.sleep(max(TICK, (self.simulation.time - origin) / speed - (time.monotonic() - began)))
 
     async def _nap(self, seconds: float) -> None:
         """Until somebody says something, but not for longer: the map may change, too."""

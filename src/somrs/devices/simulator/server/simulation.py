@@ -17,7 +17,7 @@ from somrs.devices.simulator.motion.handling import set_down, withdraw
 from somrs.devices.simulator.motion.navigation import Navigator
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine
 from somrs.devices.simulator.motion.routines import carried_out, concerned
-from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.scene import RESTING, Scene
 from somrs.devices.simulator.world.solids import Role, Solid, solid_of
 from somrs.devices.simulator.world.vision import StationaryCamera, view
 from somrs.devices.simulator.world.world import STEP
@@ -26,9 +26,6 @@ from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology
 
 OnEnd = Callable[[Done | Gave], None]
-
-RESTING = 1.0
-"""Seconds without motion after which nothing is expected to move again by itself: what tips over slowly has fallen by then."""
 
 
 @dataclass(slots=True)
@@ -81,9 +78,9 @@ class Simulation:
 
     def rest(self, until: float) -> bool:
         """Let time pass without physics, if nothing has moved for so long that nothing will by itself. Whether that is so."""
-        if self.busy or self.scene.disturbed:
-            self._stirred, self.scene.disturbed = self.time, False
-        if self.time - self._stirred < RESTING:
+        if self.busy:
+            self._stirred = self.time
+        if self.time - max(self._stirred, self.scene.disturbed) < RESTING:
             return False
         self.scene.time = until
         return True

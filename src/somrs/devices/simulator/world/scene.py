@@ -23,15 +23,15 @@ from somrs.ontology.types import Ontology
 
 SETTLING = 40
 """Steps in which things come to rest on what they stand on, before time begins."""
-WAKE = 1.0
-"""Seconds after something was disturbed in which nothing sleeps: what tips over slowly has fallen by then. Later, physics leaves out what
-does not move, until something that moves touches it."""
+RESTING = 1.0
+"""Seconds without motion after which nothing is expected to move again by itself: what tips over slowly has fallen by then."""
 SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+"""Physics leaves out what does not move, until something that moves touches it."""
 
 
 class Scene:
-    """The world's state. `held` says which thing is welded to which robot's hand. `disturbed`: something came, went, was put elsewhere or
-    let go of, after which what stood still may move."""
+    """The world's state. `held` says which thing is welded to which robot's hand. `disturbed`: when something last came, went, was put
+    elsewhere or let go of, after which what stood still may move."""
 
     def __init__(self, map: Map, ontology: Ontology) -> None:
         self.world: World = build(map, ontology)
@@ -43,7 +43,7 @@ class Scene:
         self.joints: dict[str, Joints] = {}
         self.held: dict[str, str] = {}
         self.time = 0.0
-        self.disturbed, self._disturbed, self._awake = True, 0.0, True
+        self.disturbed, self._awake = 0.0, True
         self._bind()
         for solid in self.world.of(Role.ROBOT):
             self._start(solid)
@@ -79,7 +79,7 @@ class Scene:
 
     def step(self, steps: int) -> None:
         """Let physics run."""
-        if self._awake and self.time - self._disturbed >= WAKE:
+        if self._awake and self.time - self.disturbed >= RESTING:
             self._awake = False
             self.model.opt.enableflags |= SLEEP
         mujoco.mj_step(self.model, self.data, steps)
@@ -121,7 +121,7 @@ class Scene:
 
     def _disturb(self) -> None:
         """Nothing sleeps from the next step on."""
-        self.disturbed, self._disturbed, self._awake = True, self.time, True
+        self.disturbed, self._awake = self.time, True
         self.model.opt.enableflags &= ~SLEEP
 
     def _recompile(self) -> None:

@@ -49,8 +49,8 @@ def sleeping(run: Run) -> list[str]:
 def test_what_sleeps_is_as_it_would_be_awake(monkeypatch: pytest.MonkeyPatch) -> None:
     more = [thing("Jar003", "Jar", 0.4, 4.3, 0.8), thing("Carton1", "Carton", 4, 5.2, 0.74, RotationZ=0.5)]
     ends = []
-    for wake in (scene_module.WAKE, math.inf):
-        monkeypatch.setattr(scene_module, "WAKE", wake)
+    for wake in (scene_module.RESTING, math.inf):
+        monkeypatch.setattr(scene_module, "RESTING", wake)
         run = Run(room(more=more))
         run.all("Robot1", Grip(object="Jar003"), Place(on="Platform001"))
         for _ in range(100):
