@@ -25,14 +25,20 @@ from somrs.protocol.messages.paging import fitting
 from somrs.scheduling.book import Book, expect
 from somrs.scheduling.execution import LATE, Execution, task_for
 from somrs.scheduling.recurrence import checked, due_after, due_between, zone_of
-from somrs.scheduling.state import Located, OrdersDue, SchedulerState, Timer
+from somrs.scheduling.state import Located, MapDue, OrdersDue, SchedulerState, Timer
 from somrs.scheduling.templates import check, filled, name_of
 
 LOOK = 30.0
 """Seconds after which the time is looked at in any case: the machine's clock may be put forward."""
 
-READS = orders.ReadTemplates | orders.FillTemplate | orders.ReadOrders | orders.ReadRuns
+READS = orders.ReadTemplates | orders.ReadOrders | orders.ReadRuns
 """Requests that change nothing."""
+
+NEED_MAP = orders.SaveTemplate | orders.SaveOrder | orders.FillTemplate
+"""Requests that wait until the map was read."""
+
+READY_TIME = 25.0
+"""Seconds that a request waits for the map; clients have a little longer for the answer."""
 
 T = TypeVar("T")
 
@@ -81,6 +87,8 @@ class Scheduler:
     def _effects(self, event: Input, now: float) -> Effects:
         news = self.replica.handle(event, now)
         yield from news.effects if news is not None else self._handle(event, now)
+        if self.replica.ready:
+            yield from self._serve_waiting(now)
         if news is None or news.read:  # nothing is due because the map changed, and that is most of what comes
             yield from self._go_on(now)
 
@@ -101,6 +109,9 @@ class Scheduler:
                 self._execution.undelivered(message.header.message_id, now)
             case Rang(OrdersDue()):
                 yield from self._execution.ring(now)
+            case Rang(MapDue(request)) if (waiting := state.until_ready.pop(request, None)) is not None:
+                text = f"the map of the environment is not known yet, because {state.located.repository} does not answer; try again later"
+                yield self._answer(waiting, Fault(code="env:Receiver", text=text))
 
     def _locate(self, located: Located) -> None:
         if located.repository != self.state.replica.repository:
@@ -168,14 +179,21 @@ class Scheduler:
                     yield self._subscribe(message, granted(lease), now)
                 case Fault():
                     pass  # a Fault is never answered, least of all by a Fault
-                case orders.SaveTemplate() | orders.SaveOrder() | orders.FillTemplate() if not self.replica.ready:
-                    yield self._answer(message, Fault(code="Receiver", text="the Scheduler has not read the map yet; try again"))
+                case body if isinstance(body, NEED_MAP) and not self.replica.ready:
+                    self.state.until_ready[message.header.message_id] = message
+                    yield Wake(MapDue(message.header.message_id), now + READY_TIME)
                 case body:
                     answer = yield from self._asked(message, body, now)
                     yield self._answer(message, answer)
         except SomrsError as error:
             said = trouble(error)
             yield self._answer(message, orders.OrdersRejected(**{name: getattr(said, name) for name in REJECTED}))
+
+    def _serve_waiting(self, now: float) -> Effects:
+        waiting, self.state.until_ready = self.state.until_ready, {}
+        for id, message in waiting.items():
+            yield Wake(MapDue(id), None)
+            yield from self._received(message, now)
 
     def _answer(self, to: Message, body: Body) -> Send:
         return Send(reply(to, body, self.state.address))

@@ -6,6 +6,7 @@ from msgspec import Struct, field
 
 from somrs.kernel.replica import Replica, ReplicaDue
 from somrs.protocol.messages.clients import Submit, WatchTask
+from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.records import ReadRecords
 from somrs.scheduling.book import Book
 
@@ -14,7 +15,13 @@ class OrdersDue(Struct, frozen=True, tag=True):
     """An order is due, a question is to be asked again, or the time is to be looked at."""
 
 
-Timer = OrdersDue | ReplicaDue
+class MapDue(Struct, frozen=True, tag=True):
+    """A request has waited long for the map."""
+
+    request: str
+
+
+Timer = OrdersDue | ReplicaDue | MapDue
 
 
 class Located(Struct, frozen=True, tag=True):
@@ -39,7 +46,8 @@ class Question(Struct, frozen=True, kw_only=True):
 
 class SchedulerState(Struct, kw_only=True):
     """`located` is what its program told it last. `questions` are those that are open, by the id of their message; `asked` counts them,
-    and `told` the news. `subscribers`: until when, by address. `begun`: when it was started last."""
+    and `told` the news. `subscribers`: until when, by address. `begun`: when it was started last. `until_ready`: requests that need the
+    map, by message id."""
 
     address: str = ""
     located: Located
@@ -50,6 +58,7 @@ class SchedulerState(Struct, kw_only=True):
     subscribers: dict[str, float] = field(default_factory=dict)
     told: int = 0
     begun: float = 0.0
+    until_ready: dict[str, Message] = field(default_factory=dict)
 
     @classmethod
     def new(cls, address: str, located: Located) -> SchedulerState:

@@ -297,7 +297,7 @@ def test_what_only_reads_leaves_it_as_it_is() -> None:
     one = scheduler()
     id = ordered(one)
     before = encoded(one.scheduler.state)
-    for body in (orders.ReadOrders(), orders.ReadRuns(id=id), orders.ReadTemplates(), orders.FillTemplate(name="Nothing")):
+    for body in (orders.ReadOrders(), orders.ReadRuns(id=id), orders.ReadTemplates()):
         header = Header(sender=CLIENT, recipient=HERE, message_id="urn:uuid:9", reply_to=ANONYMOUS)
         (said,) = one.handle(Received(Message(header=header, body=body)), 2 * HOUR)
         assert isinstance(said, Send)
