@@ -1,5 +1,5 @@
 # The two commands: `make demo` and `make test`. Both set everything up by themselves.
-PYTHON ?= python3
+PYTHON ?=
 SCENARIO ?= 1b
 RUNS ?= 20
 BIN := .venv/bin

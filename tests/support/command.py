@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from typer.testing import CliRunner
+import pytest
 
-from somrs.cli.main import app
+from somrs.cli.main import command
 
 PATIENCE = 120.0
 """Seconds that a program has which takes a second on an idle machine."""
@@ -28,11 +29,13 @@ class Said:
 
 def somrs(*arguments: str | Path, cwd: Path | None = None) -> Said:
     """What a user reads who gives the command; errors that it does not expect are raised."""
-    with contextlib.chdir(cwd) if cwd is not None else contextlib.nullcontext():
-        result = CliRunner().invoke(app, [*map(str, arguments)], prog_name="somrs")
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return Said(result.exit_code, result.stdout, result.stderr)
+    out, err = io.StringIO(), io.StringIO()
+    there = contextlib.chdir(cwd) if cwd is not None else contextlib.nullcontext()
+    with there, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as ended:
+        command()([*map(str, arguments)], prog_name="somrs")
+    code = ended.value.code or 0
+    assert isinstance(code, int), f"a program that ends with {code!r} says it on standard error, and this one did not say it there"
+    return Said(code, out.getvalue(), err.getvalue())
 
 
 def program(*arguments: str | Path, cwd: Path | None = None, **environment: str) -> Said:
