@@ -29,6 +29,7 @@ export class Stage {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.slow, alpha: true, powerPreference: "low-power" });
     this.renderer.setPixelRatio(this.ratio);
     this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = this.slow ? THREE.BasicShadowMap : THREE.PCFSoftShadowMap;
     this.renderer.shadowMap.autoUpdate = false; // the camera's moves leave shadows as they are
     this.renderer.setClearColor(0x000000, 0);
     this.scene = new THREE.Scene();
@@ -158,16 +159,12 @@ export class Stage {
   render(ratio) {
     this.refined = ratio === this.fine;
     if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
-    const shadows = this.refined ? THREE.PCFSoftShadowMap : THREE.BasicShadowMap;
-    if (this.renderer.shadowMap.type !== shadows) {
-      this.renderer.shadowMap.type = shadows;
-      this.shadows(this.refined ? SHADOWS : COARSE_SHADOWS);
-      this.scene.traverse(({ material }) => material && (material.needsUpdate = true));
-    }
+    this.shadows(this.refined ? SHADOWS : COARSE_SHADOWS);
     this.renderer.render(this.scene, this.camera);
   }
 
   shadows(texels) {
+    if (this.sun.shadow.mapSize.x === texels) return;
     this.sun.shadow.mapSize.set(texels, texels);
     this.sun.shadow.map?.dispose();
     this.sun.shadow.map = null;
