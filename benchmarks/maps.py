@@ -9,8 +9,10 @@ import pint
 import yaml
 from beside import side_by_side
 
+from somrs.api.formulas import checked
 from somrs.entish.parse import parse
 from somrs.ontology import units
+from somrs.ontology.completion import complete
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.dump import dump_map
 from somrs.ontology.files.loading import load_text, upper
@@ -109,6 +111,22 @@ def change(map: Map, ontology: Ontology) -> None:
     side_by_side("changing, as the Repository does", ways)
 
 
+def write(map: Map, ontology: Ontology) -> None:
+    numbers = iter(range(10**9))
+
+    def typed(rest: str) -> str:
+        """Another text each time, as what is typed is."""
+        return f"Jar7 isOn ?Where: Platform AND Jar7.PositionX < {next(numbers)} AND Jar7.Color = {rest}"
+
+    assert checked(typed("Red"), ontology, map, {}).ok
+    ways = {
+        "parse: the text alone": lambda: parse(typed("Red")),
+        "checked: does it fit ontology and map": lambda: checked(typed("Red"), ontology, map, {}),
+        "complete: what can come at its end": lambda: complete(text := typed(""), len(text), ontology, map),
+    }
+    side_by_side("writing a formula, as the windows ask with each key", ways)
+
+
 def main() -> None:
     ontology, map = upper(), hall()
     load(dump_map(map, ontology), map)
@@ -116,6 +134,7 @@ def main() -> None:
     ask(map, ontology)
     convert()
     change(map, ontology)
+    write(map, ontology)
 
 
 if __name__ == "__main__":

@@ -102,8 +102,6 @@ def test_one_that_used_its_share_makes_room_and_the_last_has_all_the_time(task: 
 
 def test_nobody_runs_on_when_time_is_up(task: Path) -> None:
     program, noted = noting(NEVER, task)
-    started = time.monotonic()
     with pytest.raises(RemoteError, match="no plan was found in 2 s"):
         race([engine(program)], task, 2)
-    assert time.monotonic() - started < 30
     assert [alive(pid) for pid in noted()] == [False]

@@ -179,9 +179,7 @@ def test_a_question_that_nobody_waits_for_ends_with_its_engines() -> None:
         with pytest.raises(RemoteError, match="ended before it had an answer"):
             await question
 
-    started = time.monotonic()
-    asyncio.run(asyncio.wait_for(run(), 120))
-    assert time.monotonic() - started < 120, "nobody waits until there is a plan"
+    asyncio.run(asyncio.wait_for(run(), 120))  # nobody waits until there is a plan
     deadline = time.monotonic() + 60
     while any(map(runs, engines)) and time.monotonic() < deadline:
         time.sleep(0.05)
