@@ -73,8 +73,8 @@ class Cursor(Struct, frozen=True, kw_only=True):
     behind NOT."""
 
     spot: Spot
-    start: int
-    end: int
+    start: int = 0
+    end: int = 0
     typed: str = ""
     slot: Slot = Slot()
     owner: str = ROOT
@@ -183,51 +183,51 @@ class _Placing:
     def at(self, atom: str) -> Cursor:
         """The cursor behind the beginning of an atom; its place in the text is not known here."""
         if atom.lstrip().startswith(")"):
-            return Cursor(spot=Spot.ON, start=0, end=0, complete=True)
+            return Cursor(spot=Spot.ON, complete=True)
         try:
             read = beginning(atom)
         except FormulaError:
             read = None
         if read is None:
-            return Cursor(spot=Spot.NOWHERE, start=0, end=0)
+            return Cursor(spot=Spot.NOWHERE)
         tokens, wanted = read
         found = self._spot(tokens, wanted)
         return _with(found, comparable="OPERATOR" in wanted, complete="$END" in wanted and bool(tokens))
 
     def _spot(self, tokens: Tokens, wanted: frozenset[str]) -> Cursor:
         if not tokens:
-            return Cursor(spot=Spot.ATOM, start=0, end=0)
+            return Cursor(spot=Spot.ATOM)
         last = tokens[-1][0]
         call = self._call(tokens)
         inside = "(" if call is not None else ""
         if last == "DOT":
             return _with(self._attribute(tokens), inside=inside)
         if last == "COLON":
-            return Cursor(spot=Spot.TYPE, start=0, end=0, slot=call or Slot(), inside=inside)
+            return Cursor(spot=Spot.TYPE, slot=call or Slot(), inside=inside)
         if last in ("LPAR", "COMMA"):
-            return Cursor(spot=Spot.OBJECT, start=0, end=0, slot=call or Slot(), inside="(")
+            return Cursor(spot=Spot.OBJECT, slot=call or Slot(), inside="(")
         sides = _split(tokens, "OPERATOR")
         path, attribute = self._value_of(sides[0]) if len(sides) == 2 else ("", None)
         if "UNIT" in wanted:
-            return Cursor(spot=Spot.UNIT, start=0, end=0, attribute=attribute, compared=path)
+            return Cursor(spot=Spot.UNIT, attribute=attribute, compared=path)
         if last in ("OPERATOR", "SIGN", "TIMES"):
             if last != "OPERATOR":
-                return Cursor(spot=Spot.TERM, start=0, end=0, attribute=attribute, compared=path)
+                return Cursor(spot=Spot.TERM, attribute=attribute, compared=path)
             slot = Slot(relation="", type=self._type(sides[0]) or ROOT) if attribute is None else Slot()
-            return Cursor(spot=Spot.VALUE, start=0, end=0, attribute=attribute, compared=path, slot=slot)
+            return Cursor(spot=Spot.VALUE, attribute=attribute, compared=path, slot=slot)
         if "NAME" not in wanted and "OPERATOR" not in wanted:
-            return Cursor(spot=Spot.ON, start=0, end=0) if len(sides) == 1 else Cursor(spot=Spot.ON, start=0, end=0, attribute=attribute)
+            return Cursor(spot=Spot.ON, attribute=attribute)
         term, rest = _term(tokens)
         if rest and rest[0][0] == "NAME" and (relation := self.ontology.relations.get(rest[0][1])) is not None and len(rest) == 1:
             type_name = relation.joins[1] if len(relation.joins) == 2 else ROOT
-            return Cursor(spot=Spot.OBJECT, start=0, end=0, slot=Slot(relation=relation.name, place=1, type=type_name))
+            return Cursor(spot=Spot.OBJECT, slot=Slot(relation=relation.name, place=1, type=type_name))
         if rest and rest[0][0] == "NAME":
-            return Cursor(spot=Spot.OBJECT if len(rest) == 1 else Spot.ON, start=0, end=0)
+            return Cursor(spot=Spot.OBJECT if len(rest) == 1 else Spot.ON)
         owner = self._type(term)
         if owner is not None and not rest:
-            return Cursor(spot=Spot.RELATION, start=0, end=0, owner=owner)
+            return Cursor(spot=Spot.RELATION, owner=owner)
         _, attribute = self._value_of(term)
-        return Cursor(spot=Spot.ON, start=0, end=0, attribute=attribute)
+        return Cursor(spot=Spot.ON, attribute=attribute)
 
     def _call(self, tokens: Tokens) -> Slot | None:
         """The parenthesis that is open at the end: whose arguments stand in it, and which comes."""
@@ -256,7 +256,7 @@ class _Placing:
             end -= 2
         owner = tokens[max(end - 3, 0) : end] if end >= 2 and tokens[end - 2][0] == "COLON" else tokens[max(end - 1, 0) : end]
         named = owner[0][1] if len(owner) == 1 and owner[0][1] in self.map.objects else None
-        return Cursor(spot=Spot.ATTRIBUTE, start=0, end=0, owner=self._type(owner) or ROOT, object=named, path=".".join(path))
+        return Cursor(spot=Spot.ATTRIBUTE, owner=self._type(owner) or ROOT, object=named, path=".".join(path))
 
     def _type(self, term: Tokens) -> str | None:
         """The type of the object that a term stands for; None when it stands for none."""
