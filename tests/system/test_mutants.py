@@ -191,6 +191,18 @@ def test_what_tests_notice_is_caught_and_the_rest_survives(project: Path) -> Non
     assert "return 7 / 6" in said
     assert "none" in said
 
+    kept = project / "out" / "mutants" / "tried.jsonl"
+    rows = kept.read_text().splitlines(keepends=True)
+    rows.sort(key=lambda row: "never reached" not in row)
+    kept.write_text("".join(rows[:16]) + rows[16][:20])  # as who is killed leaves it
+    again = mutants_of(project, "--seed", "3")
+    assert (again[0], again[2]) == (status, caught_by)
+    assert "16 of them were tried before" in again[1]
+    assert len(kept.read_text().splitlines()) == 18
+    assert {*map(len, kept.read_text().splitlines())} == {len(row) - 1 for row in rows}
+    (project / "tests" / "unit" / "test_sums.py").write_text(f"{TESTS}\n")
+    assert "were tried before" not in mutants_of(project, "--seed", "3", "--sample", "2")[1], "with other tests, all is open again"
+
 
 def test_one_can_be_played_alone(project: Path) -> None:
     status, said, caught_by = mutants_of(project, "--only", "entish/sums.py:5:1")

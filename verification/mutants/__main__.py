@@ -61,33 +61,62 @@ def asked_for(every: list[Mutant], names: str) -> list[Mutant]:
     return found
 
 
-def play(mutants: list[Mutant], trees: list[Tree], out: Path, console: Console, floor: float, within: float) -> list[Result]:
-    """What became of each, also line by line in a file."""
+class Tried:
+    """What became of mutants, kept line by line: a sample that was stopped is gone on with, as long as code and tests stay as they are."""
+
+    def __init__(self, place: Path, of: str) -> None:
+        self._place, self._of = place, of
+        lines = place.read_text(encoding="utf-8").splitlines(keepends=True) if place.exists() else []
+        whole = [line for line in lines if line.endswith("\n")]  # who is killed may leave a part of one
+        if whole != lines:
+            place.write_text("".join(whole), encoding="utf-8")
+        rows = [json.loads(line) for line in whole]
+        self._rows = {row["name"]: row for row in rows if row["of"] == of}
+
+    def before(self, mutant: Mutant) -> Result | None:
+        row = self._rows.get(mutant.name)
+        return Result(mutant, row["diff"], row["tests"], row["caught by"]) if row is not None else None
+
+    def keep(self, result: Result) -> None:
+        with self._place.open("a", encoding="utf-8") as kept:
+            print(json.dumps({**_row(result), "of": self._of}, ensure_ascii=False), file=kept, flush=True)
+
+
+def _row(result: Result) -> dict[str, object]:
+    return {"name": result.mutant.name, "diff": result.diff, "tests": result.tests, "caught by": result.caught_by}
+
+
+def play(
+    mutants: list[Mutant], trees: list[Tree], out: Path, console: Console, floor: float, within: float, *, anew: bool = False
+) -> list[Result]:
+    """What became of each, also line by line in a file. `anew`: also of those that were tried before."""
     record = Record(trees[0].root, out)
     if stale := record.stale:
         with Progress(TextColumn("{task.description}"), MofNCompleteColumn(), TimeElapsedColumn(), console=console) as bar:
             shown = bar.add_task(f"seeing which lines the tests of {len(stale)} files reach", total=None)
             record.renew(trees[0], lambda: bar.advance(shown))
-    left, results = deque(mutants), list[Result]()
-    with (
-        (out / "results.jsonl").open("w", encoding="utf-8") as kept,
-        Progress(*COLUMNS, console=console) as bar,
-        ThreadPoolExecutor(len(trees)) as workers,
-    ):
-        shown = bar.add_task("mutants", total=len(mutants))
+    kept = Tried(out / "tried.jsonl", f"{record.version} {floor} {within}")
+    results = [result for mutant in mutants if not anew and (result := kept.before(mutant)) is not None]
+    if results:
+        console.print(f"{len(results)} of them were tried before, with code and tests as they are")
+    known = {result.mutant.name for result in results}
+    left = deque(mutant for mutant in mutants if mutant.name not in known)
+    with Progress(*COLUMNS, console=console) as bar, ThreadPoolExecutor(len(trees)) as workers:
+        shown = bar.add_task("mutants", total=len(mutants), completed=len(results))
 
         def work(tree: Tree) -> None:
             with Runner(tree, record.modules) as runner:
                 while left:
                     result = tried(left.popleft(), record, tree, runner, tree.root.with_suffix(".log"), floor, within)
                     results.append(result)
-                    row = {"name": result.mutant.name, "diff": result.diff, "tests": result.tests, "caught by": result.caught_by}
-                    print(json.dumps(row, ensure_ascii=False), file=kept, flush=True)
+                    kept.keep(result)
                     bar.update(shown, advance=1, description=f"{sum(one.caught for one in results)} of {len(results)} caught")
 
         for done in [workers.submit(work, tree) for tree in trees]:
             done.result()
-    return sorted(results, key=lambda result: (result.mutant.file, result.mutant.start))
+    results.sort(key=lambda result: (result.mutant.file, result.mutant.start))
+    (out / "results.jsonl").write_text("".join(json.dumps(_row(one), ensure_ascii=False) + "\n" for one in results), encoding="utf-8")
+    return results
 
 
 def summary(survivors: list[Result]) -> Table:
@@ -124,7 +153,7 @@ def main() -> int:
         all_of_them = arguments.only and not arguments.sample
         mutants = named if all_of_them else drawn(named, arguments.sample or SAMPLE, seed)
         print(f"{len(mutants)} of {len(every)} mutants" + ("" if all_of_them else f", SEED={seed}"))
-        results = play(mutants, trees[: len(mutants)], out, console, arguments.floor, arguments.within)
+        results = play(mutants, trees[: len(mutants)], out, console, arguments.floor, arguments.within, anew=bool(arguments.only))
     except SomrsError as error:
         print(error, file=sys.stderr)
         return 2

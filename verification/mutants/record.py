@@ -32,6 +32,8 @@ class Record:
     def __init__(self, root: Path, folder: Path) -> None:
         self._root = root
         code = [*_python(root / "src"), *_python(root / "tests" / "support"), *root.glob("tests/conftest.py"), root / "pyproject.toml"]
+        self.version = digest([*code, *(root / name for name in self._test_files())])
+        """Of the code and the tests that a mutant is tried with."""
         self._folder = folder / digest(code)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._importers = _importers(root)
