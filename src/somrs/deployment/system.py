@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import shutil
 import signal
 from collections.abc import Callable, Sequence
@@ -17,13 +18,15 @@ from msgspec.structs import replace
 from somrs.client.client import SYSTEM_FILE, Addresses, Client
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.programs import Ready, has_windows
-from somrs.errors import RemoteError, SomrsError, UsageError
+from somrs.errors import SomrsError, UsageError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.ports import Reservation
 
-START_TIME = 90.0
-"""Seconds that a program has to be ready; a cold first start on a slow machine takes long."""
+log = logging.getLogger(__name__)
+
+PATIENCE = 90.0
+"""Seconds after which it is said that a program is not ready yet; a cold first start on a slow machine takes long."""
 
 SITE_FILE = "site.json"
 """In the data folder: the files that its map began with."""
@@ -160,17 +163,17 @@ class System:
     async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
         """Start a program, and wait until it says that it is ready."""
         name = label or command
-        log = self.data / "logs" / f"{name}.log"
-        log.parent.mkdir(exist_ok=True)
+        output = self.data / "logs" / f"{name}.log"
+        output.parent.mkdir(exist_ok=True)
         line = ["run", command, *arguments, "--data", str(self.data), "--host", self.host]
-        log.unlink(missing_ok=True)
-        program = self.programs[name] = Program(name, line, await self._process(line, log), log)
+        output.unlink(missing_ok=True)
+        program = self.programs[name] = Program(name, line, await self._process(line, output), output)
         await _ready(program)
         return program
 
-    async def _process(self, arguments: list[str], log: Path) -> Process:
+    async def _process(self, arguments: list[str], output: Path) -> Process:
         assert self._reservation is not None, "made before any program is started"
-        return await self._launcher.start(arguments, log, self._reservation.environment)
+        return await self._launcher.start(arguments, output, self._reservation.environment)
 
     async def keep_running(self, tell: Callable[[str], None]) -> None:
         """Start again whatever ends without having been told to, until cancelled. What it had kept on disk, it still has."""
@@ -218,17 +221,19 @@ class System:
 
 
 async def _ready(program: Program) -> None:
-    """Wait until a program says that it is ready."""
+    """Wait until a program says that it is ready, or ends: one that takes long is not wrong."""
     before = program.log.stat().st_size
+    reading = asyncio.ensure_future(program.process.stdout.readline())
     try:
-        said = await asyncio.wait_for(program.process.stdout.readline(), START_TIME)
-    except TimeoutError:
-        raise RemoteError(f"{program.name} was not ready after {START_TIME:.0f} s; see {program.log}") from None
-    if not said:
+        while not (await asyncio.wait([reading], timeout=PATIENCE))[0]:
+            log.warning("%s is not ready yet; what it says is in %s", program.name, program.log)
+    finally:
+        reading.cancel()
+    if not (said := reading.result()):
         await program.process.wait()
-        with program.log.open("rb") as log:
-            log.seek(before)
-            told = log.read().decode(errors="replace").strip()
+        with program.log.open("rb") as output:
+            output.seek(before)
+            told = output.read().decode(errors="replace").strip()
         raise UsageError(told or f"{program.name} ended at once; see {program.log}")
     program.at = msgspec.json.decode(said, type=Ready).at
 

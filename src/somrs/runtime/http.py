@@ -37,9 +37,6 @@ T = TypeVar("T")
 Handler = Callable[[Message], Awaitable[Message | None]]
 """Takes a message; the answer, when it goes back on the same connection."""
 
-START_TIME = 10.0
-"""Seconds that a server has to listen."""
-
 BODY_TIME = 10.0
 """Seconds that a sender has for all of its message."""
 
@@ -90,11 +87,10 @@ class Server:
         )
         self._server = QuietServer(config)
         self._serving = asyncio.create_task(self._server.serve(sockets=[listening]))
-        async with asyncio.timeout(START_TIME):
-            while not self._server.started:
-                if self._serving.done():
-                    raise UsageError(f"cannot listen at {self.url}")
-                await asyncio.sleep(0.005)
+        while not self._server.started:
+            if self._serving.done():
+                raise UsageError(f"cannot listen at {self.url}")
+            await asyncio.sleep(0.005)
 
     async def stop(self) -> None:
         """Stop listening. Whoever still waits for an answer gets a Fault; whoever still writes is told to come again."""

@@ -1,0 +1,53 @@
+"""When a program of a system is ready, and what is said of one that is not."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from somrs.deployment import system
+from somrs.deployment.launcher import Process
+from somrs.deployment.system import Program
+from somrs.errors import UsageError
+
+
+def program(folder: Path) -> Program:
+    log = folder / "repository.log"
+    log.write_text("of the run before\n", encoding="utf-8")
+    return Program("repository", [], Process(1, asyncio.StreamReader()), log)
+
+
+def test_a_program_that_takes_long_is_waited_for_and_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def run() -> None:
+        slow = program(tmp_path)
+        waiting = asyncio.create_task(system._ready(slow))
+        while len(caplog.messages) < 2:
+            await asyncio.sleep(0)
+        slow.process.stdout.feed_data(b'{"ready": "repository", "at": "http://127.0.0.1:8000"}\n')
+        await waiting
+        assert slow.at == "http://127.0.0.1:8000"
+
+    monkeypatch.setattr(system, "PATIENCE", 0.001)
+    asyncio.run(run())
+    assert {*caplog.messages} == {f"repository is not ready yet; what it says is in {tmp_path / 'repository.log'}"}
+
+
+@pytest.mark.parametrize(("says", "told"), [("no disk\n", "no disk"), ("", "repository ended at once; see {log}")])
+def test_a_program_that_ends_before_it_is_ready_says_why(tmp_path: Path, says: str, told: str) -> None:
+    async def run() -> None:
+        ends = program(tmp_path)
+        waiting = asyncio.create_task(system._ready(ends))
+        await asyncio.sleep(0)
+        with ends.log.open("a", encoding="utf-8") as log:
+            log.write(says)
+        ends.process.stdout.feed_eof()
+        ends.process.ended(2)
+        with pytest.raises(UsageError) as refused:
+            await waiting
+        assert str(refused.value) == told.format(log=ends.log)
+
+    asyncio.run(run())
