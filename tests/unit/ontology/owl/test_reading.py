@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from somrs.errors import ModelError, Problem
 from somrs.ontology.files.loading import upper
 from somrs.ontology.naming import Named, Renaming, Section
 from somrs.ontology.objects import Fact, Object
+from somrs.ontology.owl import read
 from somrs.ontology.services import Handler, Occasion, Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, Kind, ObjectType, Part, RelationType, Value
 
@@ -106,6 +108,25 @@ def test_attributes(text: str, expected: AttributeType, notes: list[str]) -> Non
     found = turtle(text)
     assert [*found.ontology] == [expected]
     assert noted(found) == [("A", note) for note in notes]
+
+
+NUMBERS = (
+    "decimal double float integer int long short byte nonNegativeInteger positiveInteger nonPositiveInteger negativeInteger unsignedInt "
+    "unsignedLong unsignedShort unsignedByte"
+)
+DATATYPES = {
+    **{f"xsd:{name}": Kind.NUMBER for name in NUMBERS.split()},
+    **dict.fromkeys(("owl:real", "owl:rational"), Kind.NUMBER),
+    **dict.fromkeys(("xsd:string", "xsd:normalizedString", "xsd:token", "rdfs:Literal", "rdf:PlainLiteral", "rdf:langString"), Kind.TEXT),
+    "xsd:boolean": Kind.TRUTH,
+}
+
+
+def test_what_the_datatypes_of_others_are() -> None:
+    prefix = "@prefix rdf: <http://www.w3.org/1999/02/22-rdf-syntax-ns#> ."
+    found = turtle("\n".join([prefix, *(f":A{n} a owl:DatatypeProperty ; rdfs:range {name} ." for n, name in enumerate(DATATYPES))]))
+    assert {name: found.ontology.attributes[f"A{n}"].kind for n, name in enumerate(DATATYPES)} == DATATYPES
+    assert found.notes == ()
 
 
 def test_attributes_that_are_made_of_others() -> None:
@@ -636,3 +657,52 @@ def test_what_is_wrong(text: str, problems: list[tuple[str, str, str]]) -> None:
     assert {problem.file for problem in found} == {"vases.ttl"}
     first = PREFIXES.count("\n") + 1
     assert {problem.line for problem in found} <= {first, first + 1}
+
+
+# Texts
+
+
+XML = """<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#" xmlns:owl="http://www.w3.org/2002/07/owl#"
+  xmlns:rdfs="http://www.w3.org/2000/01/rdf-schema#">
+  <owl:Class rdf:about="urn:so-mrs:type:Vase"><rdfs:subClassOf rdf:resource="urn:so-mrs:type:Jar"/></owl:Class>
+  <owl:Class rdf:about="http://example.org/pots/Pot"/>
+</rdf:RDF>
+"""
+DECLARED = "<?xml version='1.0'?>\n"
+
+
+@pytest.mark.parametrize("before", ["", DECLARED, "\ufeff" + DECLARED])
+def test_xml_is_known_by_its_beginning_or_its_root(before: str) -> None:
+    found = read(before + XML, "pots.rdf", upper())
+    assert [(type.name, type.parent) for type in found.ontology.types.values()] == [("Pot", "Object"), ("Vase", "Jar")]
+    said = "it is below no other class; Object is taken as its parent"
+    assert found.notes == (Problem(file="pots.rdf", line=4 + before.count("\n"), subject="Pot", rule="not-kept", message=said),)
+
+
+def test_only_xml_may_not_have_a_document_type() -> None:
+    (note,) = read('<http://example.org/a> <http://example.org/b> "<!DOCTYPE" .', "file", upper()).notes
+    assert (note.line, note.subject, note.message) == (1, "a", f"b <!DOCTYPE: {NO_WORDS}")
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        (
+            DECLARED + "<!DOCTYPE x [<!ENTITY a 'b'>]><x>&a;</x>",
+            None,
+            "has a document type declaration, which is not read; save the file as Turtle",
+        ),
+        (
+            "<!DOCTYPE x>" + XML,
+            None,
+            "has a document type declaration, which is not read; save the file as Turtle",
+        ),
+        (XML + "<", 6, "this is not XML: unclosed token"),
+        ("\n\n@prefix x", 3, "this is not Turtle: expected qname after @prefix"),
+        ("{}", 1, "this is not Turtle: expected directive or statement"),
+    ],
+)
+def test_what_is_said_of_a_text_that_is_neither(text: str, line: int | None, message: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        read(text, "pots", upper())
+    assert caught.value.problems == [Problem(file="pots", line=line, subject="file", rule="syntax", message=message)]
