@@ -189,6 +189,13 @@ def test_mistake_is_named_with_its_line(old: str, new: str, line: int, rule: str
     assert str(found[0]).startswith(f"house.yaml:{line}: ")
 
 
+@pytest.mark.parametrize("name", ["AND", "OR", "NOT", "TRUE", "FALSE", "1a", "a b", "a.b", "-a"])
+def test_what_is_no_name_is_told_once(name: str) -> None:
+    said = "is no name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
+    found = problems(f'types:\n  "{name}": {{parent: Jar}}\n  Vase: {{parent: "{name}"}}\n')
+    assert [(p.line, p.subject, p.rule, p.message) for p in found][:1] == [(2, name, "name", said)]
+
+
 def test_attributes_that_are_made_of_each_other() -> None:
     outer = "attributes: {Heat: {kind: complex, attributes: [Glow]}, Glow: {kind: complex, attributes: [Fire]}"
     assert "Fire" in load_text(f"{outer}, Fire: {{kind: complex, attributes: [Weight]}}}}\n").ontology.attributes

@@ -515,6 +515,7 @@ def shape(*properties: str, target: str = "type:Jar") -> str:
             (),
             [],
         ),
+        (shape("sh:path attribute:Weight ; sh:in ( 1 2 )", target="type:Nope"), None, (), [f"sh:property: {NO_WORDS}"]),
         (
             shape("sh:path attribute:Weight ; sh:in ( 1 2 )", target=":Nope"),
             None,
