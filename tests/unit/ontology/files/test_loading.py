@@ -190,10 +190,15 @@ def test_mistake_is_named_with_its_line(old: str, new: str, line: int, rule: str
 
 
 @pytest.mark.parametrize("name", ["AND", "OR", "NOT", "TRUE", "FALSE", "1a", "a b", "a.b", "-a"])
-def test_what_is_no_name_is_told_once(name: str) -> None:
+def test_what_is_no_name_is_told(name: str) -> None:
     said = "is no name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
-    found = problems(f'types:\n  "{name}": {{parent: Jar}}\n  Vase: {{parent: "{name}"}}\n')
-    assert [(p.line, p.subject, p.rule, p.message) for p in found][:1] == [(2, name, "name", said)]
+    found = problems(f'types:\n  "{name}": {{parent: Jar}}\n')
+    assert [(p.line, p.subject, p.rule, p.message) for p in found] == [(2, name, "name", said)]
+
+
+def test_what_only_follows_from_a_mistake_is_not_told() -> None:
+    found = problems("types:\n  AND: {parent: Jar}\n  Vase: {parent: AND}\n  Urn: {parent: Vasse}\n")
+    assert [(p.line, p.subject, p.rule) for p in found] == [(2, "AND", "name"), (4, "Urn", "unknown-name")]
 
 
 def test_attributes_that_are_made_of_each_other() -> None:
