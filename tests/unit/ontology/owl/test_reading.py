@@ -408,6 +408,7 @@ GRASPABLE = "a owl:Class ; rdfs:subClassOf type:Graspable"
         ),
         (f'type:Newly {GRASPABLE} ; rdfs:label "Mug" .', "Mug", (), []),
         (f"type:Newly {GRASPABLE} .", "Newly", (), []),
+        *((f':V {GRASPABLE} ; rdfs:label "{word}" , "a-1" , "b c" .', "a-1", (), []) for word in ("AND", "OR", "NOT", "TRUE", "FALSE")),
     ],
 )
 def test_what_a_type_is_called(text: str, name: str, renamings: tuple[Renaming, ...], notes: list[str]) -> None:
@@ -415,6 +416,18 @@ def test_what_a_type_is_called(text: str, name: str, renamings: tuple[Renaming, 
     assert [*found.ontology.types] == [name]
     assert found.renamings == renamings
     assert [message for _, message in noted(found)] == notes
+
+
+def test_what_is_only_mentioned_is_neither_changed_nor_told() -> None:
+    mentioned = """type:Jar a owl:Class ; rdfs:label "Jar" .
+relation:isOn a owl:ObjectProperty , owl:FunctionalProperty .
+attribute:Weight a owl:DatatypeProperty .
+<urn:so-mrs:service:TransferObject> a owl:Class .
+"""
+    found = turtle(mentioned + "attribute:A a owl:ObjectProperty ; rdfs:range type:Jar .")
+    assert [(type(one), one.name) for one in found.ontology] == [(AttributeType, "A")]
+    said = "its range is the datatype urn:so-mrs:type:Jar; there are numbers (xsd:decimal), texts (xsd:string), truths (xsd:boolean)"
+    assert noted(found) == [("A", f"{said} and lists of values{TEXT_TAKEN}")]
 
 
 def test_definitions_come_in_the_order_in_which_they_were_written_and_what_is_new_by_name() -> None:
