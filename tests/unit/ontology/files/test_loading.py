@@ -377,6 +377,31 @@ def test_what_is_said_of_values_and_facts_and_on_which_line() -> None:
     ]
 
 
+def test_what_is_said_of_objects_that_are_none_and_of_short_forms() -> None:
+    text = """\
+map: X
+objects:
+  A:
+    type: Building
+    turned: 1
+    at: [0,
+      0]
+    Shape:
+      Form: Box
+  B: 5
+  C: {type: Jar, at: [0, 0, 0], parts: {D: 7}}
+"""
+    assert [(p.line, p.subject, p.rule, p.message) for p in problems(text)] == [
+        (3, "A", "parts", "a Building has at least 1 of type Storey among its parts; this one has 0"),
+        (5, "A", "unknown-attribute", "a Building has no attribute RotationZ; it has Label"),
+        (6, "A", "unknown-attribute", "a Building has no attribute PositionX; it has Label"),
+        (6, "A", "unknown-attribute", "a Building has no attribute PositionY; it has Label"),
+        (9, "A", "unknown-attribute", "a Building has no attribute Shape.Form; it has Label"),
+        (10, "B", "structure", "B should be keys with values (B: {...}), not 5.0"),
+        (11, "D", "structure", "D should be keys with values (D: {...}), not 7.0"),
+    ]
+
+
 @pytest.mark.parametrize(
     ("text", "value"),
     [
