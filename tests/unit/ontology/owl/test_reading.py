@@ -575,6 +575,15 @@ def test_what_a_shape_says_once_more_is_kept_once() -> None:
     assert found.notes == ()
 
 
+def test_our_own_shapes_are_not_read_back_and_those_of_others_beside_them_are() -> None:
+    of_jars = "a sh:NodeShape ; sh:targetClass type:Jar ; sh:property"
+    own = f"<urn:so-mrs:shape:type.Jar> {of_jars} [ sh:path attribute:Weight ; sh:minInclusive 9 ] ."
+    other = f"<urn:z:S> {of_jars} [ sh:path attribute:Weight ; sh:maxInclusive 2 ] ."
+    found = turtle(f"{own}\n{other}\n[] sh:path attribute:Weight .")
+    assert found.ontology.types["Jar"].constraints == (Constraint(attribute="Weight", maximum=2.0),)
+    assert found.notes == ()
+
+
 # What is not understood
 
 
