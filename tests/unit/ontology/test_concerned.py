@@ -19,9 +19,20 @@ from somrs.ontology.conformance import SELF, violations
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Named, Section, named, revised
-from somrs.ontology.objects import Fact, FactAdded, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.truth import holds
-from somrs.ontology.types import AttributeType, Constraint, Definition, Ontology, Part, RelationType
+from somrs.ontology.types import (
+    PART_OF,
+    AttributeType,
+    Constraint,
+    Definition,
+    FunctionType,
+    Kind,
+    ObjectType,
+    Ontology,
+    Part,
+    RelationType,
+)
 from tests.support.examples import examples
 from tests.unit.repository.test_redefinition import WORKSHOP
 
@@ -135,3 +146,64 @@ def test_a_rule_about_an_objects_own_values_is_answered_as_any_formula_is(rule: 
 
 def _of(rule: str, name: str) -> Formula:
     return substitute(parse(rule), {SELF: Name(name)})
+
+
+# Nothing else is looked at: here everything lacks a mark, so that what was looked at is told.
+
+UNMARKED = Ontology(
+    [
+        *(AttributeType(name=name, kind=Kind.NUMBER) for name in ("Mark", "Weight", "Size", "Depth")),
+        AttributeType(name="Shape", kind=Kind.COMPLEX, attributes=("Size",)),
+        RelationType(name=PART_OF, joins=("Object", "Object")),
+        *(RelationType(name=name, joins=("Object", "Object"), doc="old") for name in ("isOn", "isNear")),
+        FunctionType(name="depth", parameters=("Object",), attribute="Depth"),
+        ObjectType(name="Object", parent=None),
+        ObjectType(name="AbstractObject", parent="Object"),
+        ObjectType(name="Site", parent="AbstractObject"),
+        ObjectType(name="Thing", parent="Object", required=("Mark",), attributes=("Weight",)),
+        ObjectType(name="Box", parent="Thing", attributes=("Shape",)),
+        ObjectType(name="Cup", parent="Thing", constraints=(Constraint(attribute="Weight", maximum=2),)),
+        ObjectType(name="Lid", parent="Object", required=("Mark",), constraints=(Constraint(formula="NOT ?Self isNear ?Other"),)),
+        ObjectType(name="Ring", parent="Object", required=("Mark",), constraints=(Constraint(formula="depth(?Self) < 3"),)),
+        ObjectType(name="Pin", parent="Object", required=("Mark",), constraints=(Constraint(formula="?Box: Box isOn ?Self"),)),
+        ObjectType(name="Vat", parent="Object"),
+    ]
+)
+UNMARKED_MAP = Map(
+    [Object(name=name, type=name.rstrip("1")) for name in ("Site1", "Thing1", "Box1", "Cup1", "Lid1", "Ring1", "Pin1", "Box11")],
+    [
+        *(Fact(PART_OF, (name, "Site1")) for name in ("Thing1", "Box1", "Cup1", "Lid1", "Ring1", "Pin1", "Box11")),
+        Fact("isOn", ("Thing1", "Lid1")),
+    ],
+)
+TYPE = UNMARKED.types
+
+
+@pytest.mark.parametrize(
+    ("new", "gone", "looked_at"),
+    [
+        ([AttributeType(name="Weight", kind=Kind.NUMBER, unit="kg")], (), "Box1 Box11 Cup1 Thing1"),
+        ([AttributeType(name="Weight", kind=Kind.NUMBER, doc="other")], (), ""),
+        ([AttributeType(name="Size", kind=Kind.NUMBER, unit="m")], (), "Box1 Box11"),
+        ([AttributeType(name="Depth", kind=Kind.NUMBER, unit="m")], (), ""),
+        ([structs.replace(UNMARKED.relations["isOn"], excludes="place")], (), "Lid1 Pin1 Thing1"),
+        ([structs.replace(UNMARKED.relations["isOn"], doc="new")], (), ""),
+        ([structs.replace(UNMARKED.relations["isNear"], symmetric=True)], (), "Lid1"),
+        ([structs.replace(UNMARKED.functions["depth"], unit="m")], (), "Ring1"),
+        ([structs.replace(TYPE["Box"], attributes=())], (), "Box1 Box11"),
+        ([structs.replace(TYPE["Box"], parent="Cup")], (), "Box1 Box11 Pin1"),
+        ([structs.replace(TYPE["Thing"], attributes=())], (), "Box1 Box11 Cup1 Thing1"),
+        ([ObjectType(name="New", parent="Box")], (), "Pin1"),
+        ([ObjectType(name="New", parent="Box"), structs.replace(TYPE["Vat"], driver="v")], (), "Pin1"),
+        ([structs.replace(TYPE["Vat"], driver="v")], (), ""),
+        ([], ("Vat",), "Pin1"),
+        ([structs.replace(TYPE["Vat"], parent="AbstractObject")], (), "Pin1"),  # there is none on the map
+        ([structs.replace(TYPE["Lid"], parent="AbstractObject")], (), "Box1 Box11 Cup1 Lid1 Pin1 Ring1 Thing1"),
+        ([structs.replace(TYPE["Site"], parent="Object")], (), "Box1 Box11 Cup1 Lid1 Pin1 Ring1 Site1 Thing1 map"),
+    ],
+)
+def test_only_what_is_concerned_is_looked_at(new: list[Definition], gone: tuple[str, ...], looked_at: str) -> None:
+    removed = [Named(section=Section.TYPES, name=name) for name in gone]
+    after = revised(UNMARKED, removed, new)
+    found = violations_after(UNMARKED_MAP, UNMARKED, after, [*removed, *map(named, new)])
+    assert " ".join(sorted({violation.subject for violation in found})) == looked_at

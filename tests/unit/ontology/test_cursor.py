@@ -258,6 +258,7 @@ def test_what_is_being_written(marked: str, start: int, end: int, typed: str) ->
         ("Jar1.Weight = ?w|", {}, {}),
         ("Jar1.Weight = ?w AND Jar2.Weight = ?w|", {}, {"w": None}),
         ("?x :Jar isOn Table1 AND ?|", {}, {"x": "Jar"}),
+        ("NOT | AND ?x isOn ?y", {}, {"x": "Thing", "y": "Table"}),
     ],
 )
 def test_which_variables_are_known(marked: str, given: dict[str, str], known: dict[str, str | None]) -> None:

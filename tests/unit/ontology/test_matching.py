@@ -17,6 +17,7 @@ from somrs.ontology.matching import bring_about_all, can_bring_about, types_of, 
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.truth import holds
+from somrs.ontology.types import RelationType
 from tests.support import small
 from tests.support.examples import examples
 
@@ -84,6 +85,7 @@ JOIN = service("?A isAdjacentTo ?B", A="Object", B="Object")
         (WEIGH, "Jar1.Weight = ?weight", True, [{"Object": "Jar1", "w": "?weight: number"}]),
         (JOIN, "Table1 isAdjacentTo Table2", True, [{"A": "Table1", "B": "Table2"}, {"A": "Table2", "B": "Table1"}]),
         (JOIN, "?x isAdjacentTo ?x", True, [{"A": "?x: Object", "B": "?x: Object"}]),
+        (JOIN, "NOT Table1 isAdjacentTo Table2", False, []),  # it may be beside many
     ],
 )
 def test_matches(offered: ServiceType, wanted: str, able: bool, rows: list[dict[str, str]]) -> None:
@@ -161,6 +163,49 @@ def test_an_effect_on_a_value_reaches_a_limit(offered: ServiceType, wanted: str,
 def test_what_is_sure_to_bring_about_all(offered: ServiceType, wanted: str, rows: list[dict[str, str]]) -> None:
     found = bring_about_all(offered, parse(wanted), upper(), MAP)
     assert [{name: str(term) for name, term in row.items()} for row in found] == rows
+
+
+PLACES = small.ONTOLOGY.extended(
+    [
+        *(RelationType(name=name, joins=("Object", "Object"), excludes="place") for name in ("hangs", "leans")),
+        RelationType(name="fits", joins=("Object", "Object"), excludes="size"),
+        RelationType(name="waits", joins=("Object",), functional=True, excludes="place"),
+        RelationType(name="lies", joins=("Object", "Object", "Object"), functional=True),
+    ]
+)
+
+
+@pytest.mark.parametrize(
+    ("effect", "wanted", "able", "rows"),
+    [
+        ("?P hangs ?Q", "NOT A leans B", True, [{"P": "A"}]),
+        ("?P hangs C", "NOT A hangs B", False, []),  # it may hang on both
+        ("?P foo ?Q", "NOT A isOn B", False, []),
+        ("?P isOn ?Q", "NOT A foo B", False, []),
+        ("?P isOn ?Q", "NOT A fits B", False, []),
+        ("?P isNear ?Q", "NOT isNew(A)", False, []),
+        ("?P isOn ?Q", "NOT A isOn B", True, []),  # unless it is put there
+        ("?P isOn C", "NOT A isOn B", True, [{"P": "A"}]),
+        ("?P isOn B", "NOT A isOn B", False, []),
+        ("?P isPairedWith ?Q", "NOT A isPairedWith B", True, []),
+        ("?P isPairedWith C", "NOT A isPairedWith B", True, [{"P": "A"}, {"P": "B"}]),
+        ("C isPairedWith ?P", "NOT A isPairedWith B", True, [{"P": "A"}, {"P": "B"}]),
+        ("waits(?P)", "NOT A isOn B", True, [{"P": "A"}]),
+        ("waits(?P)", "NOT waits(A)", False, []),
+        ("lies(?P, B, C)", "NOT lies(A, B, D)", True, [{"P": "A"}]),
+        ("lies(?P, B, ?Q)", "NOT lies(A, B, C)", True, []),
+        ("lies(?P, B, C)", "NOT lies(A, B, C)", False, []),
+        ("?P isOn ?Q", "NOT isOn()", False, []),
+        ("isOn()", "NOT A isOn B", False, []),
+        ("NOT ?P isOn ?Q", "NOT A isOn B", True, [{"P": "A", "Q": "B"}]),
+        ("NOT ?P isOn ?Q", "A isOn B", False, []),
+        ("?P isOn ?Q", "isOn(A)", False, []),
+    ],
+)
+def test_what_displaces_what(effect: str, wanted: str, able: bool, rows: list[dict[str, str]]) -> None:
+    offered, asked = service(effect, P="Object", Q="Object"), parse(wanted)
+    assert can_bring_about(offered, asked, PLACES) is able
+    assert [{name: str(term) for name, term in row.items()} for row in bring_about_all(offered, asked, PLACES)] == rows
 
 
 def test_without_a_map_constants_may_be_anything() -> None:

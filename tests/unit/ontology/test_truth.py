@@ -294,6 +294,79 @@ def test_rows(lab: tuple[Ontology, Map], formula: str, rows: list[dict[str, str]
     assert sorted(found, key=str) == sorted(rows, key=str)
 
 
+@pytest.mark.parametrize(
+    ("formula", "rows"),
+    [
+        ("?n: number = Jar1.Weight", [{"n": "0.2 kg"}]),
+        ("?n: text = Jar1.Weight", []),
+        ("?n: truth = Jar1.Weight", []),
+        ("?c: text = Table2.Color", [{"c": "Red"}]),
+        ("?c: number = Table2.Color", []),
+        ("?x: Object = Jar1", [{"x": "Jar1"}]),
+        ("?x: Jar = Jar1", [{"x": "Jar1"}]),
+        ("?x: Jar = Table1", []),
+        ("?x: Gone isOn Table1", []),
+        ("?x: Room = ?y AND ?y isAdjacentTo Room2", [{"x": "Room1", "y": "Room1"}]),
+        ("?a = ?b AND ?b = ?c AND Jar1.Weight = ?c", [{"a": "0.2 kg", "b": "0.2 kg", "c": "0.2 kg"}]),
+        ("?w = Jar1.Weight AND ?w = Jar2.Weight", []),
+        ("?x: Jar.Weight = ?w AND ?w > 0.25", [{"x": "Jar2", "w": "0.3 kg"}]),
+        ("NOT ?x: Jar isOn Table2", [{}]),
+        ("NOT ?x: Jar isOn Table1", []),
+        ("Jar1 isOn Table2 OR ?x isOn Table1", [{"x": "Jar1"}, {"x": "Jar2"}]),
+        ("?a isAdjacentTo ?b", [{"a": "Room1", "b": "Room2"}, {"a": "Room2", "b": "Room1"}]),
+        ("?a isAdjacentTo ?a", []),
+        ("isOn(?a)", []),
+        ("isOn(?a, Table1, ?c)", []),
+    ],
+)
+def test_variables_stand_for_what_their_types_say(lab: tuple[Ontology, Map], formula: str, rows: list[dict[str, str]]) -> None:
+    ontology, map = lab
+    found = [{name: str(term) for name, term in row.items()} for row in bindings(parse(formula), map, ontology)]
+    assert sorted(found, key=_by_name) == sorted(rows, key=_by_name)
+
+
+def _by_name(row: dict[str, str]) -> list[tuple[str, str]]:
+    return sorted(row.items())
+
+
+@pytest.mark.parametrize(
+    ("formula", "given", "rows"),
+    [
+        ("?x isOn Table1", {"x": Name("Jar1")}, [{"x": "Jar1"}]),
+        ("?x isOn Table1", {"x": Name("Table1")}, []),
+        ("?x isOn Table1", {"x": Name("Gone")}, []),
+        ("?x isOn Table1", {"x": Text("Jar1")}, []),
+        ("?x isOn ?t", {"x": Name("Jar1"), "z": Number(1)}, [{"x": "Jar1", "z": "1", "t": "Table1"}]),
+        ("?n: number = Jar1.Weight", {"n": Number(200, "g")}, [{"n": "200 g"}]),
+        ("?n: number = Jar1.Weight", {"n": Number(300, "g")}, []),
+        ("?n: number > 3 OR Jar1 isOn Table1", {"n": Text("a")}, []),
+        ("?n: text = Jar1.Label OR Jar1 isOn Table1", {"n": Name("a")}, [{"n": "a"}]),
+        ("?n: truth = Table1.Open OR Jar1 isOn Table1", {"n": Truth(True)}, [{"n": "TRUE"}]),
+        ("?n: truth = Table1.Open OR Jar1 isOn Table1", {"n": Number(1)}, []),
+        ("NOT ?x isOn Table1", {"x": Name("Jar1")}, []),
+        ("NOT ?x isOn Table1", {"x": Name("Table2")}, [{"x": "Table2"}]),
+        ("NOT ?x isOn ?t", {"x": Name("Jar1")}, []),
+        ("NOT ?x isOn ?t", {"x": Name("Table2")}, [{"x": "Table2"}]),
+    ],
+)
+def test_given_terms_are_kept_or_are_no_answer(
+    lab: tuple[Ontology, Map], formula: str, given: dict[str, Term], rows: list[dict[str, str]]
+) -> None:
+    ontology, map = lab
+    assert [{name: str(term) for name, term in row.items()} for row in bindings(parse(formula), map, ontology, given)] == rows
+
+
+@pytest.mark.parametrize(
+    ("formula", "position", "name"), [("?a = ?b", 0, "a"), ("Jar1 isOn Table1 AND ?w = ?w + 1", 21, "w"), ("3 < ?w: number", 4, "w")]
+)
+def test_what_gives_no_value_is_shown(lab: tuple[Ontology, Map], formula: str, position: int, name: str) -> None:
+    ontology, map = lab
+    with pytest.raises(FormulaError) as caught:
+        list(bindings(parse(formula), map, ontology))
+    assert (caught.value.text, caught.value.position) == (formula, position)
+    assert (caught.value.problem, caught.value.hint) == (f"nothing gives ?{name} a value", f"add an equation, such as ... = ?{name}")
+
+
 def test_evaluate(lab: tuple[Ontology, Map]) -> None:
     ontology, map = lab
     assert evaluate(Attribute(Name("Jar1"), "Weight"), map, ontology) == 0.2

@@ -189,6 +189,18 @@ def test_mistake_is_named_with_its_line(old: str, new: str, line: int, rule: str
     assert str(found[0]).startswith(f"house.yaml:{line}: ")
 
 
+@pytest.mark.parametrize("name", ["AND", "OR", "NOT", "TRUE", "FALSE", "1a", "a b", "a.b", "-a"])
+def test_what_is_no_name_is_told(name: str) -> None:
+    said = "is no name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
+    found = problems(f'types:\n  "{name}": {{parent: Jar}}\n')
+    assert [(p.line, p.subject, p.rule, p.message) for p in found] == [(2, name, "name", said)]
+
+
+def test_what_only_follows_from_a_mistake_is_not_told() -> None:
+    found = problems("types:\n  AND: {parent: Jar}\n  Vase: {parent: AND}\n  Urn: {parent: Vasse}\n")
+    assert [(p.line, p.subject, p.rule) for p in found] == [(2, "AND", "name"), (4, "Urn", "unknown-name")]
+
+
 def test_attributes_that_are_made_of_each_other() -> None:
     outer = "attributes: {Heat: {kind: complex, attributes: [Glow]}, Glow: {kind: complex, attributes: [Fire]}"
     assert "Fire" in load_text(f"{outer}, Fire: {{kind: complex, attributes: [Weight]}}}}\n").ontology.attributes
@@ -271,6 +283,138 @@ def test_files_that_are_missing_or_say_a_thing_twice(tmp_path: Path) -> None:
         load([tmp_path / "one.yaml"])
     found = {(Path(p.file).name, p.line, p.rule) for p in caught.value.problems}
     assert found == {("one.yaml", 3, "file"), ("one.yaml", 4, "duplicate")}
+
+
+def test_what_is_said_of_files_and_of_those_that_they_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("lib").mkdir()
+    Path("one.yaml").write_text("uses:\n  - lib/two.yaml\n  - lib/three.yaml\n  - 5\n  - lib/four.yaml\ntypes: {Vase: {parent: Jarr}}\n")
+    Path("lib/two.yaml").write_text("uses: [../one.yaml, five.yaml]\ntypes:\n  Pot: {parent: Can}\n  Pit: {parent: Urnn}\n")
+    Path("lib/four.yaml").write_bytes(b"types:\n  \xff")
+    Path("lib/five.yaml").write_bytes("\ufefftypes: {Urn: {parent: Pot}}\n".encode())
+    with pytest.raises(ModelError) as caught:
+        load(["one.yaml", "lib/../one.yaml", "gone.yaml", "lib"])
+    assert [(p.file, p.line, p.subject, p.rule, p.message) for p in caught.value.problems] == [
+        ("gone.yaml", None, "file", "file", "gone.yaml cannot be read: No such file or directory; mend the path or the file"),
+        ("lib", None, "file", "file", "lib cannot be read: Is a directory; mend the path or the file"),
+        ("lib/two.yaml", 4, "Pit", "unknown-name", "no type is called Urnn; did you mean Urn?"),
+        ("one.yaml", 3, "file", "file", "lib/three.yaml cannot be read: No such file or directory; mend the path or the file"),
+        ("one.yaml", 4, "uses", "structure", "2 should be string, not 5.0"),
+        ("one.yaml", 5, "file", "file", "lib/four.yaml cannot be read: it is not UTF-8 text; mend the path or the file"),
+        ("one.yaml", 6, "Vase", "unknown-name", "no type is called Jarr; did you mean Jar?"),
+    ]
+
+
+WRONG_VALUES = """\
+map: X
+objects:
+  A:
+    type: Building
+    parts:
+      B:
+        type: Storey
+        Elevation:
+        parts:
+          F:
+            type: Floor
+            at: [0,
+              x,
+              1 kg]
+            turned: 5 x
+            Shape:
+              Form: Box
+              Width: much
+              Depth: -1
+              Height: [1]
+facts:
+  - F isOn B
+  - 5
+  - F isOn B
+  - A = B
+  - NOT A isOn B
+  - likes(A)
+  - "F  isIn\\tA "
+types:
+  V:
+    parent: Jar
+    defaults:
+      Weight: 1 m
+      Shape: {Width: 3 kg,
+        Form: Rund}
+      Nope: 3
+      Label: [1]
+without:
+  - typos Jar
+  - types Jarr
+  - types Qqq
+"""
+NO_FACT = "is not a fact; a fact is one relation between named objects: Jar002 isOn Cupboard001"
+
+
+def test_what_is_said_of_values_and_facts_and_on_which_line() -> None:
+    assert [(p.line, p.subject, p.rule, p.message) for p in problems(WRONG_VALUES)] == [
+        (8, "B", "value", "Elevation is empty; write a number, a text, or true or false"),
+        (13, "F", "value", "PositionY is a number in m, not 'x'"),
+        (14, "F", "unit", "PositionZ is a number in m, and '1 kg' cannot be expressed in it"),
+        (15, "F", "unit", "RotationZ is a number in rad, and '5 x' cannot be expressed in it"),
+        (18, "F", "value", "Shape.Width is a number in m, not 'much'"),
+        (19, "F", "value", "Depth is at least 0, not -1"),
+        (20, "F", "value", "Shape.Height is a list; write a number, a text, or true or false"),
+        (23, "facts", "structure", "1 should be string, not 5.0"),
+        (24, "F isOn B", "duplicate", "is said already; leave this one out"),
+        (25, "facts", "formula", f"'A = B' {NO_FACT}"),
+        (26, "facts", "formula", f"'NOT A isOn B' {NO_FACT}"),
+        (27, "likes(A)", "unknown-relation", "no relation is called likes; define it, or use one of the relations there are"),
+        (28, "F isIn A", "exclusive", "cannot hold together with F isOn B; keep one of the two"),
+        (33, "V", "unit", "Weight is a number in kg, and '1 m' cannot be expressed in it"),
+        (34, "V", "unit", "Shape.Width is a number in m, and '3 kg' cannot be expressed in it"),
+        (35, "V", "value", "Form is one of Box, Cylinder, Polygon, not 'Rund'"),
+        (36, "V", "unknown-name", "no attribute of this type is called Nope; define it, or use one that is there"),
+        (37, "V", "value", "Label is a list; write a number, a text, or true or false"),
+        (39, "without", "structure", "'typos Jar' names no definition; write a section and a name, such as types Jar"),
+        (40, "Jarr", "unknown-name", "is not among the types that are there; did you mean Jar?"),
+        (41, "Qqq", "unknown-name", "is not among the types that are there; leave it out here"),
+    ]
+
+
+def test_what_is_said_of_objects_that_are_none_and_of_short_forms() -> None:
+    text = """\
+map: X
+objects:
+  A:
+    type: Building
+    turned: 1
+    at: [0,
+      0]
+    Shape:
+      Form: Box
+  B: 5
+  C: {type: Jar, at: [0, 0, 0], parts: {D: 7}}
+"""
+    assert [(p.line, p.subject, p.rule, p.message) for p in problems(text)] == [
+        (3, "A", "parts", "a Building has at least 1 of type Storey among its parts; this one has 0"),
+        (5, "A", "unknown-attribute", "a Building has no attribute RotationZ; it has Label"),
+        (6, "A", "unknown-attribute", "a Building has no attribute PositionX; it has Label"),
+        (6, "A", "unknown-attribute", "a Building has no attribute PositionY; it has Label"),
+        (9, "A", "unknown-attribute", "a Building has no attribute Shape.Form; it has Label"),
+        (10, "B", "structure", "B should be keys with values (B: {...}), not 5.0"),
+        (11, "D", "structure", "D should be keys with values (D: {...}), not 7.0"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-1", 0.1),
+        (".5 kg", 0.5),
+        ("' +2.  kg '", 2.0),
+        ("-0 g", 0.0),
+        ("'250g'", 0.25),
+        ("1E3 g", 1.0),
+    ],
+)
+def test_how_numbers_may_be_written(text: str, value: float) -> None:
+    assert the_map(load_text(HOUSE.replace("300 g", text))).objects["Jar1"].values["Weight"] == pytest.approx(value)
 
 
 def test_definitions_build_on_the_base_ontology() -> None:
