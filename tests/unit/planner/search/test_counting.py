@@ -16,8 +16,8 @@ FILL = service("Fill", None, "?T.Count = ?T.Count + 1", T="Thing")
 MARK = service("Mark", None, "marked(?T)", T="Thing")
 
 
-def counted(goal: str, *services: ServiceType, values: Values | None = None) -> tuple[Task, Counters]:
-    problem, known = world(goal, *services, values=values or {}, counting=True)
+def counted(goal: str, *services: ServiceType, values: Values | None = None, facts: str = "") -> tuple[Task, Counters]:
+    problem, known = world(goal, *services, facts=facts, values=values or {}, counting=True)
     task = Task(grounded((problem, known)))
     return task, Counters(task, known)
 
