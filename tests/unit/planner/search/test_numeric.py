@@ -35,7 +35,7 @@ DOMAIN = """\
 (define (domain d) (:requirements :strips :numeric-fluents :conditional-effects)
 (:predicates (reached) (v0-0) (v0-1) (v1-0) (v1-1))
 (:functions (n0) (n1))
-(:action a0 :parameters () :precondition (and (>= (n0) (- 2 0.000000001)) (>= (n1) (- 1 0.000000001)))
+(:action a0 :parameters () :precondition (and (>= (n0) (- 2 0.000000001)) (>= (n1) (- 1 0.500000001)))
   :effect (and (v0-1) (not (v0-0))))
 (:action a1 :parameters () :precondition (and )
   :effect (and (assign (n0) (+ (n0) 1))))
