@@ -78,12 +78,9 @@ def test_short_plans_are_found_at_once_and_long_ones_are_searched_for(count: int
 
 
 def test_what_cannot_be_expressed_is_said_at_once() -> None:
-    eight = " AND ".join("(Jar001 isOn Shelf2 OR Jar002 isOn Shelf2)" for _ in range(9))
-    for found in (quick(problem(eight, TRANSFER)), plan(problem(eight, TRANSFER))):
-        assert isinstance(found, NoPlan)
-        assert found.undecided
-        assert found.explanation.startswith("this cannot be planned for: (Jar001 isOn Shelf2 OR Jar002 isOn Shelf2) AND ")
-        assert found.explanation.endswith(": it has more than 256 alternatives")
+    asked = problem(" AND ".join(f"(Jar001.Weight = {n} OR Jar002.Weight = {n})" for n in range(9)), TRANSFER)
+    said = NoPlan(explanation=f"this cannot be planned for: {asked.goal}: it has more than 256 alternatives", undecided=True)
+    assert quick(asked) == plan(asked) == said
 
 
 # Engines
@@ -111,7 +108,8 @@ def test_an_engine_is_asked_for_the_moves() -> None:
 @pytest.mark.usefixtures("hard")
 def test_where_an_engine_finds_none_there_is_no_plan() -> None:
     found = plan(problem(GOAL, TRANSFER), Asked(None))
-    assert found == NoPlan(explanation=f"no order of services makes {GOAL} true", unreachable=(GOAL,)) or isinstance(found, NoPlan)
+    assert isinstance(found, NoPlan)
+    assert (found.unreachable, found.undecided) == ((GOAL,), False)
 
 
 @pytest.mark.usefixtures("hard")
@@ -191,9 +189,9 @@ def test_without_an_engine_for_numbers_it_is_said_that_there_is_one() -> None:
 @pytest.mark.parametrize(
     ("answer", "expected"),
     [
-        (["a0", "a1"], ["Fill(Box: Box1)"]),
-        (["a0", "a0", "a1"], None),
-        (["a1"], None),
+        (["a1", "a0"], ["Fill(Box: Box1)"]),
+        (["a1", "a1", "a0"], None),
+        (["a0"], None),
     ],
 )
 def test_what_an_engine_for_numbers_finds_is_calculated_again(answer: list[str], expected: Sequence[str] | None) -> None:
@@ -228,7 +226,7 @@ def test_with_an_engine_for_numbers_fewer_states_are_looked_at(
     monkeypatch.setattr("somrs.planner.search.matching.FACTS", 0)
     monkeypatch.setattr("somrs.planner.planning.VALUES", 0)
     monkeypatch.setattr(f"somrs.planner.planning.{setting}", 0)
-    engine = Asked(["a0", "a1"])
+    engine = Asked(["a1", "a0"])
     found = plan(box(), numeric=engine if numeric else None)
     assert isinstance(found, Plan) is (numeric or not asks)
     assert len(engine.calls) == (numeric and asks)
@@ -238,6 +236,6 @@ def test_a_plan_with_numbers_has_no_steps_that_it_can_do_without(monkeypatch: py
     monkeypatch.setattr("somrs.planner.search.matching.FACTS", 0)
     for name in ("VALUES", "STATES"):
         monkeypatch.setattr(f"somrs.planner.planning.{name}", 0)
-    found = plan(box("Box1.Count >= 3"), numeric=Asked(["a0", "a0", "a0", "a1"]))
+    found = plan(box("Box1.Count >= 3"), numeric=Asked(["a1", "a1", "a1", "a0"]))
     assert isinstance(found, Plan)
     assert names(found) == ["Fill(Box: Box1)"]

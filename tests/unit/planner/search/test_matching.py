@@ -8,10 +8,14 @@ from msgspec import structs
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceType
+from somrs.planner.grounding.grounding import TooLarge
+from somrs.planner.grounding.relevance import Demand, demands
 from somrs.planner.grounding.task import Task
-from somrs.planner.model.operators import goal_operators
+from somrs.planner.model.operators import Operator, goal_operators
 from somrs.planner.model.plan import Link, Step
+from somrs.planner.model.world import World
 from somrs.planner.search.matching import match
+from somrs.planner.search.search import search
 from somrs.planner.search.steps import stated
 from tests.unit.planner.grounding.test_grounding import GO, PUT, TAKE, grounded, service, use, world
 
@@ -62,6 +66,34 @@ def test_a_match_among_many_possibilities_is_given_up(monkeypatch: pytest.Monkey
     monkeypatch.setattr("somrs.planner.search.matching.FACTS", 2_000)
     monkeypatch.setattr("somrs.planner.search.matching.EFFORT", 0)
     assert matched("marked(T1)", WASH, LABEL) is None
+
+
+def test_a_match_that_became_too_hard_is_the_last_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = list[int]()
+
+    def too_large(*_: object, depth: int, **__: object) -> None:
+        tried.append(depth)
+        raise TooLarge
+
+    monkeypatch.setattr("somrs.planner.search.matching.demands", too_large)
+    assert matched("marked(T1)", MARK) is None
+    assert tried == [1]
+
+
+def test_where_all_services_cost_the_same_longer_chains_are_not_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = list[int]()
+
+    def noted(goals: list[Operator], world: World, *, narrow: bool, depth: int) -> list[Demand]:
+        tried.append(depth)
+        return demands(goals, world, narrow=narrow, depth=depth)
+
+    monkeypatch.setattr("somrs.planner.search.matching.demands", noted)
+    assert matched("marked(T1)", MARK, WASH, LABEL) == ["Mark(T: T1)"]
+    assert tried == [1]
+    assert matched("marked(T1)", costing(MARK, 2), WASH, LABEL, hurry=True) == ["Mark(T: T1)"]
+    assert tried == [1, 1]
+    assert matched("marked(T1)", costing(MARK, 2), WASH, LABEL) == ["Mark(T: T1)"]
+    assert tried == [1, 1, 1, 2]
 
 
 def steps_of(goal: str, *names: str) -> tuple[tuple[Step, ...], tuple[Link, ...]]:
@@ -123,3 +155,22 @@ def test_what_an_effect_calculates_is_said_as_it_is_then() -> None:
     task = Task(grounded((problem, known)))
     (step,) = stated(problem, [move for move in task.moves if move.length]).steps
     assert step == Step(id="step1", service_type="Fill", inputs={"T": Name("T1")}, effect=parse("T1.Weight = 3"))
+
+
+def test_a_precondition_says_what_the_map_had_in_the_place_of_anything() -> None:
+    problem, known = world("T1 on P2", service("Move", "?T on ?From", "?T on ?To", T="Thing", To="Place"), facts="T1 on P1")
+    task = Task(grounded((problem, known)))
+    (step,) = stated(problem, search(task) or ()).steps
+    assert (str(step.precondition), str(step.effect)) == ("T1 on P1", "T1 on P2")
+
+
+def test_a_step_comes_after_the_one_that_sets_what_it_calculates_with() -> None:
+    count = service("Count", None, "?T.Count = 2", T="Thing")
+    weigh = service("Weigh", None, "?T.Weight = ?T.Count + 1", T="Thing")
+    problem, known = world("T1.Weight = 3 kg", count, weigh, values={"T1": {"Count": 7.0}})
+    task = Task(grounded((problem, known)))
+    moves = search(task)
+    assert moves is not None
+    made = stated(problem, moves)
+    assert [str(step) for step in made.steps] == ["Count(T: T1)", "Weigh(T: T1)"]
+    assert made.links == (Link("step1", "step2", "T1.Count = 2"),)
