@@ -10,8 +10,11 @@ from msgspec import structs
 from somrs.errors import SomrsError
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.planner.encodings.sas import parsed
+from somrs.planner.grounding.relevance import Demand, demands
+from somrs.planner.model.operators import Operator
 from somrs.planner.model.plan import NoPlan, Obstacle, Plan
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.world import World
 from somrs.planner.planning import plan, quick
 from somrs.planner.search.progress import Progress
 from somrs.planner.search.search import TooHard, search
@@ -239,3 +242,26 @@ def test_a_plan_with_numbers_has_no_steps_that_it_can_do_without(monkeypatch: py
     found = plan(box("Box1.Count >= 3"), numeric=Asked(["a1", "a1", "a1", "a0"]))
     assert isinstance(found, Plan)
     assert names(found) == ["Fill(Box: Box1)"]
+
+
+# What is likely to help comes first
+
+
+@pytest.mark.parametrize("listed", [True, False])
+@pytest.mark.parametrize(("charge", "tried"), [(60.0, [True]), (30.0, [True, False])])
+def test_what_is_likely_to_help_is_tried_first_and_then_all(
+    charge: float, tried: list[bool], listed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = list[bool]()
+
+    def noted(goals: list[Operator], world: World, *, narrow: bool) -> list[Demand]:
+        found.append(narrow)
+        return demands(goals, world, narrow=narrow)
+
+    monkeypatch.setattr("somrs.planner.search.matching.FACTS", 0)
+    monkeypatch.setattr("somrs.planner.planning.demands", noted)
+    if not listed:
+        monkeypatch.setattr("somrs.planner.planning.VALUES", 0)
+    asked = test_numbers.problem(test_numbers.corridor(3, charge), "Robot1 isInside Hall2", test_numbers.DRIVE)
+    assert isinstance(plan(asked), Plan) is (tried == [True])
+    assert found == (tried if listed else [True, *tried])
