@@ -17,6 +17,12 @@ SHIFT = service("Shift", "?T on P1 AND NOT marked(?T)", "?T on P2 AND marked(?T)
 LIFT = service("Lift", "?T on P1", "NOT ?T on P1", T="Thing")
 DROP = service("Drop", None, "NOT ?T on P1 AND marked(?T)", T="Thing")
 MEND = service("Mend", "NOT marked(?T)", "?T likes P1", T="Thing")
+SWAP = service("Swap", "marked(?T)", "NOT marked(?T) AND ?T likes P1", T="Thing")
+BACK = service("Back", "?T likes P1", "NOT ?T likes P1 AND marked(?T)", T="Thing")
+USE = service("Use", "marked(?T) AND NOT ?T likes P1", "?T tiedTo P1", T="Thing")
+BIND = service("Bind", "NOT ?T likes P1", "?T tiedTo P1", T="Thing")
+LEND = service("Lend", "?T likes P1", "NOT ?T likes P1 AND lent(?T, P1, P2)", T="Thing")
+FETCH = service("Fetch", "lent(?T, P1, P2)", "NOT lent(?T, P1, P2) AND marked(?T)", T="Thing")
 NONE = "<none of those>"
 
 
@@ -177,6 +183,60 @@ def told(goal: str, *services: ServiceType, facts: str = "") -> dict[str, list[s
                     "Lay T=T1 P=P1:  -> on(T1, P1) & no NOT(('on', ('T1', 'P1'))) & NOT(('on', ('T1', 'P2')))",
                     "Lay T=T1 P=P2:  -> on(T1, P2) & NOT(('on', ('T1', 'P1'))) & no NOT(('on', ('T1', 'P2')))",
                     "Lift T=T1: on(T1, P1) -> no on(T1, P1) & NOT(('on', ('T1', 'P1')))",
+                ],
+            },
+        ),
+        (
+            "T1 tiedTo P1 AND T1 likes P1",
+            (SWAP, BACK, USE),
+            "marked T1",
+            {
+                "values": ["marked(T1), <none of those>", "likes(T1, P1), <none of those>", "tiedTo(T1, P1), <none of those>"],
+                "initial": ["marked(T1)", "no likes(T1, P1)", "no tiedTo(T1, P1)"],
+                "goal": ["tiedTo(T1, P1)", "likes(T1, P1)"],
+                "exclusive": ["likes(T1, P1), marked(T1)"],
+                "operations": [
+                    "Use T=T1: no likes(T1, P1) -> tiedTo(T1, P1)",
+                    "Swap T=T1: marked(T1) -> no marked(T1) & likes(T1, P1)",
+                    "Back T=T1: likes(T1, P1) -> no likes(T1, P1) & marked(T1)",
+                ],
+            },
+        ),
+        (
+            "T1 tiedTo P1 AND lent(T1, P1, P2)",
+            (SWAP, LEND, FETCH, USE),
+            "marked T1",
+            {
+                "values": ["lent(T1, P1, P2), likes(T1, P1), marked(T1), <none of those>", "tiedTo(T1, P1), <none of those>"],
+                "initial": ["marked(T1)", "no tiedTo(T1, P1)"],
+                "goal": ["tiedTo(T1, P1)", "lent(T1, P1, P2)"],
+                "exclusive": [],
+                "operations": [
+                    "Use T=T1: marked(T1) -> tiedTo(T1, P1)",
+                    "Swap T=T1: marked(T1) -> likes(T1, P1)",
+                    "Lend T=T1: likes(T1, P1) -> lent(T1, P1, P2)",
+                    "Fetch T=T1: lent(T1, P1, P2) -> marked(T1)",
+                ],
+            },
+        ),
+        (
+            "T1 tiedTo P1 AND lent(T1, P1, P2)",
+            (SWAP, LEND, FETCH, BIND),
+            "marked T1",
+            {
+                "values": [
+                    "lent(T1, P1, P2), marked(T1), <none of those>",
+                    "likes(T1, P1), <none of those>",
+                    "tiedTo(T1, P1), <none of those>",
+                ],
+                "initial": ["marked(T1)", "no likes(T1, P1)", "no tiedTo(T1, P1)"],
+                "goal": ["tiedTo(T1, P1)", "lent(T1, P1, P2)"],
+                "exclusive": ["lent(T1, P1, P2), likes(T1, P1), marked(T1)"],
+                "operations": [
+                    "Bind T=T1: no likes(T1, P1) -> tiedTo(T1, P1)",
+                    "Swap T=T1: marked(T1) -> no lent(T1, P1, P2) & likes(T1, P1)",
+                    "Lend T=T1: likes(T1, P1) -> no likes(T1, P1) & lent(T1, P1, P2)",
+                    "Fetch T=T1: lent(T1, P1, P2) -> marked(T1)",
                 ],
             },
         ),
