@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
+from msgspec import structs
 
 from somrs.entish import Name, Number, Term
 from somrs.entish.parse import parse
@@ -99,3 +100,9 @@ def test_what_a_step_binds() -> None:
 def test_the_reasons_are_the_explanation_if_there_are_no_others() -> None:
     assert NoPlan(explanation="a; b").reasons == ("a; b",)
     assert NoPlan(explanation="a; b", said=("a", "b")).reasons == ("a", "b")
+
+
+def test_what_is_not_said_is_nothing() -> None:
+    assert structs.astuple(NoPlan(explanation="a")) == ("a", (), (), (), False, (), (), ())
+    assert structs.astuple(Link("a", "b", "fact")) == ("a", "b", "fact", False)
+    assert structs.astuple(step("a"))[4:] == (None, None, None, ())
