@@ -23,6 +23,7 @@ USE = service("Use", "marked(?T) AND NOT ?T likes P1", "?T tiedTo P1", T="Thing"
 BIND = service("Bind", "NOT ?T likes P1", "?T tiedTo P1", T="Thing")
 LEND = service("Lend", "?T likes P1", "NOT ?T likes P1 AND lent(?T, P1, P2)", T="Thing")
 FETCH = service("Fetch", "lent(?T, P1, P2)", "NOT lent(?T, P1, P2) AND marked(?T)", T="Thing")
+CLEAR = service("Clear", "?T on P2", "NOT ?T on P1 AND marked(?T)", T="Thing")
 NONE = "<none of those>"
 
 
@@ -238,6 +239,18 @@ def told(goal: str, *services: ServiceType, facts: str = "") -> dict[str, list[s
                     "Lend T=T1: likes(T1, P1) -> no likes(T1, P1) & lent(T1, P1, P2)",
                     "Fetch T=T1: lent(T1, P1, P2) -> marked(T1)",
                 ],
+            },
+        ),
+        (
+            "T1 on P2 AND marked(T1) AND NOT T1 on P1",
+            (CLEAR, LAY),
+            "T1 on P1",
+            {
+                "values": ["on(T1, P1), on(T1, P2), <none of those>", "marked(T1), <none of those>"],
+                "initial": ["on(T1, P1)", "no marked(T1)"],
+                "goal": ["on(T1, P2)", "marked(T1)"],
+                "exclusive": [],
+                "operations": ["Lay T=T1 P=P1:  -> on(T1, P1)", "Lay T=T1 P=P2:  -> on(T1, P2)", "Clear T=T1: on(T1, P2) -> marked(T1)"],
             },
         ),
     ],

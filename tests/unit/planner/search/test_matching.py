@@ -84,6 +84,7 @@ def test_where_all_services_cost_the_same_longer_chains_are_not_looked_for(monke
     tried = list[int]()
 
     def noted(goals: list[Operator], world: World, *, narrow: bool, depth: int) -> list[Demand]:
+        assert narrow, "only what is likely is looked at"
         tried.append(depth)
         return demands(goals, world, narrow=narrow, depth=depth)
 
