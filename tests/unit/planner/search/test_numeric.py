@@ -100,7 +100,6 @@ def test_what_is_asked_of_numbers(condition: str, needs: str) -> None:
         ("?T.Count = ?T.Count + 2", "", "(assign T1.Count (+ T1.Count 2))"),
         ("?T.Count = 7", "", "(assign T1.Count 7)"),
         ("?T.Level = 200 cm", "", "(assign T1.Level 2)"),
-        ("?T.Level = 9 m", "", "(assign T1.Level 9)"),
         ("?T.Level = ?T.Level - 10 cm", "(>= (- T1.Level 0.1) 0) (<= (- T1.Level 0.1) 5)", "(assign T1.Level (- T1.Level 0.1))"),
         ("?T.Level = ?T.Count AND ?T.Count = 7", "(>= T1.Count 0) (<= T1.Count 5)", "(assign T1.Level T1.Count) (assign T1.Count 7)"),
     ],
