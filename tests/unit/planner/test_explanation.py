@@ -308,3 +308,24 @@ def test_what_the_map_denies_of_the_beginning(precondition: str, denied: tuple[s
     wrong = Problem(ontology=asked.ontology, map=asked.map, goal=asked.goal, services=asked.services, precondition=parse(precondition))
     said = f"the task starts from {' and '.join(denied)}, which does not hold on the map"
     assert refused(wrong) == NoPlan(explanation=said, missing=denied, obstacles=(Obstacle.PRECONDITION,))
+
+
+def chain(length: int) -> Problem:
+    """Each service needs what the next one brings about, and the last one what nothing does."""
+    ontology = laboratory().extended([RelationType(name=f"is{n}", joins=("Jar",)) for n in range(length + 1)])
+    services = [
+        ServiceType(name=f"Do{n}", inputs=WASH.inputs, precondition=f"is{n + 1}(?Jar)", effect=f"is{n}(?Jar)") for n in range(length)
+    ]
+    asked = problem("Jar001 isOn Shelf2")
+    offered = tuple(Available(one, ("Robot1",)) for one in services)
+    return Problem(ontology=ontology, map=asked.map, goal=parse("is0(Jar001)"), services=offered)
+
+
+@pytest.mark.parametrize("length", [1, 4, 5, 9])
+def test_reasons_are_looked_for_so_many_services_back(length: int) -> None:
+    told = min(length, 5)
+    said = [f"Do{n} could bring about is{n}(Jar001), but needs is{n + 1}(Jar001)" for n in range(told)]
+    last = [f"is{length}(Jar001) {DENIED}"] if length < 5 else []
+    found = refused(chain(length))
+    assert list(found.said) == [*said, *last]
+    assert found.missing == tuple(f"is{n + 1}(Jar001)" for n in range(told))

@@ -205,6 +205,21 @@ def test_a_comparison_gives_a_variable_its_value() -> None:
     assert (uses(found), found.guessed) == (["Same T=C1 V=2 Of=T1"], False)
 
 
+def test_a_value_that_a_comparison_gives_has_to_meet_the_other_conditions() -> None:
+    values: dict[str, dict[str, float | str | bool]] = {"T1": {"Count": 2.0}, "T2": {"Count": 4.0}, "C1": {"Count": 5.0}}
+    does = service("Do", "?V = ?T.Count + 1 AND ?V >= 5 AND ?V != 6", "marked(?T)", T="Thing", V="number")
+    found = grounded(world("marked(?X)", does, values=values))
+    assert (uses(found), found.guessed) == (["Do T=T2 V=5"], False)
+
+
+def test_a_fact_of_a_symmetric_relation_that_comes_about_is_so_both_ways_round() -> None:
+    join = service("Join", None, "?P near ?Q", P="Place", Q="Place")
+    for goal, here in (("R1 at P1", "P2"), ("R1 at P2", "P1")):
+        found = grounded(world(goal, GO, join, facts=f"R1 at {here}"))
+        assert found.reached
+        assert {each for each in uses(found) if each.startswith("Go")} == {"Go To=P1 Provider=R1 From=P2", "Go To=P2 Provider=R1 From=P1"}
+
+
 @pytest.mark.parametrize(
     ("precondition", "expected"),
     [

@@ -94,3 +94,11 @@ def test_what_helps_what_helps_is_looked_at_up_to_the_depth() -> None:
     assert helping(goal, *services, depth=1) == [label]
     assert helping(goal, *services, depth=2) == sorted([label, wash])
     assert helping(goal, *services) == sorted([label, transfer, wash])
+
+
+@pytest.mark.parametrize(
+    ("goal", "expected"),
+    [("?x:Jar isOn Shelf2", ["Fixed"]), ("?x:Shelf isOn Shelf2", []), ("Jar001 isOn Shelf2", ["Fixed"]), ("Jar002 isOn Shelf2", [])],
+)
+def test_what_an_effect_names_has_to_be_what_is_wanted(goal: str, expected: list[str]) -> None:
+    assert helping(goal, ServiceType(name="Fixed", effect="Jar001 isOn Shelf2")) == expected

@@ -10,20 +10,23 @@ from itertools import combinations, islice, permutations
 import pytest
 
 from somrs.entish import Formula
-from somrs.entish.formula import conjunction
+from somrs.entish.formula import conjunction, terms
 from somrs.entish.parse import parse
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.truth import holds
-from somrs.ontology.types import ObjectType, Ontology, RelationType
+from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.causal import linked, touches, useful
-from somrs.planner.model.plan import Plan, Step, linearisations
+from somrs.planner.model.plan import Link, Plan, Step, linearisations
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.validation import after
 from tests.support.relay import carried, longest, maps_of, problem
 
 ONTOLOGY = Ontology(
     [
-        ObjectType(name="Object", parent=None),
+        AttributeType(name="Level", kind=Kind.NUMBER),
+        AttributeType(name="Weight", kind=Kind.NUMBER),
+        FunctionType(name="level", parameters=("Object",), attribute="Level"),
+        ObjectType(name="Object", parent=None, attributes=("Level", "Weight")),
         RelationType(name="marked", joins=("Object",)),
         RelationType(name="on", joins=("Object", "Object"), functional=True, excludes="place"),
         RelationType(name="heldBy", joins=("Object", "Object"), functional=True, excludes="place"),
@@ -167,6 +170,11 @@ def test_a_plan_of_many_couriers_can_be_done_in_other_orders() -> None:
         ("A.Level = 1", "A.Weight > 2", False),
         ("A.Level = 1", "NOT ?X.Level > 2", True),
         ("A.Level = 1", "B.Weight + A.Level > 2", True),
+        ("A.Level = 1", "level(A) > 2", True),
+        ("A.Level = 1", "3 > 2 * level(A)", True),
+        ("A.Level = 1", "level(B) > 2", False),
+        ("A.Weight = 1", "level(A) > 2", False),
+        ("A.Level = 1", "unknown(A) > 2", False),
         ("A.Level = 1", "marked(A)", False),
         ("marked(A)", "A.Level = 1", False),
     ],
@@ -192,3 +200,24 @@ def test_the_steps_that_the_goal_needs() -> None:
     links = {(link.before, link.after, link.fact, link.keeps) for link in linked(steps, maps, known)}
     assert links == {("step0", "step3", "marked(A)", False), ("step3", "step4", "C on B", False)}
     assert linked(steps[:1], maps[:2], known) == ()
+
+
+@pytest.mark.parametrize("effect", ["A.Level = B.Level + 1", "B.Level + 1 = A.Level", "A.Level = 1 + level(B)"])
+def test_what_an_effect_is_calculated_from_has_to_be_so_by_then(effect: str) -> None:
+    start = Map([Object(name=name, type="Object", values={"Level": 0.0, "Weight": 0.0}) for name in "ABCD"])
+    known = Problem(ontology=ONTOLOGY, map=start, goal=parse("A.Level = 3"))
+    steps = [
+        _step("step0", "B.Weight = 2"),
+        _step("step1", "B.Level = 2"),
+        _step("step2", "A.Level = 3"),
+        _step("step3", "B.Level = 4"),
+        _step("step4", "C.Level = 5"),
+    ]
+    maps = maps_of(steps, known)
+    written = [*(step.effect for step in steps[:2]), parse(effect), *(step.effect for step in steps[3:])]
+    (read,) = {"level(B)", "B.Level"} & {str(term) for term in terms(parse(effect))}
+    assert linked(steps, maps, known, written) == (
+        Link("step1", "step2", f"{read} = 2"),
+        Link("step2", "step3", f"{read} = 2", keeps=True),
+    )
+    assert linked(steps, maps, known) == ()

@@ -16,8 +16,8 @@ FILL = service("Fill", None, "?T.Count = ?T.Count + 1", T="Thing")
 MARK = service("Mark", None, "marked(?T)", T="Thing")
 
 
-def counted(goal: str, *services: ServiceType, values: Values | None = None) -> tuple[Task, Counters]:
-    problem, known = world(goal, *services, values=values or {}, counting=True)
+def counted(goal: str, *services: ServiceType, values: Values | None = None, facts: str = "") -> tuple[Task, Counters]:
+    problem, known = world(goal, *services, facts=facts, values=values or {}, counting=True)
     task = Task(grounded((problem, known)))
     return task, Counters(task, known)
 
@@ -173,6 +173,22 @@ def test_so_many_states_are_looked_at_and_no_more() -> None:
     assert found(task, counters, 5) == ["Fill T=T1"] * 4
     with pytest.raises(TooMany, match="5 states were looked at"):
         count(task, counters, 4)
+
+
+@pytest.mark.parametrize(
+    ("goal", "states", "steps"),
+    [
+        ("T1.Count = 3 AND T2.Count = 3 AND C1.Count = 3", 30, 9),
+        ("marked(T1) AND marked(T2)", 25, 10),
+        ("marked(T1) AND marked(T2) AND marked(C1)", 55, 15),
+    ],
+)
+def test_numbers_that_are_asked_for_and_those_that_lead_there_are_gone_for(goal: str, states: int, steps: int) -> None:
+    close = service("Close", "?T.Count >= 4", "marked(?T)", T="Thing")
+    task, counters = counted(goal, FILL, close, values={name: {"Count": 0.0} for name in ("T1", "T2", "C1")})
+    moves = count(task, counters, states)
+    assert moves is not None
+    assert len(moves) == steps
 
 
 def test_moves_that_a_plan_can_do_without_are_left_out() -> None:

@@ -1,0 +1,98 @@
+"""Which services bring about what, and facts that are found by their arguments."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.ontology.services import Parameter, ServiceType
+from somrs.planner.model.facts import Facts
+from somrs.planner.model.operators import Pattern
+from somrs.planner.model.repertoire import Repertoire, repertoire
+from tests.unit.planner.grounding.test_grounding import ONTOLOGY, service, world
+
+
+def told(found: Repertoire) -> dict[str, list[str]]:
+    """For each outcome the patterns of effects that bring it about."""
+
+    def shown(pattern: Pattern) -> str:
+        return f"{pattern[0]}({', '.join(map(str, pattern[1]))})"
+
+    return {("" if truth else "NOT ") + predicate: [shown(p) for _, p in made] for (truth, predicate), made in found.makes.items()}
+
+
+@pytest.mark.parametrize(
+    ("effect", "expected"),
+    [
+        ("marked(?T)", {"marked": ["marked(?T)"], "marked *": ["marked *(?T)"]}),
+        ("NOT marked(?T)", {"NOT marked": ["marked(?T)"]}),
+        (
+            "?T on ?P",
+            {
+                "on": ["on(?T, ?P)"],
+                "on *": ["on *(?T)"],
+                "NOT on": ["on(?T, ?)"],
+                "NOT heldBy": ["heldBy(?T, ?)"],
+            },
+        ),
+        ("?T tiedTo ?P", {"tiedTo": ["tiedTo(?T, ?P)"], "tiedTo *": ["tiedTo *(?T)"], "NOT gluedTo": ["gluedTo(?T, ?)"]}),
+        ("?T near ?P", {"near": ["near(?T, ?P)", "near(?P, ?T)"], "near *": ["near *(?T)"]}),
+        ("NOT ?T near ?P", {"NOT near": ["near(?T, ?P)", "near(?P, ?T)"]}),
+        (
+            "?T marriedTo ?P",
+            {
+                "marriedTo": ["marriedTo(?T, ?P)", "marriedTo(?P, ?T)"],
+                "marriedTo *": ["marriedTo *(?T)"],
+                "NOT marriedTo": ["marriedTo(?T, ?)", "marriedTo(?, ?T)"],
+            },
+        ),
+        ("lent(?T, ?P, T1)", {"lent": ["lent(?T, ?P, T1)"], "lent *": ["lent *(?T)"]}),
+        ("?T.Clean = TRUE", {".Clean": [".Clean(?T, TRUE)"], "NOT .Clean": [".Clean(?T, ?)"]}),
+        ("?T.Count = 2 AND NOT marked(?T)", {".Count": [".Count(?T, 2)"], "NOT .Count": [".Count(?T, ?)"], "NOT marked": ["marked(?T)"]}),
+    ],
+)
+def test_what_effects_bring_about(effect: str, expected: dict[str, list[str]]) -> None:
+    assert told(repertoire(ONTOLOGY, (service("Do", None, effect, T="Object", P="Object"),))) == expected
+
+
+def test_what_is_counted_comes_about_with_any_value() -> None:
+    found = repertoire(ONTOLOGY, (service("Fill", None, "?T.Count = ?T.Count + 1", T="Thing"),), True)
+    assert told(found) == {".Count": [".Count(?T, ?)"]}
+
+
+def test_each_alternative_of_each_service_brings_it_about() -> None:
+    either = service("Either", "marked(T1) OR marked(T2)", "marked(?T)", T="Thing")
+    found = repertoire(ONTOLOGY, (either, service("Mark", None, "marked(?T)", T="Thing")))
+    assert [operator.service.name for operator, _ in found.makes[True, "marked"] if operator.service] == ["Either", "Either", "Mark"]
+    assert found.left_out == ()
+
+
+def test_services_that_cannot_be_expressed_are_left_out() -> None:
+    find = ServiceType(name="Find", outputs=(Parameter(name="P", type="Object"),), effect="T1 on ?P")
+    found = repertoire(ONTOLOGY, (find, service("Mark", None, "marked(?T)", T="Thing")))
+    assert [(str(one), one.formula, one.why) for one in found.left_out] == [
+        ("Find: T1 on ?P: ?P is known only when the service is done", "Find: T1 on ?P", "?P is known only when the service is done")
+    ]
+    assert set(told(found)) == {"marked", "marked *"}
+    assert found.known.relations == {"on", "heldBy", "marked"}
+
+
+# Facts
+
+
+def test_facts_are_found_by_any_argument() -> None:
+    _, known = world("marked(T1)", service("Lay", None, "?T on ?P", T="Thing", P="Place"), facts="T1 on P1")
+    facts = Facts(known)
+    added = [("on", ("T2", "P1")), ("on", ("C1", "P1")), ("on", ("T2", "P2"))]
+    assert [facts.add(fact) for fact in (("on", ("T1", "P1")), *added, added[0])] == [False, True, True, True, False]
+    assert [*facts.new] == added
+    assert [fact in facts for fact in (("on", ("T1", "P1")), *added, ("on", ("C1", "P2")))] == [True, True, True, True, False]
+    for asked, found in (
+        ((None, None), [("T1", "P1"), ("T2", "P1"), ("C1", "P1"), ("T2", "P2")]),
+        ((None, "P1"), [("T1", "P1"), ("T2", "P1"), ("C1", "P1")]),
+        (("T2", None), [("T2", "P1"), ("T2", "P2")]),
+        (("C1", "P1"), [("C1", "P1")]),
+        ((None, "R1"), []),
+    ):
+        assert facts.like("on", asked) == found
+        assert facts.count("on", asked) >= len(found)
+    assert [facts.count("on", asked) for asked in ((None, None), (None, "P1"), ("T2", None))] == [4, 3, 2]
