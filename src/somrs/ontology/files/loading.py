@@ -199,9 +199,11 @@ class _Reading:
         """Leave out of the base what the source does not want, or defines anew."""
         entries = source.data.get("without")
         for index, text in enumerate(entries if isinstance(entries, list) else ()):
-            section, _, name = str(text).partition(" ")
+            if not isinstance(text, str):
+                continue  # whoever looks at the structure says so
+            section, _, name = text.partition(" ")
             place = _Place(source, ("without", index))
-            if section not in ENTRIES:
+            if section not in ENTRIES or not name:
                 message = f"{text!r} names no definition; write a section and a name, such as types Jar"
                 self._problem(place, "without", "structure", message)
             elif name not in getattr(self.base, section):

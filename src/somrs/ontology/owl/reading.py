@@ -20,7 +20,7 @@ from somrs.ontology.owl.reading_shapes import read_shapes
 from somrs.ontology.owl.reading_types import read_type
 from somrs.ontology.owl.restrictions import Argument, MayHave, MustHave, read_restriction
 from somrs.ontology.owl.source import Source, each
-from somrs.ontology.owl.words import HAS_PART, NOTES, ONTOLOGY, V, local
+from somrs.ontology.owl.words import HAS_PART, NOTES, V, local
 from somrs.ontology.services import Handler, Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import ROOT, AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
 
@@ -64,7 +64,6 @@ class _Reading:
     def _vocabulary(self) -> None:
         """What every file of ours has."""
         source = self._source
-        source.take(ONTOLOGY, RDF.type)
         for node in [*NOTES, V.Value, V.Fact, V.Function, V.Service, HAS_PART]:
             source.use(node)
         for subject in each(source.graph.subjects()):
@@ -186,7 +185,8 @@ class _Reading:
         why = "it has none" if not found else "what it has is not one class"
         source.note(node, f"{local(side)} is to be one class, and {why}; {ROOT} is taken")
         for one in found:
-            source.use(one)
+            if not isinstance(one, URIRef):
+                source.use(one)  # a class with a name says more than that it stands here
         return ROOT
 
     def _arguments(self, node: URIRef) -> tuple[str, ...]:

@@ -41,11 +41,15 @@ class _Reading:
             how = f"is of the types {' and '.join(names)}" if names else "is of no type"
             source.problem(node, "type", f"{how}; an object has one type", name)
             return None
-        return Object(name=name, type=names[0], values=dict(self._values(node, "", 0)))
+        values: dict[str, Value] = {}
+        for path, value in self._values(node, "", 0):
+            if values.setdefault(path, value) != value:
+                source.problem(node, "value", f"has {path} twice, {values[path]!r} and {value!r}; keep one of them", name)
+        return Object(name=name, type=names[0], values=values)
 
     def _is_spoken_of(self, node: URIRef) -> bool:
         """Whether values or facts make it an object all the same."""
-        return any(word in self._kinds.attributes or word in self._kinds.relations for word in self._source.graph.predicates(node))
+        return any(word in self._kinds.attributes or self._relation(word) is not None for word in self._source.graph.predicates(node))
 
     def _values(self, node: Node, prefix: str, depth: int) -> list[tuple[str, Value]]:
         source = self._source

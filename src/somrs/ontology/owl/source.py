@@ -87,7 +87,8 @@ class Source:
         if not isinstance(node, URIRef):
             return None
         name = re.escape(str(node)[len(str(node)) - len(local(node)) :] or str(node))
-        for pattern in (rf"^\s*(?:<[^>\n]*{name}>|[\w.-]*:{name})\s", rf"rdf:about=\"[^\"\n]*{name}\"", rf"{name}\b"):
+        whole = rf"(?:[^<>\"'\n]*[#/:])?{name}"
+        for pattern in (rf"^\s*(?:<{whole}>|[\w.-]*:{name})\s", rf"rdf:about=([\"']){whole}\1", rf"(?<![\w-]){name}(?![\w-])"):
             if (found := re.search(pattern, self.text, re.MULTILINE)) is not None:
                 start = found.start() + len(found[0]) - len(found[0].lstrip())
                 return self.text.count("\n", 0, start) + 1

@@ -188,7 +188,8 @@ def _reads(term: object, target: Attribute, ontology: Ontology) -> bool:
             return path == target.path and (of == target.of or isinstance(of, Variable))
         case Call(name, arguments):
             function = ontology.functions.get(name)
-            return function is not None and function.attribute == target.path and target.of in arguments
+            mine = any(argument == target.of or isinstance(argument, Variable) for argument in arguments)
+            return function is not None and function.attribute == target.path and mine
     return False
 
 
