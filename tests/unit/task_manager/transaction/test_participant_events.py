@@ -32,7 +32,7 @@ ONE, TWO = "Robot1.TransferObject", "Robot2.TransferObject"
 class Desk:
     """A Task Manager whose Repository, Registry and planner answer at once; services say what the test has them say."""
 
-    def __init__(self, *robots: str, rejects: tuple[str, ...] = (), **wanted: object) -> None:
+    def __init__(self, *robots: str, rejects: tuple[str, ...] = (), held: bool = False, **wanted: object) -> None:
         loaded = load_text(SITE, "site.yaml")
         assert loaded.map is not None
         self.manager = TaskManager("tm", repository="repository", registry="registry")
@@ -44,9 +44,15 @@ class Desk:
             for name in robots or ("Robot1",)
         )
         self.rejects = rejects
+        self.registry: Body | None = None
+        """What the Registry answers instead of what is on offer."""
+        self.held = held
+        """Whether the planner's answers wait until the test gives them."""
+        self.found: list[object] = []
+        """What the planner answers next, in place of what it would find."""
         self.reports: list[UpdateMap] = []
         self.said = 0
-        self.says_client(clients.Submit(effect=WISH, **wanted), 0.0)  # type: ignore[arg-type]  # fields of Submit
+        self.says_client(clients.Submit(**{"effect": WISH, **wanted}), 0.0)  # type: ignore[arg-type]  # fields of Submit
 
     @property
     def task(self) -> TaskState:
@@ -58,10 +64,11 @@ class Desk:
         effects = self.manager.handle(event, now)
         for effect in [*effects]:
             match effect:
-                case Ask(question, Problem() as problem):
-                    effects += self.give(Answered(question, plan(problem)), now)
+                case Ask(question, Problem() as problem) if not self.held:
+                    effects += self.give(Answered(question, self.found.pop(0) if self.found else plan(problem)), now)
                 case Send(Message(body=Discover()) as message):
-                    effects += self.give(Received(reply(message, Discovered(offers=self.offers), "registry")), now)
+                    body = self.registry or Discovered(offers=self.offers)
+                    effects += self.give(Received(reply(message, body, "registry")), now)
                 case Send(Message(body=UpdateMap() as update) as message):
                     effects += self.give(Received(reply(message, self._update(update), "repository")), now)
         return effects
