@@ -370,12 +370,22 @@ def test_what_says_nothing_new_changes_nothing() -> None:
 
 
 def test_no_more_than_so_many_steps_are_asked_for_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("somrs.task_manager.preview.AT_ONCE", 1)
+    monkeypatch.setattr("somrs.task_manager.preview.AT_ONCE", 2)
     desk = Desk()
-    desk.found = [APART]
+    desk.found = [Plan((*APART.steps, move("c", "Jar002")))]
     inquiry = Inquiry(desk)
-    assert bodies(inquiry.effects)[-1:] == ["Arrange"]
-    assert [member.label for member in inquiry.state.members] == ["a"]
-    assert bodies(inquiry.offers(11.0)) == ["Cancel", "Arrange"]
     assert [member.label for member in inquiry.state.members] == ["a", "b"]
-    assert came(inquiry.offers(12.0)).price == 20.0
+    assert bodies(inquiry.offers(11.0, label="a")) == ["Cancel", "Arrange"]
+    assert [member.label for member in inquiry.state.members] == ["a", "b", "c"]
+    assert inquiry.offers(12.0, label="c")[-1:] != []
+    assert came(inquiry.offers(12.0, label="b")).price == 30.0
+
+
+def test_what_comes_behind_a_step_that_nobody_takes_is_asked_for_as_if_it_took_no_time() -> None:
+    desk = Desk()
+    desk.found = [Plan((*CHAIN.steps, move("c", "Jar002")), (*CHAIN.links, Link("b", "c", "")))]
+    inquiry = Inquiry(desk)
+    inquiry.offers(11.0)
+    (asked,) = [body for body in sent(inquiry.says(frp.Refuse(reason="no"), 12.0)) if isinstance(body, frp.Arrange)]
+    assert (asked.effect, asked.earliest_start) == (WISH, 70.0)
+    assert came(inquiry.offers(13.0)).unserved == {"b": f"nobody takes it ({ONE}: no)"}
