@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Answered, Ask, Effect, Send, Trouble, Withdraw
+from somrs.kernel.component import Answered, Ask, Effect, Send, Trouble, Wake, Withdraw
 from somrs.ontology.effects import changes
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Link, NoPlan, Plan
@@ -16,7 +16,7 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress
 from somrs.task_manager.reservations import Reservation
-from somrs.task_manager.timers import PlanWanted
+from somrs.task_manager.timers import BidsDue, PlanWanted
 from tests.unit.task_manager.test_preview import APART, CHAIN, move
 from tests.unit.task_manager.transaction.test_participant_events import BEFORE, ONE, STEP, TWO, WISH, Desk, bodies
 
@@ -353,3 +353,23 @@ def test_who_has_to_wait_lets_go_of_who_is_committed() -> None:
     effects = desk.says_client(clients.ReadTasks(), 6.0)
     assert [type(one).__name__ for one in told(desk, since)] == ["GoesOn", "Planned", "ServicesAsked", "ServicesAsked"]
     assert bodies(effects)[:2] == ["Tasks", "Discover"]
+
+
+@pytest.mark.parametrize(("others", "kept"), [("Tin001", True), ("Jar001", False)])
+def test_what_is_to_be_undone_is_kept_from_others_unless_they_have_it_by_now(others: str, kept: bool) -> None:
+    desk = chain()
+    reservations, id = desk.manager.state.reservations, desk.task.id
+    reservations.held["other"] = Reservation(changes=frozenset({others}))
+    desk.says(frp.Failed(description="stuck", situation=HELD), 5.0, by=member(desk, "a"))
+    assert desk.task.phase is Phase.WAITING
+    since = len(desk.task.events)
+    effects = desk.says_client(clients.CancelTask(task=id), 6.0)
+    assert reservations.held.get(id) == (Reservation(changes=frozenset({"Jar001"})) if kept else None)
+    assert ("Compensate" in bodies(effects)) is kept
+    assert ((events.WorkStranded(taken=True), *A) in desk.news(since)) is not kept
+
+
+def test_a_timer_that_rings_early_is_set_again() -> None:
+    desk = Desk()
+    timer = BidsDue(desk.task.id, 1)
+    assert desk.rings(timer, 9.9) == [Wake(timer, 10.0)]
