@@ -40,6 +40,11 @@ def test_a_task_is_seen_with_all_that_its_client_wanted() -> None:
     assert [(work.step, work.service, work.state) for work in seen.work] == [("step1", ONE, State.EXECUTING)]
 
 
+def test_a_step_that_is_nobodys_yet_has_no_price() -> None:
+    (step,) = view(Desk().task).steps
+    assert step == StepView(step="step1", service_type="TransferObject", inputs=INPUTS, state=State.ARRANGING)
+
+
 @pytest.mark.parametrize("fraction", [0.0, 0.5, 1.0])
 def test_a_row_says_how_much_of_the_plan_is_done(fraction: float) -> None:
     desk = Desk("Robot1", "Robot2", deadline=500.0, priority=2)
