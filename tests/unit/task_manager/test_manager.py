@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.kernel.component import Answered, Ask, Effect, Rang, Received, Send, Trouble, Undelivered, Wake
-from somrs.kernel.replica import Replica, ReplicaDue, _Reading
+from somrs.kernel.component import Answered, Ask, Effect, Rang, Received, Send, Started, Trouble, Undelivered, Wake
+from somrs.kernel.replica import Replica, ReplicaDue
 from somrs.protocol.messages import clients, frp, records
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Discover
 from somrs.protocol.messages.envelope import Header, Message, reply
-from somrs.protocol.messages.knowledge import Event, MapChanged, Rejected, Updated
+from somrs.protocol.messages.knowledge import Definitions, Event, MapChanged, MapPage, MapSubscribed, OntologyPage, Rejected, Updated
 from somrs.task_manager.context import MOST_PRIORITY, wrong_with
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.state import UnsettledReport
@@ -244,11 +244,16 @@ def test_what_was_reported_to_another_store_is_not_waited_for() -> None:
     effects = desk.manager.handle(Received(desk.message(frp.Completed(situation=WISH))), 50.0)
     (update,) = [one.message for one in effects if isinstance(one, Send)]
     desk.manager.handle(Received(reply(update, Updated(version=9), "repository")), 51.0)
-    state.replica.version = -1
-    state.replica.reading = _Reading(
-        first=3, last=3, ontology=state.replica.ontology, objects=[*state.replica.map.objects.values()], complete=True
-    )
-    desk.manager.handle(Rang(ReplicaDue()), 52.0)
+    effects = desk.manager.handle(Started("tm"), 52.0)
+    objects, facts = tuple(state.replica.map.objects.values()), tuple(state.replica.map.facts())
+    for body in (
+        MapSubscribed(version=3, until=90.0),
+        OntologyPage(definitions=Definitions(), version=3, next=0, more=False),
+        MapPage(objects=objects, facts=facts, version=3, more=False),
+    ):
+        assert len(state.unsettled) == 1
+        question = next(one.message for one in effects if isinstance(one, Send) and one.message.header.recipient == "repository")
+        effects = desk.manager.handle(Received(reply(question, body, "repository")), 53.0)
     assert (state.unsettled, state.map_version, state.replica.version) == ([], 3, 3)
 
 
@@ -300,7 +305,7 @@ def test_who_takes_part_in_nothing_that_is_known_is_sent_home(participant: str |
     assert desk.manager.handle(Undelivered(message, "no route"), 6.0) == []
 
 
-def test_what_the_registry_could_not_be_asked_is_asked_again() -> None:
+def test_what_the_registry_could_not_be_questionis_questionagain() -> None:
     manager = Desk().manager
     effects = asked(manager, clients.Submit(effect="Jar001 isOn Platform001"))
     (discover,) = [one.message for one in effects if isinstance(one, Send) and isinstance(one.message.body, Discover)]
