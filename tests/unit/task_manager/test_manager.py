@@ -270,6 +270,15 @@ def test_who_waited_for_the_map_is_served_once_it_is_read() -> None:
     assert (manager.state.until_ready, len(manager.open)) == ({}, 1)
 
 
+def test_tasks_are_known_since_the_first_start() -> None:
+    desk = Desk()
+    for now in (7.0, 9.0):
+        desk.manager.handle(Started("tm"), now)
+    (news,) = answers(asked(desk.manager, clients.WatchTasks(after=0), 20.0))
+    assert isinstance(news, clients.TasksNews)
+    assert (news.begun, desk.manager.state.requests.incarnation) == (7.0, 7.0)
+
+
 # What is kept
 
 
