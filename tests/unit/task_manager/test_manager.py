@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.kernel.component import Answered, Ask, Effect, Rang, Received, Send, Trouble, Wake
-from somrs.kernel.replica import Replica
+from somrs.kernel.component import Answered, Ask, Effect, Rang, Received, Send, Started, Trouble, Undelivered, Wake
+from somrs.kernel.replica import Replica, ReplicaDue
 from somrs.protocol.messages import clients, frp, records
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.clients import Policy, Submit
-from somrs.protocol.messages.envelope import Header, Message
-from somrs.protocol.messages.knowledge import Updated
+from somrs.protocol.messages.directory import Discover
+from somrs.protocol.messages.envelope import Header, Message, reply
+from somrs.protocol.messages.knowledge import Definitions, Event, MapChanged, MapPage, MapSubscribed, OntologyPage, Rejected, Updated
 from somrs.task_manager.context import MOST_PRIORITY, wrong_with
 from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.state import UnsettledReport
 from somrs.task_manager.timers import MapDue, NewsDue, RecordsWanted
-from tests.unit.task_manager.transaction.test_participant_events import WISH, Desk
+from tests.unit.task_manager.transaction.test_participant_events import WISH, Desk, bodies
 
 
 def asked(manager: TaskManager, body: Body, now: float = 10.0, id: str = "request") -> list[Effect]:
@@ -203,6 +205,121 @@ def test_the_list_tells_which_tasks_changed_since() -> None:
     assert rows(version) is None
     assert rows(version + 5) == ([desk.manager.open[0], other], version)
     assert rows(version - 1) == ([other], version)
+
+
+# The map
+
+
+def changed(version: int) -> Received:
+    """The Repository tells that its map is at that version."""
+    header = Header(sender="repository", recipient="tm", message_id=f"event {version}")
+    return Received(Message(header=header, body=MapChanged(event=Event(version=version, at=0.0, author="", changes=()))))
+
+
+@pytest.mark.parametrize(
+    ("answer", "problems"),
+    [(Updated(version=2), ()), (Rejected(problems=("no such place",), version=2), ("no such place",))],
+    ids=["updated", "rejected"],
+)
+def test_what_was_reported_counts_once_the_map_is_known_that_shows_it(answer: Body, problems: tuple[str, ...]) -> None:
+    desk = Desk()
+    desk.executing()
+    state, since = desk.manager.state, len(desk.task.events) + 1
+    effects = desk.manager.handle(Received(desk.message(frp.Completed(situation=WISH))), 50.0)
+    (update,) = [one.message for one in effects if isinstance(one, Send)]
+    desk.manager.handle(Received(reply(update, answer, "repository")), 51.0)
+    assert state.unsettled == [UnsettledReport(version=2, task=desk.task.id, problems=problems)]
+    desk.manager.handle(changed(1), 52.0)
+    assert (len(state.unsettled), state.map_version, desk.task.events[since:]) == (1, 1, [])
+    desk.manager.handle(changed(2), 53.0)
+    assert (state.unsettled, state.map_version) == ([], 2)
+    assert [type(one.event).__name__ for one in desk.task.events[since:]][:1] == (["ReportRejected"] if problems else ["Replanned"])
+
+
+def test_what_was_reported_to_another_store_is_not_waited_for() -> None:
+    desk = Desk()
+    desk.executing()
+    state = desk.manager.state
+    state.replica.version = state.map_version = 7
+    effects = desk.manager.handle(Received(desk.message(frp.Completed(situation=WISH))), 50.0)
+    (update,) = [one.message for one in effects if isinstance(one, Send)]
+    desk.manager.handle(Received(reply(update, Updated(version=9), "repository")), 51.0)
+    effects = desk.manager.handle(Started("tm"), 52.0)
+    objects, facts = tuple(state.replica.map.objects.values()), tuple(state.replica.map.facts())
+    for body in (
+        MapSubscribed(version=3, until=90.0),
+        OntologyPage(definitions=Definitions(), version=3, next=0, more=False),
+        MapPage(objects=objects, facts=facts, version=3, more=False),
+    ):
+        assert len(state.unsettled) == 1
+        question = next(one.message for one in effects if isinstance(one, Send) and one.message.header.recipient == "repository")
+        effects = desk.manager.handle(Received(reply(question, body, "repository")), 53.0)
+    assert (state.unsettled, state.map_version, state.replica.version) == ([], 3, 3)
+
+
+def test_who_waited_for_the_map_is_served_once_it_is_read() -> None:
+    manager, replica = TaskManager("tm", repository="repository", registry="registry"), Desk().replica
+    asked(manager, clients.Submit(effect=WISH), 10.0, "first")
+    manager.state.replica.ontology, manager.state.replica.map = replica.ontology, replica.map
+    manager.handle(changed(3), 11.0)
+    assert [*manager.state.until_ready] == ["first"], "it is not read yet"
+    manager.state.replica.version = 0
+    effects = manager.handle(Rang(ReplicaDue()), 12.0)
+    assert Wake(MapDue("first"), None) in effects
+    assert [type(body) for body in answers(effects)] == [clients.Submitted]
+    assert (manager.state.until_ready, len(manager.open)) == ({}, 1)
+
+
+def test_tasks_are_known_since_the_first_start() -> None:
+    desk = Desk()
+    for now in (7.0, 9.0):
+        desk.manager.handle(Started("tm"), now)
+    (news,) = answers(asked(desk.manager, clients.WatchTasks(after=0), 20.0))
+    assert isinstance(news, clients.TasksNews)
+    assert (news.begun, desk.manager.state.requests.incarnation) == (7.0, 7.0)
+
+
+# What is kept
+
+
+def test_the_oldest_tasks_that_are_over_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("somrs.task_manager.manager.REMEMBERED", 2)
+    desk = Desk()
+    first = desk.task.id
+    for number, jar in enumerate(("Jar001", "Tin001")):
+        asked(desk.manager, clients.Submit(effect=f"{jar} isOn Platform001"), 10.0 + number, jar)
+    _, second, third = desk.manager.open
+    assert [*desk.manager.state.tasks] == [first, second, third], "none of them is over"
+    asked(desk.manager, clients.CancelTask(task=second), 20.0, "cancel")
+    assert [*desk.manager.state.tasks] == desk.manager.open == [first, third]
+    assert second not in desk.manager.state.subscriptions.changed
+    asked(desk.manager, clients.CancelTask(task=first), 21.0, "cancel again")
+    assert ([*desk.manager.state.tasks], desk.manager.open) == ([first, third], [third])
+
+
+def test_more_messages_than_fit_are_behind_those_that_do() -> None:
+    manager = Desk().manager
+    asked(manager, clients.ReadMessages(task="old"))
+    found = records.Records(records=(record("old"),), rest=1)
+    (body,) = answers(manager.handle(Answered(RecordsWanted("request"), found), 11.0))
+    assert body == clients.Messages(messages=found.records[0].messages, more=True)
+
+
+@pytest.mark.parametrize(("participant", "sent"), [("p", ["Cancel"]), (None, [])])
+def test_who_takes_part_in_nothing_that_is_known_is_sent_home(participant: str | None, sent: list[str]) -> None:
+    desk = Desk()
+    header = Header(sender="r", recipient="tm", message_id="m", reply_to="r", transaction="no task", participant=participant)
+    message = Message(header=header, body=frp.Terms(effect=WISH, price=1.0, duration=1.0))
+    assert bodies(desk.manager.handle(Received(message), 5.0)) == sent
+    assert desk.manager.handle(Undelivered(message, "no route"), 6.0) == []
+
+
+def test_what_the_registry_could_not_be_questionis_questionagain() -> None:
+    manager = Desk().manager
+    effects = asked(manager, clients.Submit(effect="Jar001 isOn Platform001"))
+    (discover,) = [one.message for one in effects if isinstance(one, Send) and isinstance(one.message.body, Discover)]
+    again = manager.handle(Undelivered(discover, "no route"), 12.0)
+    assert [one.message for one in again if isinstance(one, Send)] == [discover]
 
 
 # What is no task

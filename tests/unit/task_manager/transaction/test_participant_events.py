@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import pytest
 
 from somrs.entish.parse import parse
@@ -32,7 +34,9 @@ ONE, TWO = "Robot1.TransferObject", "Robot2.TransferObject"
 class Desk:
     """A Task Manager whose Repository, Registry and planner answer at once; services say what the test has them say."""
 
-    def __init__(self, *robots: str, rejects: tuple[str, ...] = (), **wanted: object) -> None:
+    def __init__(
+        self, *robots: str, rejects: tuple[str, ...] = (), found: Iterable[object] = (), held: bool = False, **wanted: object
+    ) -> None:
         loaded = load_text(SITE, "site.yaml")
         assert loaded.map is not None
         self.manager = TaskManager("tm", repository="repository", registry="registry")
@@ -44,9 +48,15 @@ class Desk:
             for name in robots or ("Robot1",)
         )
         self.rejects = rejects
+        self.registry: Body | None = None
+        """What the Registry answers instead of what is on offer."""
+        self.held = held
+        """Whether the planner's answers wait until the test gives them."""
+        self.found = [*found]
+        """What the planner answers next, in place of what it would find."""
         self.reports: list[UpdateMap] = []
         self.said = 0
-        self.says_client(clients.Submit(effect=WISH, **wanted), 0.0)  # type: ignore[arg-type]  # fields of Submit
+        self.says_client(clients.Submit(**{"effect": WISH, **wanted}), 0.0)  # type: ignore[arg-type]  # fields of Submit
 
     @property
     def task(self) -> TaskState:
@@ -58,10 +68,11 @@ class Desk:
         effects = self.manager.handle(event, now)
         for effect in [*effects]:
             match effect:
-                case Ask(question, Problem() as problem):
-                    effects += self.give(Answered(question, plan(problem)), now)
+                case Ask(question, Problem() as problem) if not self.held:
+                    effects += self.give(Answered(question, self.found.pop(0) if self.found else plan(problem)), now)
                 case Send(Message(body=Discover()) as message):
-                    effects += self.give(Received(reply(message, Discovered(offers=self.offers), "registry")), now)
+                    body = self.registry or Discovered(offers=self.offers)
+                    effects += self.give(Received(reply(message, body, "registry")), now)
                 case Send(Message(body=UpdateMap() as update) as message):
                     effects += self.give(Received(reply(message, self._update(update), "repository")), now)
         return effects
@@ -85,7 +96,8 @@ class Desk:
         """The one of that service that was asked last."""
         return [member for member in self.task.members if member.offer.service == service][-1]
 
-    def says(self, body: FrpBody, now: float, service: str = ONE, by: Member | None = None) -> list[Effect]:
+    def message(self, body: FrpBody, service: str = ONE, by: Member | None = None, about: str | None = None) -> Message:
+        """What one of them would say; `about`: the kind of message that it answers."""
         self.said += 1
         member = by or self.member(service)
         header = Header(
@@ -93,10 +105,14 @@ class Desk:
             recipient="tm",
             message_id=f"said {self.said}",
             reply_to=member.offer.address,
+            relates_to=member.session.said[about].id if about is not None else None,
             transaction=self.task.id,
             participant=member.id,
         )
-        return self.give(Received(Message(header=header, body=body)), now)
+        return Message(header=header, body=body)
+
+    def says(self, body: FrpBody, now: float, service: str = ONE, by: Member | None = None, about: str | None = None) -> list[Effect]:
+        return self.give(Received(self.message(body, service, by, about)), now)
 
     def rings(self, timer: Timer, now: float) -> list[Effect]:
         return self.give(Rang(timer), now)

@@ -1,0 +1,175 @@
+"""Tasks, their participants and messages as clients see them."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.errors import FormulaError
+from somrs.planner.model.plan import NoPlan, Obstacle, Plan
+from somrs.protocol.messages import clients, frp
+from somrs.protocol.messages.clients import ContractView, MessageView, Phase, Policy, Previewed, StepView, TaskRow
+from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.task_manager.transaction.views import contract_view, message_view, previewed, row, step_view, view, view_in_parts
+from tests.unit.task_manager.test_preview import CHAIN
+from tests.unit.task_manager.transaction.test_participant_events import BEFORE, ONE, TWO, WISH, Desk
+
+INPUTS = {"Object": "Jar002", "Destination": "Platform001"}
+
+
+def test_a_task_is_seen_with_all_that_its_client_wanted() -> None:
+    desk = Desk(precondition=BEFORE, policy=Policy.TIME, time_value=3.0, deadline=500.0, priority=5)
+    desk.executing()
+    desk.says(frp.Progress(fraction=0.25), 5.0)
+    seen = view(desk.task)
+    assert (seen.task, seen.effect, seen.client, seen.submitted_at) == (desk.task.id, WISH, "client", 0.0)
+    assert (seen.precondition, seen.policy, seen.time_value, seen.deadline, seen.priority) == (BEFORE, Policy.TIME, 3.0, 500.0, 5)
+    assert (seen.phase, seen.outcome, seen.ended_at, seen.explanation, seen.reasons) == (Phase.EXECUTING, None, None, "", ())
+    assert seen.steps == (
+        StepView(
+            step="step1",
+            service_type="TransferObject",
+            inputs=INPUTS,
+            state=State.EXECUTING,
+            service=ONE,
+            price=10.0,
+            duration=60.0,
+            fraction=0.25,
+        ),
+    )
+    assert [(work.step, work.service, work.state) for work in seen.work] == [("step1", ONE, State.EXECUTING)]
+
+
+def test_a_step_that_is_nobodys_yet_has_no_price() -> None:
+    (step,) = view(Desk().task).steps
+    assert step == StepView(step="step1", service_type="TransferObject", inputs=INPUTS, state=State.ARRANGING)
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.5, 1.0])
+def test_a_row_says_how_much_of_the_plan_is_done(fraction: float) -> None:
+    desk = Desk("Robot1", "Robot2", deadline=500.0, priority=2)
+    desk.executing()
+    desk.says(frp.Progress(fraction=fraction), 5.0)
+    assert row(desk.task) == TaskRow(
+        task=desk.task.id,
+        effect=WISH,
+        phase=Phase.EXECUTING,
+        submitted_at=0.0,
+        client="client",
+        deadline=500.0,
+        priority=2,
+        steps=1,
+        done=0,
+        fraction=fraction,
+        services=(ONE,),
+    )
+    desk.says(frp.Completed(situation=WISH), 60.0)
+    assert (row(desk.task).done, row(desk.task).fraction, row(desk.task).services) == (1, 1.0, ())
+
+
+def test_a_row_without_a_plan_is_done_when_its_task_is_accomplished() -> None:
+    desk = Desk(found=[Plan()], effect=BEFORE)
+    assert (row(desk.task).outcome, row(desk.task).steps, row(desk.task).fraction) == (Outcome.ACCOMPLISHED, 0, 1.0)
+    desk = Desk(found=[NoPlan("none")])
+    assert (row(desk.task).outcome, row(desk.task).fraction, row(desk.task).explanation) == (Outcome.FAILED, 0.0, "no plan: none")
+
+
+def test_a_long_task_is_seen_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    desk = Desk("Robot1", found=[CHAIN], effect="Jar001 isOn Platform001 AND Tin001 isOn Platform001")
+    for now in (1.0, 2.0):
+        desk.offer(now)
+    seen = view(desk.task)
+    assert (len(seen.steps), len(seen.work), view_in_parts(desk.task, 0)) == (2, 1, (seen, None))
+    found = [view_in_parts(desk.task, after) for after in (1, 2, 3)]
+    assert [(part.steps, part.work, rest) for part, rest in found] == [
+        (seen.steps[1:], seen.work, None),
+        ((), seen.work, None),
+        ((), (), None),
+    ]
+    monkeypatch.setattr("somrs.task_manager.transaction.views.fitting", lambda items, limit: [*items][:1] if limit == 3 else [*items][:0])
+    found = [view_in_parts(desk.task, after) for after in (0, 1, 2)]
+    assert [(part.steps, part.work, rest) for part, rest in found] == [
+        (seen.steps[:1], (), 1),
+        (seen.steps[1:], (), 2),
+        ((), seen.work, None),
+    ]
+
+
+def test_a_step_names_those_before_it_once_and_why_each_time() -> None:
+    assert step_view(CHAIN.steps[1], CHAIN) == StepView(
+        step="b",
+        service_type="TransferObject",
+        inputs={"Object": "Tin001", "Destination": "Platform001"},
+        after=("a",),
+        because=("Jar001 isOn Platform001",),
+        brought_by=("a",),
+    )
+    twice = Plan(CHAIN.steps, CHAIN.links * 2)
+    assert (step_view(twice.steps[1], twice).after, step_view(twice.steps[1], twice).brought_by) == (("a",), ("a", "a"))
+
+
+@pytest.mark.parametrize(
+    ("found", "told"),
+    [
+        (Plan(), Previewed(steps=(), explanation="nothing to do: it is so already")),
+        (CHAIN, Previewed(steps=(step_view(CHAIN.steps[0], CHAIN), step_view(CHAIN.steps[1], CHAIN)))),
+        (
+            NoPlan("none", obstacles=(Obstacle.NO_OBJECT,)),
+            Previewed(steps=(), explanation="none", reasons=("none",), obstacles=(clients.Obstacle.NO_OBJECT,)),
+        ),
+        (
+            FormulaError("x", 0, "no"),
+            Previewed(steps=(), explanation=str(FormulaError("x", 0, "no")), reasons=(str(FormulaError("x", 0, "no")),)),
+        ),
+        ("why", Previewed(steps=(), explanation="why", reasons=("why",))),
+        (7, Previewed(steps=(), explanation="planning failed: 7", reasons=("planning failed: 7",))),
+    ],
+    ids=["nothing", "plan", "none", "formula", "why", "other"],
+)
+def test_what_the_planner_found_is_told(found: object, told: Previewed) -> None:
+    assert previewed(found) == told
+
+
+def test_a_contract_is_seen_from_the_asking_to_the_end() -> None:
+    desk = Desk("Robot1", "Robot2")
+    asked = ContractView(
+        participant=desk.member().id, service=ONE, step="step1", state=State.ARRANGING, accepted=False, number=1, refused=False
+    )
+    assert contract_view(desk.member()) == asked
+    desk.says(frp.Terms(effect=WISH, price=3.0, currency="PLN", duration=60.0, valid_until=90.0), 1.0)
+    first = contract_view(desk.member())
+    assert first == ContractView(
+        participant=desk.member().id,
+        service=ONE,
+        step="step1",
+        state=State.OFFERED,
+        accepted=False,
+        price=3.0,
+        currency="PLN",
+        duration=60.0,
+        valid_until=90.0,
+        start=0.0,
+        finish=60.0,
+        number=1,
+        refused=False,
+    )
+    desk.says(frp.Refuse(reason="too heavy"), 2.0, TWO)
+    second = contract_view(desk.member(TWO))
+    assert (second.state, second.refused, second.accepted, second.reason, second.start) == (State.ENDED, True, False, "too heavy", None)
+    first = contract_view(desk.member())
+    assert (first.state, first.accepted, first.reason) == (State.EXECUTING, True, "")
+
+
+@pytest.mark.parametrize("participant", ["p", None])
+def test_a_message_is_seen_as_it_passed(participant: str | None) -> None:
+    header = Header(sender="a", recipient="b", message_id="m", reply_to="a", relates_to="n", transaction="t", participant=participant)
+    assert message_view(3.0, Message(header=header, body=frp.Cancel(reason="no"))) == MessageView(
+        at=3.0,
+        type="Cancel",
+        sender="a",
+        recipient="b",
+        participant=participant or "",
+        id="m",
+        relates_to="n",
+        body='{"type":"Cancel","reason":"no"}',
+    )
