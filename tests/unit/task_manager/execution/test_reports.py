@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from somrs.kernel.codec import Codec, encoded
 from somrs.kernel.component import Effect, Send
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
-from somrs.task_manager.execution.reports import OfProgress, OfWork, Report, Reports, settled_at
+from somrs.task_manager.execution.reports import About, OfNobody, OfProgress, OfWork, Report, Reports, settled_at
 from somrs.task_manager.requests import ForReport
 from tests.unit.task_manager.arrangement.test_plan_request import context
 
@@ -44,3 +45,9 @@ def test_reports_go_one_after_the_other() -> None:
 def test_a_report_is_settled_when_the_map_shows_what_came_of_it(body: Body, version: int | None, problems: tuple[str, ...]) -> None:
     answer = Message(header=Header(sender="repository", recipient="tm", message_id="1", reply_to="repository"), body=body)
     assert settled_at(answer) == (version, problems)
+
+
+@pytest.mark.parametrize("about", [OfProgress("p"), OfWork("p", "Jar001 isOn Shelf1", "it contradicts"), OfNobody("Jar001", 3)])
+def test_what_a_report_is_about_is_known_when_it_is_read_back(about: About) -> None:
+    report = Report(update=UpdateMap(situation="Jar001 isOn Shelf1"), about=about)
+    assert Codec[Report](Report).decoded(encoded(report)) == report
