@@ -55,6 +55,7 @@ def test_what_a_service_asked_last_or_says_that_it_always_asks(
         (False, BEFORE, True),
         (True, "Jar001 isOn Cupboard002", True),
         (None, "Gone isOn Cupboard001", False),
+        (None, "Jar002.Weight > ?Weight", False),
     ],
 )
 def test_what_is_known_to_be_so(unknown: bool | None, formula: str, known: bool) -> None:
@@ -86,6 +87,8 @@ def test_a_task_as_a_problem() -> None:
         (None, None, "?Provider.Working = TRUE", True),
         (None, None, "?Object isOn Platform001", True),
         ("TransferObject", None, "?Object isOn Platform001", True),
+        (None, None, "?Object.Working = TRUE", True),
+        ("TransferObject", None, "?Object.Working = TRUE", False),
         ("TransferObject", "?Object isOn Nothing", "?Object isOn Platform001", False),
         ("TransferObjects", None, "Jar001 isOn Platform001", False),
     ],

@@ -138,6 +138,7 @@ def test_of_a_task_that_is_over_nothing_is_left() -> None:
     tasks = Reservations()
     tasks.enter("a", "goal", 2)
     tasks.hold("a", of("x"))
+    assert tasks.freed is False
     tasks.leave("a")
     assert (tasks.goals, tasks.priorities, tasks.held, tasks.freed) == ({}, {}, {}, True)
     tasks.enter("b", "goal")

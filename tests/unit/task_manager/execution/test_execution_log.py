@@ -1,16 +1,27 @@
-"""What has to be restored when a step is to be undone."""
+"""What services did in a task, what has to be restored when a step is to be undone, and in which order."""
 
 from __future__ import annotations
 
-import pytest
+from typing import Any
 
+import pytest
+from msgspec import structs
+
+from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.ontology.objects import ValueSet
+from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import Step
-from somrs.task_manager.execution.execution_log import undone
-from tests.unit.planner.test_planning import MAP, laboratory
+from somrs.protocol.messages.clients import WorkView
+from somrs.protocol.messages.events import GoalKind
+from somrs.protocol.messages.frp import State
+from somrs.task_manager.execution.execution_log import ExecutionLog, Work, concerned, undone
+from somrs.task_manager.execution.workflow import StepRun
+from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
+from tests.unit.task_manager.execution.test_participants import Table
 
 NOW = MAP.changed([ValueSet("DoorAB", "Open", False), ValueSet("Jar001", "Weight", 0.3)])
+MOVED, CLEANED = "Jar001 isOn Shelf2", "Jar001.Clean = TRUE"
 
 
 @pytest.mark.parametrize(
@@ -23,6 +34,9 @@ NOW = MAP.changed([ValueSet("DoorAB", "Open", False), ValueSet("Jar001", "Weight
         ("Jar001.Color = Red", None),  # it had none
         ("Jar001 isOn Shelf2 AND DoorAB.Open = TRUE", "Jar001 isOn Shelf1 AND DoorAB.Open = FALSE"),
         ("connects(DoorAB, RoomA, RoomA)", "NOT connects(DoorAB, RoomA, RoomA)"),
+        ("Robot1 isInside RoomB", "Robot1 isInside RoomA"),
+        ("Jar001 isHeldBy Robot1", "Jar001 isOn Shelf1"),
+        ("Washer1 isOn RoomA", None),  # it was nowhere
         ("Nothing isOn Shelf1", None),  # it does not fit the map any more
     ],
 )
@@ -30,3 +44,203 @@ def test_what_is_restored(effect: str, restored: str | None) -> None:
     step = Step(id="s1", service_type="Any", inputs={}, effect=parse(effect))
     found = undone(step, NOW, laboratory())
     assert (str(found) if found is not None else None) == restored
+
+
+def test_that_nothing_is_known_of_an_object_is_not_restored() -> None:
+    lost = NOW.changed([ValueSet("Jar001", "Unknown", True)])
+    step = Step(id="s1", service_type="Any", inputs={}, effect=parse("Jar001.Unknown = FALSE"))
+    assert undone(step, lost, laboratory()) is None
+
+
+@pytest.mark.parametrize(
+    ("effect", "provider", "objects"),
+    [
+        ("Jar001 isOn Shelf2", None, ("Jar001",)),
+        ("Jar001 isOn Shelf1", None, ("Jar001",)),  # it is so already
+        ("Jar001 isOn Shelf2 AND Jar002 isOn Shelf1", None, ("Jar001",)),
+        ("Jar002 isOn Shelf2 AND Jar001 isOn Shelf2", None, ("Jar002", "Jar001")),
+        ("Jar001 isOn Shelf2 AND Robot1 isInside RoomB", "Robot1", ("Jar001",)),
+        ("Jar001 isOn Shelf2 AND Robot1 isInside RoomB", "Robot2", ("Jar001", "Robot1")),
+        ("Robot1 isInside RoomB", "Robot1", ("Robot1",)),
+        ("Nothing isOn Shelf1", None, ()),
+    ],
+)
+def test_what_a_step_concerns(effect: str, provider: str | None, objects: tuple[str, ...]) -> None:
+    step = Step(id="s1", service_type="Any", inputs={}, effect=parse(effect), provider=provider)
+    assert concerned(step, NOW, laboratory()) == objects
+
+
+# The log
+
+
+def begin(log: ExecutionLog, effect: str = MOVED, goal: GoalKind = GoalKind.TASK, kind: ServiceKind = ServiceKind.PHYSICAL) -> Work:
+    """The next work on the map, which stays as it is; as if by a participant of its own."""
+    inputs = {"Object": Name("Jar001")}
+    number = log.begun + 1
+    run = StepRun(step=Step(f"step{number}", "TransferObject", {**inputs}, parse(effect)), label=f"l{number}", key=f"k{number}", goal=goal)
+    member = Table().invited()
+    member.id = f"p{number}"
+    return log.begin(run, structs.replace(TRANSFER, kind=kind), member, NOW, laboratory(), 10.0 + number)
+
+
+def ended(log: ExecutionLog, state: State, effect: str = MOVED, goal: GoalKind = GoalKind.TASK) -> Work:
+    work = begin(log, effect, goal)
+    work.state = state
+    return work
+
+
+def numbers(works: list[Work]) -> list[int]:
+    return [work.number for work in works]
+
+
+def test_what_is_begun_is_noted_with_what_it_takes_away() -> None:
+    log = ExecutionLog()
+    first, second = begin(log), begin(log, CLEANED, GoalKind.UNDO)
+    assert [*log] == [first, second]
+    assert (first.number, first.label, first.key, first.step.id) == (1, "l1", "k1", "step1")
+    assert (first.participant, first.service, first.provider, first.began) == ("p1", "Robot1.Work", "Robot1", 11.0)
+    assert first.service_type == TRANSFER
+    assert (str(first.before), first.concerned, first.goal) == ("Jar001 isOn Shelf1", ("Jar001",), GoalKind.TASK)
+    assert (first.state, first.result, first.ended, first.taken_over, first.took_over) == (State.EXECUTING, None, None, False, None)
+    assert (second.number, second.before, second.goal, log.begun) == (2, None, GoalKind.UNDO, 2)
+    looked = begin(log, kind=ServiceKind.COGNITIVE)
+    assert (looked.before, looked.concerned) == (None, ())
+
+
+@pytest.mark.parametrize(
+    ("state", "goals", "effect", "taken_over"),
+    [
+        (State.FAILED, (GoalKind.TASK, GoalKind.TASK), "Jar001 isOn Platform001", True),
+        (State.STOPPED, (GoalKind.TASK, GoalKind.HANDLER), "Jar001 isOn Platform001", True),
+        (State.UNREACHABLE, (GoalKind.TASK, GoalKind.TASK), "Jar001 isOn Platform001", True),
+        (State.COMPLETED, (GoalKind.TASK, GoalKind.TASK), "Jar001 isOn Platform001", False),
+        (State.FAILED, (GoalKind.UNDO, GoalKind.TASK), "Jar001 isOn Platform001", False),
+        (State.FAILED, (GoalKind.TASK, GoalKind.UNDO), "Jar001 isOn Platform001", False),
+        (State.FAILED, (GoalKind.TASK, GoalKind.TASK), "Jar002 isOn Platform001", False),
+    ],
+)
+def test_what_was_interrupted_is_taken_over_by_what_goes_on_with_it(
+    state: State, goals: tuple[GoalKind, GoalKind], effect: str, taken_over: bool
+) -> None:
+    log = ExecutionLog()
+    first = ended(log, state, goal=goals[0])
+    first.before = parse("Jar001 isOn Washer1")
+    second = begin(log, effect, goals[1])
+    assert (first.taken_over, second.took_over) == (taken_over, 1 if taken_over else None)
+    assert (str(second.before) == "Jar001 isOn Washer1") is taken_over
+    log.drop(second)
+    assert ([*log], first.taken_over, log.begun) == ([first], False, 2)
+
+
+@pytest.mark.parametrize(("effect", "taken_over"), [("Jar002 isOn Platform001", True), (CLEANED, True), (MOVED, False)])
+def test_only_what_was_done_last_to_the_same_objects_is_taken_over(effect: str, taken_over: bool) -> None:
+    log = ExecutionLog()
+    first = ended(log, State.FAILED)
+    ended(log, State.COMPLETED, effect, GoalKind.UNDO if effect == MOVED else GoalKind.TASK)
+    begin(log)
+    assert first.taken_over is taken_over
+
+
+def test_work_is_found_by_its_number_and_by_who_did_it() -> None:
+    log, table = ExecutionLog(), Table()
+    works = [begin(log) for _ in range(3)]
+    member = table.invited()
+    assert log.of(member) is None
+    works[0].participant = works[1].participant = member.id
+    assert log.of(member) is works[1]
+    assert [log.numbered(number) for number in (1, 2, 3)] == works
+
+
+@pytest.mark.parametrize(
+    ("state", "to_undo", "interrupted"),
+    [
+        (State.EXECUTING, False, False),
+        (State.COMPLETED, True, False),
+        (State.FAILED, True, True),
+        (State.STOPPED, True, True),
+        (State.UNREACHABLE, True, True),
+        (State.COMPENSATED, False, False),
+        (State.STRANDED, False, False),
+    ],
+)
+def test_what_is_to_be_undone(state: State, to_undo: bool, interrupted: bool) -> None:
+    log = ExecutionLog()
+    ended(log, state)
+    assert (log.to_undo(), log.interrupted()) == ([*log] if to_undo else [], [*log] if interrupted else [])
+    for change in ({"goal": GoalKind.UNDO}, {"taken_over": True}, {"before": None}):
+        changed: dict[str, Any] = {**change}
+        other = ExecutionLog(works=[structs.replace(log.works[0], **changed)])
+        assert (other.to_undo(), other.interrupted()) == ([], [])
+
+
+def test_last_things_are_undone_first() -> None:
+    log = ExecutionLog()
+    for state, jar in ((State.FAILED, "Jar001"), (State.COMPLETED, "Jar002"), (State.STOPPED, "Jar001 isOn Shelf2 AND Jar002")):
+        ended(log, state, f"{jar} isOn Shelf2")
+    assert (numbers(log.to_undo()), numbers(log.interrupted())) == ([3, 2, 1], [3, 1])
+
+
+@pytest.mark.parametrize(
+    ("kind", "goal", "taken_over", "matters"),
+    [
+        (ServiceKind.PHYSICAL, GoalKind.TASK, False, True),
+        (ServiceKind.PHYSICAL, GoalKind.HANDLER, False, True),
+        (ServiceKind.COGNITIVE, GoalKind.TASK, False, False),
+        (ServiceKind.PHYSICAL, GoalKind.TASK, True, False),
+        (ServiceKind.PHYSICAL, GoalKind.UNDO, False, False),
+    ],
+)
+def test_the_client_has_to_know_of_what_changed_things(kind: ServiceKind, goal: GoalKind, taken_over: bool, matters: bool) -> None:
+    work = begin(ExecutionLog(), goal=goal, kind=kind)
+    work.taken_over = taken_over
+    assert work.matters is matters
+
+
+def test_work_ends_once() -> None:
+    work = begin(ExecutionLog())
+    work.end(State.FAILED, 20.0)
+    work.end(State.STRANDED, 30.0)
+    assert (work.result, work.ended) == (State.FAILED, 20.0)
+
+
+@pytest.mark.parametrize(("situation", "told"), [("Jar001 isOn Shelf1 AND Robot1 isInside RoomA", True), ("Robot1 isInside RoomA", False)])
+def test_a_situation_tells_of_work_when_it_speaks_of_what_that_changes(situation: str, told: bool) -> None:
+    assert begin(ExecutionLog()).is_told_of_by(parse(situation)) is told
+
+
+def test_work_as_clients_see_it() -> None:
+    work = begin(ExecutionLog(), goal=GoalKind.HANDLER)
+    work.end(State.FAILED, 20.0)
+    work.state, work.situation, work.note = State.COMPENSATED, MOVED, "stuck"
+    assert work.view() == WorkView(
+        step="l1",
+        service="Robot1.Work",
+        service_type="TransferObject",
+        inputs={"Object": "Jar001"},
+        began=11.0,
+        state=State.COMPENSATED,
+        situation=MOVED,
+        before="Jar001 isOn Shelf1",
+        note="stuck",
+        result=State.FAILED,
+        ended=20.0,
+        goal=GoalKind.HANDLER,
+    )
+    assert begin(ExecutionLog(), CLEANED).view().before is None
+
+
+@pytest.mark.parametrize(
+    ("state", "situation", "words"),
+    [
+        (State.COMPENSATED, MOVED, "was undone: Jar001 isOn Shelf1"),
+        (State.STRANDED, MOVED, "could not be undone, and it left Jar001 isOn Shelf2"),
+        (State.STRANDED, None, "could not be undone, and nothing is known of Jar001"),
+        (State.COMPLETED, MOVED, "was done: Jar001 isOn Shelf2"),
+        (State.FAILED, MOVED, "was interrupted: Jar001 isOn Shelf2"),
+        (State.FAILED, None, "was interrupted: stuck"),
+    ],
+)
+def test_what_became_of_work_in_words(state: State, situation: str | None, words: str) -> None:
+    work = begin(ExecutionLog())
+    work.state, work.situation, work.note = state, situation, "stuck"
+    assert work.in_words() == f"TransferObject by Robot1.Work {words}"

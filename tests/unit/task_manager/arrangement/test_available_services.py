@@ -1,0 +1,150 @@
+"""What is on offer to one task, and who is left out of it."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.entish import Name
+from somrs.entish.parse import parse
+from somrs.kernel.replica import Replica
+from somrs.ontology.objects import ValueSet
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import WORKING
+from somrs.planner.model.plan import Step
+from somrs.planner.model.problem import Lost
+from somrs.protocol.messages.directory import Offer
+from somrs.task_manager.arrangement.available_services import MOST_FAILURES, AvailableServices, KnownServices, named
+from somrs.task_manager.execution.workflow import StepRun
+from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
+
+WORK = ServiceType(name="Work", effect="Jar001.Clean = TRUE")
+
+
+def offer(name: str, service_type: ServiceType = TRANSFER) -> Offer:
+    service = f"{name}.{service_type.name}"
+    return Offer(service=service, provider=name, provider_type="DeliveryRobot", address=name, service_type=service_type)
+
+
+def step_run(service_type: str = "TransferObject", effect: str = "Jar001 isOn Shelf2") -> StepRun:
+    inputs = {"Object": Name("Jar001"), "Destination": Name("Shelf2")}
+    return StepRun(step=Step("step1", service_type, {**inputs}, parse(effect)), label="step1", key="1.1/step1")
+
+
+def available(*offers: Offer) -> tuple[AvailableServices, KnownServices, Replica]:
+    state, replica = KnownServices(), Replica("tm", "repository", laboratory(), MAP)
+    services = AvailableServices(state, replica)
+    services.discovered(offers)
+    return services, state, replica
+
+
+def test_what_is_on_offer_no_more_is_forgotten_but_not_its_type() -> None:
+    services, state, replica = available(offer("Robot1", WORK), offer("Robot2", WORK))
+    assert named(services.usable) == ("Robot1.Work", "Robot2.Work")
+    services.discovered((offer("Robot3"),))
+    assert named(services.usable) == ("Robot3.TransferObject",)
+    assert state.types == {"TransferObject": TRANSFER, "Work": WORK}
+    assert services.type_of(step_run("Work").step) == WORK
+    defined = ServiceType(name="Work", effect="Jar001.Clean = FALSE")
+    replica.ontology = replica.ontology.extended([defined])
+    assert services.type_of(step_run("Work").step) == defined, "what is known now goes before what was known once"
+
+
+def test_who_failed_or_would_not_serve_is_not_asked_and_the_planner_hears_why() -> None:
+    services, state, _ = available(*map(offer, ("Robot1", "Robot2", "Robot3", "Robot4")))
+    services.failed("Robot1.TransferObject", "it broke")
+    services.exclude({"Robot1.TransferObject": "too heavy", "Robot2.TransferObject": "too far"})
+    assert named(services.usable) == ("Robot3.TransferObject", "Robot4.TransferObject")
+    assert services.lost_to_it == [
+        Lost(TRANSFER, "Robot1.TransferObject", "it broke"),
+        Lost(TRANSFER, "Robot2.TransferObject", "too far"),
+    ]
+    run = step_run()
+    run.excluded = {"Robot4.TransferObject": "too late"}
+    assert named(services.able(run)) == ("Robot3.TransferObject",)
+    assert services.broken is state.broken
+
+
+@pytest.mark.parametrize(("failures", "may"), [(0, False), (1, True), (MOST_FAILURES - 1, True), (MOST_FAILURES, False)])
+def test_who_failed_a_few_times_in_a_row_may_be_asked_again(failures: int, may: bool) -> None:
+    services, state, _ = available(offer("Robot1"), offer("Robot2"))
+    services.exclude({"Robot1.TransferObject": "too heavy"})
+    for _ in range(failures):
+        services.failed("Robot1.TransferObject", "it broke")
+    assert state.failures.get("Robot1.TransferObject", 0) == failures
+    assert named(services.once_more()) == (("Robot1.TransferObject",) if may else ())
+    assert (services.broken == {}) is may
+    assert named(services.once_more()) == (), "what is not broken is asked anyway"
+
+
+@pytest.mark.parametrize(
+    ("provider", "working", "may"), [("Robot1", None, True), ("Robot1", True, True), ("Robot1", False, False), ("Robot2", None, True)]
+)
+def test_a_device_that_is_known_to_be_broken_is_not_asked_again(provider: str, working: bool | None, may: bool) -> None:
+    services, _, replica = available(offer(provider))
+    if working is not None:
+        replica.map = replica.map.changed([ValueSet(provider, WORKING, working)])
+    services.failed(f"{provider}.TransferObject", "it broke")
+    assert named(services.once_more()) == ((f"{provider}.TransferObject",) if may else ())
+
+
+def test_for_a_step_those_are_asked_again_that_can_do_it() -> None:
+    services, _, _ = available(offer("Robot1"), offer("Robot1", WORK), offer("Robot2"))
+    run, other = step_run(), step_run()
+    for one in (run, other):
+        one.excluded = {"Robot1.TransferObject": "it broke", "Robot2.TransferObject": "too heavy"}
+    services.failed("Robot1.TransferObject", "it broke")
+    services.failed("Robot1.Work", "it broke")
+    assert named(services.once_more(run)) == ("Robot1.TransferObject",)
+    assert services.broken == {"Robot1.Work": "it broke"}
+    assert (run.excluded, other.excluded) == (
+        {"Robot2.TransferObject": "too heavy"},
+        {"Robot1.TransferObject": "it broke", "Robot2.TransferObject": "too heavy"},
+    )
+    services.failed("Robot1.TransferObject", "it broke")
+    assert named(services.once_more(run)) == ("Robot1.TransferObject",), "the step has not excluded it any more"
+
+
+def test_what_a_service_completed_or_that_it_fell_silent_ends_the_count_of_its_failures() -> None:
+    services, state, _ = available(offer("Robot1"), offer("Robot2"))
+    for name in ("Robot1", "Robot2", "Robot1", "Robot2"):
+        services.failed(f"{name}.TransferObject", "it broke")
+    services.completed("Robot1.TransferObject")
+    services.completed("Robot3.TransferObject")
+    assert state.failures == {"Robot2.TransferObject": 2}
+    services.lost("Robot2.TransferObject", "fell silent")
+    services.lost("Robot3.TransferObject", "fell silent")
+    assert state.failures == {}
+    assert services.broken == {
+        "Robot1.TransferObject": "it broke",
+        "Robot2.TransferObject": "fell silent",
+        "Robot3.TransferObject": "fell silent",
+    }
+    assert services.once_more() == []
+
+
+@pytest.mark.parametrize(
+    ("service_type", "reported", "precondition"),
+    [
+        ("TransferObject", None, "Jar001 isOn Shelf1"),
+        ("TransferObject", "Jar001.Clean = TRUE", "Jar001 isOn Shelf1 AND Jar001.Clean = TRUE"),
+        ("Work", "Jar001 isOn Shelf1 AND Jar002 isOn Shelf1", "Jar001 isOn Shelf1"),
+        ("Work", None, None),
+    ],
+)
+def test_a_step_needs_what_its_type_says_and_what_was_reported(service_type: str, reported: str | None, precondition: str | None) -> None:
+    services, _, replica = available(offer("Robot1"), offer("Robot1", WORK))
+    replica.map = replica.map.changed([ValueSet("Jar001", "Clean", True)])
+    run = step_run(service_type)
+    run.reported = parse(reported) if reported is not None else None
+    found = services.precondition(run)
+    assert (str(found) if found is not None else None) == precondition
+
+
+def test_without_what_it_needs_a_step_has_no_precondition_now() -> None:
+    services, _, _ = available(offer("Robot1"))
+    with pytest.raises(LookupError, match="Unknown"):
+        services.precondition(step_run("Unknown"))
+    run = step_run()
+    run.step = Step("step1", "TransferObject", {"Object": Name("Shelf1"), "Destination": Name("Shelf2")}, parse("Shelf1 isOn Shelf2"))
+    with pytest.raises(LookupError, match="Shelf1 isOn"):
+        services.precondition(run)

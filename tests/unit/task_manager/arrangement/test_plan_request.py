@@ -1,0 +1,179 @@
+"""How a plan is come by: what the planner is asked, when it is asked once more, and what others have."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.entish import Name
+from somrs.entish.parse import parse
+from somrs.kernel.component import Ask, Effect, Send, Trouble, Withdraw
+from somrs.kernel.replica import Replica
+from somrs.ontology.services import ServiceType
+from somrs.planner.model.plan import NoPlan, Plan, Step
+from somrs.planner.model.problem import Lost, Problem
+from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.directory import Discover, Offer
+from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
+from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester
+from somrs.task_manager.context import Context, Quotes
+from somrs.task_manager.device_queue import DeviceQueues
+from somrs.task_manager.execution.workflow import Progress, Workflow
+from somrs.task_manager.requests import ForPlan, Requests
+from somrs.task_manager.reservations import Held, Reservation, Reservations
+from somrs.task_manager.timers import Answer, PlanWanted
+from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
+from tests.unit.task_manager.execution.test_participants import carried_out
+
+WISH = "Jar001 isOn Shelf2"
+NONE = NoPlan("there is none")
+
+
+def step(id: str = "step1", jar: str = "Jar001") -> Step:
+    inputs = {"Object": Name(jar), "Destination": Name("Shelf2")}
+    return Step(id, "TransferObject", {**inputs}, parse(f"{jar} isOn Shelf2"), parse(f"{jar} isOn Shelf1"))
+
+
+PLAN = Plan((step(),))
+WANTED = Reservation(changes=frozenset({"Jar001"}))
+
+
+def offer(name: str, service_type: ServiceType = TRANSFER) -> Offer:
+    service = f"{name}.{service_type.name}"
+    return Offer(service=service, provider=name, provider_type="DeliveryRobot", address=name, service_type=service_type)
+
+
+def context() -> Context:
+    """Nothing was asked of anybody yet, and nobody has anything."""
+    return Context(
+        replica=Replica("tm", "repository", laboratory(), MAP, 7),
+        requests=Requests(address="tm", repository="repository", registry="registry"),
+        reservations=Reservations(),
+        queues=DeviceQueues(),
+        quotes=Quotes(),
+        touched={},
+        busy=lambda provider: [],
+        still_at_work=lambda work: True,
+    )
+
+
+class Requesting:
+    """The second plan of the third goal of a task; another task may have something."""
+
+    def __init__(self, *held: str, before: Workflow | None = None, holds: bool = True, effect: str = WISH) -> None:
+        self.context = context()
+        self.reservations = self.context.reservations
+        self.reservations.enter("other", "")
+        self.reservations.enter("task1", WISH)
+        if held:
+            self.others(*held)
+        self.services = AvailableServices(KnownServices(), self.context.replica)
+        self.request = PlanRequest(owner="task1", goal=3, serial=2, task=Submit(effect=effect))
+        only_shown = {} if holds else {"holds": False}
+        self.requester = PlanRequester(self.request, self.services, self.context, before, **only_shown)
+
+    def others(self, *held: str) -> None:
+        self.reservations.hold("other", Reservation(changes=frozenset(held)))
+
+    def discovered(self, *offers: Offer) -> Problem:
+        effects, found = carried_out(self.requester.discovered(offers))
+        assert found is None
+        return self.asked(effects)
+
+    def asked(self, effects: list[Effect]) -> Problem:
+        (ask,) = effects
+        assert isinstance(ask, Ask)
+        assert ask.question == self.request.question == PlanWanted("task1", 3, 2, self.request.attempt)
+        assert isinstance(ask.task, Problem)
+        return ask.task
+
+    def answered(self, value: Answer) -> tuple[list[Effect], object]:
+        return carried_out(self.requester.answered(value))
+
+
+def test_first_the_services_on_offer_are_asked_for() -> None:
+    requesting = Requesting()
+    effects = [*requesting.requester.begin(5.0)]
+    assert [effect.message.body for effect in effects if isinstance(effect, Send)] == [Discover()]
+    (request,) = requesting.context.requests.pending.values()
+    assert (request.purpose, request.until) == (ForPlan("task1", 3, 2), 35.0)
+    assert carried_out(requesting.requester.discovered("the registry is out of order")) == ([], "the registry is out of order")
+    assert [*requesting.requester.withdraw()] == [], "the planner was not asked"
+
+
+def test_the_planner_is_asked_for_a_plan_with_what_may_be_used() -> None:
+    requesting = Requesting("Jar002")
+    requesting.services.exclude({"Robot2.TransferObject": "it broke"})
+    requesting.context.quotes.given("Robot1.TransferObject", 4.0, 60.0)
+    problem = requesting.discovered(offer("Robot1"), offer("Robot2"))
+    assert (str(problem.goal), problem.excluded, problem.map) == (WISH, frozenset({"Jar002"}), MAP)
+    assert [(one.providers, one.prices) for one in problem.services] == [(("Robot1",), (("Robot1", 4.0),))]
+    assert problem.lost == (Lost(TRANSFER, "Robot2.TransferObject", "it broke"),)
+    assert (problem.rest, problem.promised) == ((), frozenset())
+    assert (requesting.request.attempt, requesting.request.avoided, requesting.request.regardless) == (1, frozenset({"Jar002"}), False)
+    assert [*requesting.requester.withdraw()] == [Withdraw(PlanWanted("task1", 3, 2, 1))]
+
+
+def test_what_still_stands_of_the_plan_before_is_kept() -> None:
+    before = Workflow.of(Plan((step("a"), step("b", "Jar002"), step("c", "Robot1"))))
+    for id, progress in (("a", Progress.DONE), ("b", Progress.ARRANGED), ("c", Progress.ARRANGING)):
+        before.move(before.runs[id], progress)
+    problem = Requesting(before=before).discovered(offer("Robot1"))
+    assert ([one.id for one in problem.rest], problem.promised) == (["b", "c"], frozenset({"b"}))
+
+
+def test_a_task_that_does_not_fit_the_map_any_more_has_no_plan() -> None:
+    requesting = Requesting(effect="Gone isOn Shelf2")
+    effects, found = carried_out(requesting.requester.discovered((offer("Robot1"),)))
+    assert isinstance(found, str)
+    assert (effects, found.partition(":")[0], requesting.request.attempt) == ([], "the task does not fit the map any more", 0)
+
+
+@pytest.mark.parametrize("holds", [True, False])
+def test_what_the_plan_needs_is_the_tasks_from_then_on(holds: bool) -> None:
+    requesting = Requesting("Jar002", holds=holds)
+    requesting.discovered(offer("Robot1"))
+    assert requesting.answered(PLAN) == ([], PLAN)
+    assert requesting.reservations.held.get("task1") == (WANTED if holds else None)
+
+
+@pytest.mark.parametrize("value", [NONE, Trouble("out of memory")])
+def test_without_others_in_the_way_it_is_not_asked_once_more(value: Answer) -> None:
+    requesting = Requesting()
+    requesting.discovered(offer("Robot1"))
+    assert requesting.answered(value) == ([], value)
+
+
+def test_whether_there_would_be_a_plan_without_others_is_found_out() -> None:
+    requesting = Requesting("Jar001")
+    requesting.discovered(offer("Robot1"))
+    effects, found = requesting.answered(NONE)
+    problem = requesting.asked(effects)
+    assert (found, problem.excluded, requesting.request.attempt, requesting.request.regardless) == (None, frozenset(), 2, True)
+    assert requesting.answered(PLAN) == ([], Held(wanted=WANTED, by={"other": frozenset({"Jar001"})}, plan=PLAN))
+    assert "task1" not in requesting.reservations.held
+    assert requesting.answered(NONE) == ([], NONE), "it is not asked a third time"
+
+
+def test_trouble_is_no_sign_that_others_are_in_the_way() -> None:
+    requesting = Requesting("Jar001")
+    requesting.discovered(offer("Robot1"))
+    assert requesting.answered(Trouble("out of memory")) == ([], Trouble("out of memory"))
+
+
+def test_when_others_have_taken_it_meanwhile_another_plan_is_looked_for_first() -> None:
+    requesting = Requesting("Jar002")
+    requesting.discovered(offer("Robot1"))
+    requesting.others("Jar001")
+    effects, found = requesting.answered(PLAN)
+    assert (found, requesting.asked(effects).excluded) == (None, frozenset({"Jar001", "Jar002"}))
+    assert (requesting.request.attempt, requesting.request.regardless) == (2, False)
+    assert requesting.answered(PLAN) == ([], Held(wanted=WANTED, by={"other": frozenset({"Jar001"})}, plan=PLAN))
+
+
+def test_what_is_had_regardless_of_others_is_waited_for_though_they_were_not_avoided() -> None:
+    requesting = Requesting("Jar002")
+    requesting.discovered(offer("Robot1"))
+    requesting.answered(NONE)
+    requesting.others("Jar001")
+    effects, found = requesting.answered(PLAN)
+    assert (effects, type(found)) == ([], Held)

@@ -1,0 +1,33 @@
+"""One participant as the coordinator sees it."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.bodies import FrpBody
+from somrs.protocol.messages.frp import State
+from tests.unit.task_manager.execution.test_participants import OFFER, Table
+
+
+def test_of_one_that_was_not_asked_nothing_is_known() -> None:
+    member = Table().participants.known(OFFER, "step1", "1.1/step1")
+    assert (member.state, member.bid, member.told, member.lost_at, member.left_in) == (State.NEW, None, None, None, None)
+    assert (member.fraction, member.heard_at, member.begins_by, member.changed) == (0.0, 0.0, 0.0, 0)
+    assert (member.note, member.last_word) == ("", "")
+    assert (member.queried, member.reported, member.reporting, member.halting, member.tried_to_undo) == (False,) * 5
+
+
+@pytest.mark.parametrize(
+    ("body", "tried"),
+    [
+        (frp.Stranded(description="stuck"), True),
+        (frp.Stranded(description="stuck", tried=False), False),
+        (frp.Compensated(situation="Jar1.Clean = FALSE"), False),
+    ],
+)
+def test_things_may_be_another_way_when_it_tried_to_undo_its_work_in_vain(body: FrpBody, tried: bool) -> None:
+    table = Table()
+    member = table.in_state(State.COMPENSATING)
+    table.says(member, body, 200.0)
+    assert member.tried_to_undo is tried

@@ -1,0 +1,49 @@
+"""Timers and questions are values that are read back as what they were."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec import Struct
+
+from somrs.kernel.codec import Codec, encoded
+from somrs.kernel.replica import ReplicaDue
+from somrs.task_manager.requests import ForLook, ForPlan, ForReport, Purpose
+from somrs.task_manager.timers import (
+    AnswerDue,
+    BidsDue,
+    DeadlineDue,
+    MapDue,
+    NewsDue,
+    OverdueDue,
+    PlanWanted,
+    PreviewDue,
+    Question,
+    RecordsWanted,
+    SilenceDue,
+    StopDue,
+    Timer,
+)
+
+
+class Kept(Struct):
+    timer: Timer
+    question: Question
+    purpose: Purpose
+
+
+TIMERS: list[Timer] = [BidsDue("t", 1), SilenceDue("t", "p"), OverdueDue("t", "p"), DeadlineDue("t"), StopDue("t"), PreviewDue("t")]
+ALSO: list[Timer] = [AnswerDue("r"), MapDue("r"), NewsDue("r"), ReplicaDue()]
+QUESTIONS: list[Question] = [PlanWanted("t", 1, 2, 3), RecordsWanted("r")]
+PURPOSES: list[Purpose] = [ForPlan("t", 1, 2), ForLook("t", 3), ForReport("t")]
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        *(Kept(timer, QUESTIONS[0], PURPOSES[0]) for timer in (*TIMERS, *ALSO)),
+        Kept(TIMERS[0], QUESTIONS[1], PURPOSES[1]),
+        Kept(TIMERS[0], QUESTIONS[1], PURPOSES[2]),
+    ],
+)
+def test_what_is_kept_is_read_back(kept: Kept) -> None:
+    assert Codec[Kept](Kept).decoded(encoded(kept)) == kept
