@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -272,6 +273,26 @@ def test_services_are_inherited_and_may_be_replaced() -> None:
     assert services["rinse"].capability({}) == Capability(type="Rinse", method="rinse", attributes={"Price": 0.0, "Duration": 1.0})
     assert isinstance(Washer.wash, Service)
     assert Washer.wash is services["wash"]
+
+
+def test_a_service_goes_by_the_name_that_its_class_gives_it() -> None:
+    async def work(device: Device, task: Task) -> Situation:
+        return None
+
+    made = service("Polish", duration=1)(work)
+    assert made.name == "work"
+    device = bare(type="Washer", polish=made)
+    assert [one.method for one in device.profile().capabilities] == ["polish"]
+    assert made.name == "polish"
+
+
+def test_what_a_device_has_if_its_class_does_not_say_otherwise() -> None:
+    device = bare(type="Washer", wash=service("Wash", duration=1)(Washer.weigh.performs))
+    plain = Profile(
+        name="M", type="Washer", capabilities=(Capability(type="Wash", method="wash", attributes={"Price": 0.0, "Duration": 1.0}),)
+    )
+    assert device.profile() == plain
+    assert (device.data, device.simulator) == (Path(".somrs"), None)
 
 
 def bare(**members: object) -> Device:
