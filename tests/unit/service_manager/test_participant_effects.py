@@ -602,3 +602,16 @@ def test_what_the_device_left_is_told_to_the_repository_when_nobody_waits_to_hea
     assert reported(effects) == told
     assert [body for body in bodies(effects) if not isinstance(body, UpdateMap)] == ([] if over else [frp.Stopped(situation=left)])
     assert bench.manager.idle
+
+
+def test_an_answer_to_what_the_device_does_not_do_now_changes_nothing() -> None:
+    bench = Bench()
+    bench.executing()
+    for activity in (Activity.UNDO, Activity.HALT):
+        assert bench.did(activity, Failure("f")) == []
+    stranger = Answered(WorkWanted("t1", "nobody", Activity.PERFORM), Done())
+    assert bench.manager.handle(stranger, NOW) == []
+    assert (bench.state, bench.manager.idle) == (State.EXECUTING, False)
+    assert bodies(bench.did(Activity.PERFORM, Done())) == [frp.Completed(situation="")]
+    assert bench.did(Activity.PERFORM, Done()) == bench.manager.handle(stranger, NOW) == []
+    assert (bench.state, bench.manager.idle) == (State.COMPLETED, True)
