@@ -315,3 +315,14 @@ def test_what_could_not_be_delivered_is_the_replicas_if_it_was_a_question_to_its
 )
 def test_news_say_whether_the_ontology_may_be_another(news: News, redefined: bool) -> None:
     assert news.redefined is redefined
+
+
+def test_a_page_that_was_not_asked_for_is_none_of_those_being_read() -> None:
+    reader = Reader()
+    reader.answer(MapSubscribed(version=7, until=60.0))
+    other = Message(header=structs.replace(reader.question.header, message_id="urn:old"), body=ReadOntology())
+    for about in (other, None):
+        assert reader.hear(ontology_page(99), 1.0, about) == News(effects=[Wake(ReplicaDue(), PATIENCE)])
+    assert reader.answer(ontology_page(7)) == ReadMap()
+    assert reader.answer(MapPage(objects=(JAR,), facts=(), version=7, more=False)) is None
+    assert reader.replica.version == 7

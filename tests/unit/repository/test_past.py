@@ -23,6 +23,8 @@ def test_of_what_is_too_long_the_beginning_is_told_and_how_much_there_is(revisio
     told = shortened(event, room)
     assert size(told) < room + 100
     assert 1 < len(told.changes) < len(CHANGES)
+    left = room // 2 - sum(map(size, told.changes))
+    assert 0 <= left < size(CHANGES[len(told.changes)]), "changes take half of the room"
     assert told.changes == CHANGES[: len(told.changes)]
     assert (told.before, told.all_changes) == ((), len(CHANGES))
     assert (told.version, told.author) == (7, "a person")
@@ -70,3 +72,26 @@ def test_what_leads_back_leads_to_the_map_as_it_was(changes: list[Change]) -> No
     back = inverse(CHANGED, made)
     assert after.changed(back) == CHANGED
     assert rewound(after, [back]) == CHANGED
+
+
+NEW_A, ONLY_A = FactRemoved(Fact("isNew", ("A",))), CHANGED.objects["A"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "back"),
+    [
+        ([ValueSet("A", "Size", 2.0), ValueSet("A", "Size", 3.0)], [ValueSet("A", "Size", 2.0), ValueSet("A", "Size", 1.0)]),
+        ([ValueSet("A", "Size", None), ValueSet("A", "Size", 3.0)], [ValueSet("A", "Size", None), ValueSet("A", "Size", 1.0)]),
+        ([NEW_A, ObjectRemoved("A")], [ObjectAdded(ONLY_A), FactAdded(NEW_A.fact)]),
+        ([NEW_A, NEW_A], [FactAdded(NEW_A.fact)]),
+        ([FactAdded(NEW_A.fact), FactRemoved(Fact("isNew", ("B",)))], []),
+        ([FactAdded(Fact("isNew", ("B",))), FactAdded(Fact("isNew", ("B",)))], [FactRemoved(Fact("isNew", ("B",)))]),
+        ([ObjectAdded(Object(name="A", type="Thing"))], [ObjectAdded(ONLY_A)]),
+        ([ObjectAdded(Object(name="C", type="Jar")), ValueSet("C", "Size", 2.0)], [ValueSet("C", "Size", None), ObjectRemoved("C")]),
+        ([ObjectAdded(Object(name="C", type="Jar")), ObjectRemoved("C")], [ObjectAdded(Object(name="C", type="Jar")), ObjectRemoved("C")]),
+        ([NEW_A, ObjectRemoved("A"), ObjectAdded(ONLY_A)], [ObjectRemoved("A"), ObjectAdded(ONLY_A), FactAdded(NEW_A.fact)]),
+        ([ObjectRemoved("C"), ValueSet("C", "Size", 2.0)], []),
+    ],
+)
+def test_what_leads_back_from_each_change(changes: list[Change], back: list[Change]) -> None:
+    assert [*inverse(CHANGED, changes)] == back

@@ -127,6 +127,12 @@ def test_what_the_archive_answered_is_told(repository: Repository) -> None:
     assert archived(repository, ReadOntology(at_version=0), page) == page
 
 
+@pytest.mark.parametrize(("name", "hint"), [("Jar9", " did you mean Jar2 or Jar1?"), ("Qqqq", "")])
+def test_there_is_no_history_of_what_never_was(repository: Repository, name: str, hint: str) -> None:
+    fault = Fault(code="Sender", text=f"there never was an object {name} on the map.{hint}")
+    assert archived(repository, ReadHistory(object=name), Happened(())) == fault
+
+
 @pytest.mark.parametrize(
     ("question", "text"),
     [

@@ -183,3 +183,31 @@ def test_an_answer_to_an_earlier_request_is_out_of_date() -> None:
     joiner.do(joiner.joining.ring(NOW))
     joiner.requests.pop()
     assert joiner.answer(Defined(version=1)) == []
+
+
+DRY = structs.replace(WASH, name="Dry")
+BOTH = structs.replace(
+    PROFILE, definitions=Definitions(), capabilities=tuple(Capability(type=name, method=name) for name in ("Wash", "Dry"))
+)
+
+
+def test_types_are_looked_for_page_by_page_until_all_are_found() -> None:
+    joiner = Joiner(BOTH)
+    assert len(joiner.answer(ontology(more=True, services=(DRY,)))) == 2, "a request and the time for its answer"
+    assert joiner.asked() == (REPOSITORY, ReadOntology(after=7))
+    assert len(joiner.answer(ontology(more=True))) == 2
+    assert joiner.asked() == (REPOSITORY, LOOK)
+    assert joiner.joining.types == {"Dry": DRY, "Wash": WASH}
+
+
+def test_types_that_are_not_there_are_told_when_all_pages_are_read() -> None:
+    joiner = Joiner(BOTH)
+    assert len(joiner.answer(ontology(more=True, services=(structs.replace(WASH, name="Wahs"),)))) == 2
+    said = (
+        "Washer1 cannot join: the common ontology has no service type Dry.\n"
+        "the common ontology has no service type Wash. did you mean Wahs?\n"
+        "name one that it has, or give @service a ServiceType"
+    )
+    assert joiner.answer(ontology(services=())) == [Wake(JoiningDue(), None), Ask(ReportWanted(), Report(said, joined=False))]
+    assert joiner.do(joiner.joining.start(ME, NOW + 1))[1:] == [Wake(JoiningDue(), NOW + 6.0)]
+    assert joiner.asked() == (REPOSITORY, ReadOntology()), "from the beginning"

@@ -578,3 +578,40 @@ def test_what_waits_at_a_restart_is_given_up_with_its_reason() -> None:
 def test_what_is_offered_is_named_to_who_wants_something_else() -> None:
     effects = Bench("Washer2.Fly#s1").ask(msgspec.structs.replace(ARRANGE, service_type="Fly"))
     assert bodies(effects) == [frp.Refuse(reason="Washer1 offers WashObject, WashObject, DryObject, and not Fly")]
+
+
+@pytest.mark.parametrize(
+    ("over", "left", "told"),
+    [
+        (True, "Jar1 isOn Floor1", [("Jar1 isOn Floor1", "Washer1.WashObject", NOW + 10.0)]),
+        (True, None, []),
+        (False, "Jar1 isOn Floor1", []),
+    ],
+)
+def test_what_the_device_left_is_told_to_the_repository_when_nobody_waits_to_hear_of_it(
+    over: bool, left: str | None, told: list[tuple[str, str, float | None]]
+) -> None:
+    bench = Bench()
+    on_the_map(bench)
+    bench.executing()
+    if over:
+        bench.session.state = State.COMPLETED  # the coordinator has given it up
+    bench.ask(frp.End(outcome=frp.Outcome.FAILED) if over else frp.Stop(reason="r"))
+    bench.did(Activity.PERFORM, None)
+    effects = bench.did(Activity.HALT, Done(situation=left))
+    assert reported(effects) == told
+    assert [body for body in bodies(effects) if not isinstance(body, UpdateMap)] == ([] if over else [frp.Stopped(situation=left)])
+    assert bench.manager.idle
+
+
+def test_an_answer_to_what_the_device_does_not_do_now_changes_nothing() -> None:
+    bench = Bench()
+    bench.executing()
+    for activity in (Activity.UNDO, Activity.HALT):
+        assert bench.did(activity, Failure("f")) == []
+    stranger = Answered(WorkWanted("t1", "nobody", Activity.PERFORM), Done())
+    assert bench.manager.handle(stranger, NOW) == []
+    assert (bench.state, bench.manager.idle) == (State.EXECUTING, False)
+    assert bodies(bench.did(Activity.PERFORM, Done())) == [frp.Completed(situation="")]
+    assert bench.did(Activity.PERFORM, Done()) == bench.manager.handle(stranger, NOW) == []
+    assert (bench.state, bench.manager.idle) == (State.COMPLETED, True)

@@ -180,6 +180,20 @@ def test_signs_of_life_have_ids_of_their_own_and_take_none_from_the_contract() -
     assert session.send(Completed(situation="")).header.message_id == message_id("t1", IDENTITY, "participant", number + 1, "Completed")
 
 
+@pytest.mark.parametrize("body", [Query(), Status(state=State.NEW), Fault(code="c", text="t"), Progress(fraction=0.5)])
+def test_what_changes_no_contract_takes_no_number_from_it(body: Query | Status | Fault | Progress) -> None:
+    one, other = executing()
+    number = one.number, other.number
+    if isinstance(body, Query):
+        one.send(body)
+    elif isinstance(body, Progress):
+        other.send(body)
+    else:
+        asked = Query() if isinstance(body, Status) else Completed(situation="")
+        assert [type(said.body) for said in other.receive(message(asked)).answers] == [type(body)]
+    assert (one.number, other.number) == number
+
+
 def test_the_last_message_is_no_sign_of_life() -> None:
     _, session = executing()
     assert participant().last_message is None

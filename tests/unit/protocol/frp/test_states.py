@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from pathlib import Path
 
 import pytest
 
@@ -182,3 +183,10 @@ def test_work_without_a_contract_is_sent_home() -> None:
 def test_the_page_in_the_docs_shows_these_tables() -> None:
     written = (ROOT / diagram.PAGE).read_text(encoding="utf-8")
     assert written == diagram.page(), f"run `python -m somrs.protocol.frp.diagram {diagram.PAGE}`"
+
+
+def test_the_page_is_written_where_it_is_wanted_and_otherwise_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    diagram.main([str(tmp_path / "page.md")])
+    assert ((tmp_path / "page.md").read_text(encoding="utf-8"), capsys.readouterr().out) == (diagram.page(), "")
+    diagram.main([])
+    assert capsys.readouterr().out == diagram.page()

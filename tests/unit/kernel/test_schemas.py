@@ -1,0 +1,22 @@
+"""What components whose inputs are kept say of their journals: by that these are found again, and gone on with."""
+
+from __future__ import annotations
+
+from somrs.registry.component import SCHEMA as REGISTRY
+from somrs.repository.component import SCHEMA as REPOSITORY
+from somrs.repository.component import only_reads
+from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
+from somrs.service_manager.sdk.orders import Failure, Perform, Report, ServiceFailed, Undo
+
+
+def test_what_is_kept_and_how() -> None:
+    assert [
+        (one.component, one.version, one.volatile, one.moves, one.lasting, one.snapshot_after)
+        for one in (REPOSITORY, REGISTRY, SERVICE_MANAGER)
+    ] == [
+        ("repository", 1, (), True, True, 500),
+        ("registry", 1, (), False, False, 5000),
+        ("service-manager", 1, (Perform, Undo, Report), True, False, 5000),
+    ]
+    assert REPOSITORY.reads is only_reads
+    assert SERVICE_MANAGER.failure(ServiceFailed("it broke", "A isOn B")) == Failure("it broke", "A isOn B")

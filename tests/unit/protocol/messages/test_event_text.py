@@ -1,0 +1,129 @@
+"""What happens to a task, said in sentences, and what it is in the task's life."""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Iterator
+
+import pytest
+
+from somrs.protocol.messages import events
+from somrs.protocol.messages.event_text import failure, joined, lost, sentence, waiting
+from somrs.protocol.messages.events import Event, EventKind, GoalKind, ServiceFailure, kind_of
+from somrs.protocol.messages.frp import Outcome
+
+S, TWO = "Robot1.Carry", ("no", "never")
+
+FAILURES: list[tuple[ServiceFailure, str]] = [
+    (events.NotBegun(service=S, description="no oil"), "did not begin: no oil"),
+    (events.StepFailed(service=S, description="no oil", situation="A isOn B"), "failed: no oil"),
+    (events.ServiceFaulted(service=S, text="no oil"), "no oil"),
+    (events.ContractForgotten(service=S), "has forgotten its contract"),
+    (events.ServiceSilent(service=S), "is silent; asking for its state"),
+    (events.ServiceOverdue(service=S), "takes far longer than it said; stopping it"),
+    (events.ServiceOverdue(service=S, undoing=True), "takes far longer to undo it than it said; sending it home"),
+    (events.ServiceLost(service=S), "did not come to an end; nothing is known of what it left"),
+    (events.ServiceLost(service=S, stopping=True), "did not say that it stopped; nothing is known of what it left"),
+    (events.ServiceLost(service=S, silent=True), "fell silent while it worked; nothing is known of what it left"),
+    (events.ServiceLost(service=S, silent=True, stopping=True), "fell silent while it worked; nothing is known of what it left"),
+    (events.ReportRejected(service=S, problems=TWO), "the Repository rejects what it reports: no; never"),
+    (events.CompensationFailed(service=S, description="no oil"), "could not undo it: no oil"),
+]
+
+SENTENCES: list[tuple[Event, str]] = [
+    (events.TaskStated(effect="A isOn B"), "task: A isOn B"),
+    (events.Planned(steps=0), "nothing to do: it is so already"),
+    (events.Planned(steps=1), "planned: 1 step"),
+    (events.Planned(steps=2), "planned: 2 steps"),
+    (events.WaitsForTasks(tasks={"t1": "A isOn B"}, objects=("A", "B")), "waiting for task t1 (A isOn B) to end, which has A, B"),
+    (
+        events.WaitsForTasks(tasks={"t1": "A isOn B", "t2": "C isOn D"}, objects=("A",)),
+        "waiting for task t1 (A isOn B) and task t2 (C isOn D) to end, which have A",
+    ),
+    (events.GoesOn(), "going on: what it waited for is free"),
+    (events.Replanned(reasons=TWO), "planning anew: no; never"),
+    (events.TriedOnceMore(services=("R.A", "R.B")), "there is no plan without R.A, R.B, which may try again"),
+    (events.Stopping(reason="enough"), "stopping: enough"),
+    (events.TaskEnded(outcome=Outcome.ACCOMPLISHED), "accomplished"),
+    (events.TaskEnded(outcome=Outcome.FAILED, reasons=TWO), "failed: no; never"),
+    (events.ServicesAsked(services=("R.A", "R.B")), "asking R.A, R.B"),
+    (events.TermsOffered(service=S, price=4.0, currency="EUR", duration=29.6), "Robot1.Carry offers 4 EUR, 30 s"),
+    (events.ServiceRefused(service=S, reason="too heavy"), "Robot1.Carry refuses: too heavy"),
+    (events.ServiceChosen(service=S, price=4.5, currency="PLN", duration=29.4), "Robot1.Carry does it for 4.5 PLN, in 29 s"),
+    (events.WaitsForDevice(device="Robot1"), "waiting for its turn at Robot1"),
+    (events.StepStarted(service=S), "Robot1.Carry starts"),
+    (events.ProgressNoted(service=S, note="half way"), "Robot1.Carry: half way"),
+    (events.StepCompleted(service=S, situation="A isOn B"), "Robot1.Carry completed: A isOn B"),
+    (events.StepStopped(service=S), "Robot1.Carry stopped"),
+    (events.FoundSo(), "what it was to bring about is so"),
+    (events.ServiceFaulted(service=S, text="no oil"), "Robot1.Carry: no oil"),
+    (events.ReportRejected(service=S, problems=TWO), "the Repository rejects what Robot1.Carry reports: no; never"),
+    (events.NotBegun(service=S, description="no oil"), "Robot1.Carry did not begin: no oil"),
+    (events.CompensationFailed(service=S, description="no oil"), "Robot1.Carry could not undo it: no oil"),
+    (events.ServiceReplaced(), "replacing the service"),
+    (events.MayTryAgain(services=("R.A", "R.B")), "nobody else can do it: R.A, R.B may try again"),
+    (events.HandlerBegun(effect="A isOn B"), "the step failed, and for that was laid down: A isOn B"),
+    (events.GoalFailed(goal=GoalKind.LOOK, step="s1", reasons=TWO), "look for s1: no; never"),
+    (events.LookBegun(service_type="Look", object="A"), "Look: somebody is to look at A"),
+    (events.LookFound(situation="A isOn B"), "seen: A isOn B"),
+    (events.LookFound(), "seen: nothing"),
+    (events.NobodyLooks(object="A"), "nobody can look at A: nothing is assumed about it"),
+    (events.KnownOtherwise(object="A", problems=TWO), "something else is known of A by now: no; never"),
+    (events.FailuresUndone(reasons=TWO), "no; never; undoing what failed"),
+    (events.UndoneByHandler(effect="A isOn B"), "undoing it by what was laid down: A isOn B"),
+    (events.UndoneByService(service=S, situation="A isOn B"), "Robot1.Carry is to restore A isOn B"),
+    (events.UndoneByOthers(situation="A isOn B"), "others are to restore A isOn B"),
+    (events.Compensated(service=S, situation="A isOn B"), "Robot1.Carry compensated: A isOn B"),
+    (events.WorkUndone(), "is undone"),
+    (events.WorkStranded(taken=True, reason="no"), "is not undone: another task has what it left"),
+    (events.WorkStranded(reason="no"), "could not be undone: no"),
+    (events.WorkStranded(), "could not be undone: nobody restores it"),
+]
+
+
+def test_every_event_has_its_sentence() -> None:
+    assert [sentence(event) for event, _ in SENTENCES] == [text for _, text in SENTENCES]
+    failed = [(event, text) for event, text in FAILURES if not isinstance(event, events.ServiceFaulted | events.ReportRejected)]
+    assert [sentence(event) for event, _ in failed] == [f"{S} {text}" for _, text in failed]
+    assert {type(event) for event, _ in (*SENTENCES, *FAILURES)} == {*typing.get_args(Event)}
+
+
+def test_what_went_wrong_is_said_where_the_service_is_named_already() -> None:
+    assert [failure(event) for event, _ in FAILURES] == [text for _, text in FAILURES]
+    assert {type(event) for event, _ in FAILURES} == {*typing.get_args(ServiceFailure)}
+    assert [lost(events.ServiceLost(service=S, silent=silent)) for silent in (True, False)] == [
+        "fell silent while it worked",
+        "did not come to an end",
+    ]
+
+
+def test_reasons_are_on_one_line_and_who_is_waited_for_is_named() -> None:
+    assert (joined(()), joined(("a",)), joined(iter(("a", "b")))) == ("", "a", "a; b")
+    assert waiting(events.WaitsForTasks(tasks={"t": "g"}, objects=("A",))) == "waiting for task t (g) to end, which has A"
+
+
+def test_what_is_no_event_has_no_sentence() -> None:
+    with pytest.raises(AssertionError, match=r"^there is no sentence for str$"):
+        sentence("nothing")  # type: ignore[arg-type]  # that is what is tested
+
+
+def of_kind(kind: EventKind) -> Iterator[str]:
+    examples = {type(event): event for event, _ in (*SENTENCES, *FAILURES)}
+    return (one.__name__ for one, event in examples.items() if kind_of(event) is kind)
+
+
+def test_what_an_event_is_in_the_life_of_its_task() -> None:
+    assert {kind: {*of_kind(kind)} for kind in EventKind} == {
+        EventKind.NEWS: {
+            "TaskStated", "Planned", "ServicesAsked", "TermsOffered", "ServiceRefused", "ServiceChosen", "StepStarted", "ProgressNoted",
+            "StepCompleted", "StepStopped", "FoundSo", "MayTryAgain", "Stopping",
+        },
+        EventKind.SETBACK: {one.__name__ for one in typing.get_args(ServiceFailure)} | {"GoalFailed", "WorkStranded"},
+        EventKind.HANDLER: {"HandlerBegun"},
+        EventKind.REPLACE: {"ServiceReplaced"},
+        EventKind.REPLAN: {"Replanned", "TriedOnceMore"},
+        EventKind.WAIT: {"WaitsForTasks", "GoesOn", "WaitsForDevice"},
+        EventKind.LOOK: {"LookBegun", "LookFound", "NobodyLooks", "KnownOtherwise"},
+        EventKind.UNDO: {"FailuresUndone", "UndoneByHandler", "UndoneByService", "UndoneByOthers", "Compensated", "WorkUndone"},
+        EventKind.END: {"TaskEnded"},
+    }  # fmt: skip

@@ -1,0 +1,433 @@
+"""What authors of devices write with: amounts and terms, what a class says of its device, and how its coroutines are run."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from somrs.entish.formula import Formula, Name, Number, Text, Truth
+from somrs.entish.parse import parse
+from somrs.errors import DeviceError, FormulaError, InputError, RemoteError
+from somrs.kernel.component import Trouble
+from somrs.ontology.objects import Object
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import AttributeType, Kind, ObjectType, Value
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import Definitions, MapPage, QueryMap, ReadMap, Row, Rows
+from somrs.service_manager.sdk.device import Device, MapReader, Result, Service, Situation, Task, before, service
+from somrs.service_manager.sdk.orders import (
+    Advance,
+    Capability,
+    Done,
+    Failure,
+    Halt,
+    Order,
+    Perform,
+    Profile,
+    Quote,
+    Quoted,
+    Refusal,
+    Refused,
+    ServiceFailed,
+    Undo,
+    Work,
+    answer_of,
+)
+from somrs.service_manager.sdk.values import as_term, filled_in, money, python_value, seconds, term
+from somrs.service_manager.sdk.work import carry_out
+
+# Amounts and terms
+
+
+@pytest.mark.parametrize(
+    ("amount", "price"),
+    [
+        (4, (4.0, "EUR")),
+        (0.5, (0.5, "EUR")),
+        ("4", (4.0, "EUR")),
+        (" 4.5 PLN ", (4.5, "PLN")),
+        (".5EUR", (0.5, "EUR")),
+        ("3.", (3.0, "EUR")),
+    ],
+)
+def test_what_it_costs(amount: float | str, price: tuple[float, str]) -> None:
+    found = money(amount)
+    assert (found, type(found[0])) == (price, float)
+
+
+@pytest.mark.parametrize(
+    ("amount", "duration"), [(30, 30.0), ("30", 30.0), ("30 s", 30.0), ("2 min", 120.0), ("1.5h", 5400.0), ("250 ms", 0.25)]
+)
+def test_how_long_it_takes(amount: float | str, duration: float) -> None:
+    assert seconds(amount) == duration
+
+
+@pytest.mark.parametrize(
+    ("read", "amount", "text"),
+    [
+        (money, "much", "'much' is not a price: write a number, or for example 4 EUR"),
+        (money, True, "True is not a price: write a number, or for example 4 EUR"),
+        (money, "-1 EUR", "'-1 EUR' is not a price: write a number, or for example 4 EUR"),
+        (money, None, "None is not a price: write a number, or for example 4 EUR"),
+        (seconds, "soon", "'soon' is not a duration: write a number, or for example 30 s, 2 min or 1 h"),
+        (seconds, "3 days", "'3 days' is not a duration: write it as ms, s, min, h"),
+    ],
+)
+def test_what_is_no_amount(read: Callable[[Any], object], amount: object, text: str) -> None:
+    with pytest.raises(DeviceError) as error:
+        read(amount)
+    assert str(error.value) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("2", 2.0), ('"a b"', "a b"), ("TRUE", True), ("FALSE", False), ("Jar1", "Jar1"), ("2 m", "2 m"), ("?A.B", "?A.B")]
+)
+def test_a_term_as_python_has_it(text: str, value: Value) -> None:
+    found = python_value(text)
+    assert (found, type(found)) == (value, type(value))
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (True, Truth(True)),
+        (2, Number(2.0)),
+        (0.5, Number(0.5)),
+        ("Jar1", Name("Jar1")),
+        ("Jar-1_a", Name("Jar-1_a")),
+        ("a b", Text("a b")),
+        ("1a", Text("1a")),
+        ("a-", Text("a-")),
+        ("", Text("")),
+        *((word, Text(word)) for word in ("AND", "OR", "NOT", "TRUE", "FALSE")),
+    ],
+)
+def test_a_python_value_as_a_term(value: Value, expected: object) -> None:
+    assert as_term(value) == expected
+
+
+def test_a_term_is_read() -> None:
+    assert (term("2"), term("Jar1")) == (Number(2.0), Name("Jar1"))
+    with pytest.raises(FormulaError):
+        term("a b")
+
+
+def test_a_formula_with_everything_in_its_place() -> None:
+    formula = "?Object isOn ?Provider AND ?Object.Weight = ?Weight AND ?Object isIn ?Where"
+    assert filled_in(formula, "Robot1", {"Object": "Jar1"}) == parse("Jar1 isOn Robot1 AND Jar1.Weight = ?Weight AND Jar1 isIn ?Where")
+    filled = filled_in(formula, "Robot1", {"Object": "Jar1"}, {"Weight": 2, "Where": "Room1"})
+    assert filled == parse("Jar1 isOn Robot1 AND Jar1.Weight = 2 AND Jar1 isIn Room1")
+    assert filled_in("?Provider isIn A", "Robot1", {"Provider": "Robot2"}) == parse("Robot1 isIn A")
+
+
+# The map
+
+
+def told(answer: Body, asked: list[Body]) -> MapReader:
+    """A reader of a map whose Repository gives this answer."""
+
+    async def ask(body: Body) -> Body:
+        asked.append(body)
+        return answer
+
+    return MapReader(ask)
+
+
+JAR, KEG = Object(name="Jar1", type="Jar"), Object(name="Keg1", type="Keg")
+
+
+@pytest.mark.parametrize(("objects", "found"), [((JAR, KEG), JAR), ((KEG,), None), ((), None)])
+def test_an_object_of_the_map(objects: tuple[Object, ...], found: Object | None) -> None:
+    asked: list[Body] = []
+    reader = told(MapPage(objects=objects, facts=(), version=1, more=False), asked)
+    assert asyncio.run(reader.object("Jar1")) == found
+    assert asked == [ReadMap(after="Jar0\ufffd")]
+    assert before("A") == "@\ufffd"
+
+
+def test_what_holds_on_the_map() -> None:
+    asked: list[Body] = []
+    rows = (Row(bindings={"A": "Jar1", "B": "2"}), Row(bindings={"A": "Jar2", "B": "TRUE"}))
+    reader = told(Rows(rows=rows, version=1), asked)
+    assert asyncio.run(reader.query("?A.X = ?B")) == [{"A": "Jar1", "B": 2.0}, {"A": "Jar2", "B": True}]
+    assert asyncio.run(reader.query(parse("?A.X = ?B"), limit=7)) == [{"A": "Jar1", "B": 2.0}, {"A": "Jar2", "B": True}]
+    assert asyncio.run(reader.holds("?A.X = ?B")) is True
+    assert asyncio.run(told(Rows(rows=(), version=1), []).holds("?A.X = ?B")) is False
+    assert asked == [QueryMap(formula="?A.X = ?B", limit=limit) for limit in (100, 7, 1)]
+
+
+@pytest.mark.parametrize(
+    ("question", "answer", "text"),
+    [
+        (lambda reader: reader.object("Jar1"), Fault(code="Sender", text="no"), "no"),
+        (lambda reader: reader.query("?A isOn ?B"), Fault(code="Sender", text="no"), "no"),
+        (lambda reader: reader.object("Jar1"), Rows(rows=(), version=1), "the Repository answered ReadMap with Rows"),
+        (
+            lambda reader: reader.query("?A isOn ?B"),
+            MapPage(objects=(), facts=(), version=1, more=False),
+            "the Repository answered QueryMap with MapPage",
+        ),
+    ],
+)
+def test_a_repository_that_gives_no_answer(question: Callable[[MapReader], Awaitable[object]], answer: Body, text: str) -> None:
+    async def asked() -> object:
+        return await question(told(answer, []))
+
+    with pytest.raises(RemoteError) as error:
+        asyncio.run(asked())
+    assert str(error.value) == text
+
+
+# A class of devices
+
+
+WASH = ServiceType(name="Wash", effect="?Object isClean ?Provider")
+WASHER = ObjectType(name="Washer", parent="Device")
+CLEAN = AttributeType(name="Clean", kind=Kind.TRUTH)
+
+
+class Washer(Device):
+    """A device with each kind of service."""
+
+    type = WASHER
+    types = (CLEAN, WASHER)
+    values = {"PositionX": 1.0}
+    situation = "Washer1 isIn Room1"
+    attributes = {"Range": 5.0}
+    capacity = 2
+
+    def cost(self, task: Task) -> str:
+        return f"{len(task.inputs)} PLN"
+
+    async def how_long(self, task: Task) -> str:
+        return "2 min"
+
+    async def able(self, task: Task) -> None:
+        if task.inputs.get("Object") == "Cat1":
+            raise Refusal("no cats")
+
+    @service(WASH, price="4 EUR", duration="30 s", able=able)
+    async def wash(self, task: Task) -> Situation:
+        match task.inputs.get("Object"):
+            case "Jar1":
+                return None
+            case "Jar2":
+                return "Jar2   isOn Table1"
+            case "Jar3":
+                return parse("Jar3 isOn Table1")
+            case "Jar4":
+                raise ServiceFailed("it broke", "Jar4 isIn Bin1")
+        return 7  # type: ignore[return-value]  # a mistake of the author
+
+    @wash.stopping
+    async def let_go(self, task: Task) -> Situation:
+        return f"{task.inputs['Object']}  isOn Floor1"
+
+    @wash.compensation
+    async def soil(self, task: Task, situation: Formula) -> Situation:
+        return "Jar1 isOn Table2" if task.inputs["Object"] == "Jar1" else None
+
+    @service("Weigh", price=cost, duration=how_long)
+    async def weigh(self, task: Task) -> Result:
+        return Result(outputs={"Weight": 2} if task.inputs else {})
+
+
+class Quick(Washer):
+    """Overrides a service and leaves one out."""
+
+    weigh = None
+
+    @service("Rinse", duration=1)
+    async def rinse(self, task: Task) -> Situation:
+        return None
+
+
+def test_what_is_known_of_a_device() -> None:
+    assert Washer("Washer1").profile() == Profile(
+        name="Washer1",
+        type="Washer",
+        capabilities=(
+            Capability(type=WASH, method="wash", attributes={"Range": 5.0, "Price": 4.0, "Duration": 30.0}, stoppable=True, undoable=True),
+            Capability(type="Weigh", method="weigh", attributes={"Range": 5.0}),
+        ),
+        definitions=Definitions(attributes=(CLEAN,), types=(WASHER,), services=(WASH,)),
+        values={"PositionX": 1.0},
+        situation="Washer1 isIn Room1",
+        capacity=2,
+        heartbeat=5.0,
+        valid_for=120.0,
+        lease=30.0,
+    )
+    assert Washer("Washer1").profile().service(Capability(type=WASH, method="wash")) == "Washer1.Wash"
+
+
+def test_services_are_inherited_and_may_be_replaced() -> None:
+    assert [*Washer("W").services()] == ["wash", "weigh"]
+    services = Quick("Q").services()
+    assert [*services] == ["wash", "rinse"]
+    assert services["rinse"].capability({}) == Capability(type="Rinse", method="rinse", attributes={"Price": 0.0, "Duration": 1.0})
+    assert isinstance(Washer.wash, Service)
+    assert Washer.wash is services["wash"]
+
+
+def test_a_service_goes_by_the_name_that_its_class_gives_it() -> None:
+    async def work(device: Device, task: Task) -> Situation:
+        return None
+
+    made = service("Polish", duration=1)(work)
+    assert made.name == "work"
+    device = bare(type="Washer", polish=made)
+    assert [one.method for one in device.profile().capabilities] == ["polish"]
+    assert made.name == "polish"
+
+
+def test_what_a_device_has_if_its_class_does_not_say_otherwise() -> None:
+    device = bare(type="Washer", wash=service("Wash", duration=1)(Washer.weigh.performs))
+    plain = Profile(
+        name="M", type="Washer", capabilities=(Capability(type="Wash", method="wash", attributes={"Price": 0.0, "Duration": 1.0}),)
+    )
+    assert device.profile() == plain
+    assert (device.data, device.simulator) == (Path(".somrs"), None)
+
+
+def bare(**members: object) -> Device:
+    made: Device = type("Made", (Device,), members)("M")
+    return made
+
+
+@pytest.mark.parametrize(
+    ("device", "text"),
+    [
+        (bare(), "Made does not say what it is on the map: give it a class attribute `type`, such as 'MobileRobot'"),
+        (bare(type=5), "Made does not say what it is on the map: give it a class attribute `type`, such as 'MobileRobot'"),
+        (bare(type="Washer"), "Made has no services: decorate an `async def` method with @service(...), and keep its name"),
+        (
+            bare(type="Washer", open=Washer.wash),
+            "Made.open is a service, but every device has a open of its own: call the service something else",
+        ),
+        (
+            bare(type="Washer", types=(AttributeType(name="A", kind="wrong"),), wash=Washer.wash),  # type: ignore[arg-type]  # the mistake
+            "Made brings AttributeType A, which is not well made: Invalid enum value 'wrong' - at `$.kind`",
+        ),
+    ],
+)
+def test_why_a_class_cannot_be_run(device: Device, text: str) -> None:
+    with pytest.raises(DeviceError) as error:
+        device.profile()
+    assert str(error.value) == text
+
+
+def test_what_is_no_service() -> None:
+    def wash(self: Device, task: Task) -> None: ...
+
+    with pytest.raises(DeviceError, match=r"wash has to be `async def`: a service takes time, and can be stopped$"):
+        service("Wash", duration=1)(wash)  # type: ignore[arg-type]  # the mistake
+    for wrong in ({"price": "much", "duration": 1}, {"duration": "long"}):
+        with pytest.raises(DeviceError, match=r"is not a (price|duration)"):
+            service("Wash", **wrong)(Washer.wash.performs)
+
+
+def test_what_a_device_observes_is_entish() -> None:
+    heard: list[str] = []
+    device = Washer("Washer1", simulator="http://h/simulator")
+    device.observed("Jar1 isOn Table1")
+    device.observer = heard.append
+    device.observed("Jar1   isOn Table1")
+    device.observed(parse("Jar2 isOn Table1"))
+    with pytest.raises(FormulaError):
+        device.observed("Jar1 isOn")
+    assert heard == ["Jar1 isOn Table1", "Jar2 isOn Table1"]
+    assert (device.name, device.simulator, Washer("W").simulator) == ("Washer1", "http://h/simulator", None)
+
+
+# Work
+
+
+def order(method: str = "wash", thing: str | None = "Jar1", effect: str = "?Object isClean ?Provider") -> Order:
+    return Order(participant="p", method=method, inputs={"Object": thing} if thing else {}, effect=effect)
+
+
+def came_to(work: Work, device: Device | None = None) -> object:
+    async def nobody(body: Body) -> Body:
+        raise AssertionError(body)
+
+    return asyncio.run(carry_out(device or Washer("Washer1"), work, nobody, lambda report: None))
+
+
+@pytest.mark.parametrize(
+    ("work", "answer"),
+    [
+        (Quote(order()), Quoted(price=4.0, currency="EUR", duration=30.0)),
+        (Quote(order("weigh")), Quoted(price=1.0, currency="PLN", duration=120.0)),
+        (Perform(order()), Done(situation="Jar1 isClean Washer1")),
+        (Perform(order(thing="Jar2")), Done(situation="Jar2 isOn Table1")),
+        (Perform(order(thing="Jar3")), Done(situation="Jar3 isOn Table1")),
+        (Perform(order("weigh", effect="?Object.Weight = ?Weight")), Done(situation="Jar1.Weight = 2", outputs={"Weight": 2})),
+        (Halt(order()), Done(situation="Jar1 isOn Floor1")),
+        (Halt(order("weigh")), Done()),
+        (Undo(order(), "Jar1 isOn Table1"), Done(situation="Jar1 isOn Table2")),
+        (Undo(order(thing="Jar2"), "Jar2 isOn Table1"), Done(situation="Jar2 isOn Table1")),
+    ],
+)
+def test_what_work_comes_to(work: Work, answer: object) -> None:
+    assert came_to(work) == answer
+
+
+@pytest.mark.parametrize(
+    ("work", "answer"),
+    [
+        (Quote(order(thing="Cat1")), Refused("no cats")),
+        (Perform(order(thing="Jar4")), Failure("it broke", "Jar4 isIn Bin1")),
+        (Undo(order("weigh"), "Jar1 isOn Table1"), Failure("Washer1 cannot undo weigh")),
+        (
+            Perform(order(thing="Jar5")),
+            Trouble("wash has to return a situation in Entish, a Result or None, and returned 7"),
+        ),
+        (
+            Perform(order("weigh", None, effect="?Object isOn ?Other")),
+            Trouble("weigh has to return the situation, because its effect leaves ?Object, ?Other open: ?Object isOn ?Other"),
+        ),
+        (Halt(order(thing=None)), Trouble("KeyError: 'Object'")),
+    ],
+)
+def test_what_goes_wrong_at_work_is_an_answer(work: Work, answer: object, caplog: pytest.LogCaptureFixture) -> None:
+    with pytest.raises(Exception) as error:  # whatever an author raises
+        came_to(work)
+    assert answer_of(error.value) == answer
+    assert [record.levelname for record in caplog.records] == (["ERROR"] if isinstance(answer, Trouble) else [])
+
+
+def test_exceptions_as_answers() -> None:
+    assert answer_of(InputError("no")) == Trouble("no")
+    assert answer_of(ValueError("no")) == Trouble("ValueError: no")
+    assert str(ServiceFailed("it broke", "A isOn B")) == "it broke"
+    assert str(Refusal("no cats")) == "no cats"
+
+
+def test_a_task_says_what_was_asked_and_how_far_it_is() -> None:
+    reports: list[object] = []
+    arranged = Order(
+        participant="p",
+        method="wash",
+        inputs={"Object": "Jar1", "Times": "2"},
+        effect="?Object isClean ?Provider",
+        precondition="?Object isIn A",
+    )
+    task = Task("Washer1", arranged, None, reports.append)  # type: ignore[arg-type]  # nothing is asked
+    assert (dict(task.inputs), task.effect) == ({"Object": "Jar1", "Times": 2.0}, parse("Jar1 isClean Washer1"))
+    assert (task.order, task.precondition) == (arranged, parse("Jar1 isIn A"))
+    assert Task("W", order(), None, reports.append).precondition is None  # type: ignore[arg-type]  # nothing is asked
+    for fraction in (-0.5, 0.25, 1.5):
+        asyncio.run(task.progress(fraction))
+    asyncio.run(task.progress(0.5, parse("Jar1 isOn B"), note="half way"))
+    assert reports == [
+        Advance(fraction=0.0),
+        Advance(fraction=0.25),
+        Advance(fraction=1.0),
+        Advance(fraction=0.5, situation="Jar1 isOn B", note="half way"),
+    ]
