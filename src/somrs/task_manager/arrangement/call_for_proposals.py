@@ -135,6 +135,7 @@ class Arrangement:
             for late in [one for one in bids if one.finish > call.latest]:
                 member, _ = bidders[late.participant]
                 run.excluded[member.offer.service] = f"would be done {late.finish - call.latest:.0f} s too late"
+                yield from participants.dismiss(member, "it would be done too late", now)
                 bids.remove(late)
         if not bids:
             yield from self.withdraw(call, "it failed at another step", now)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from msgspec import Struct, field
 
 from somrs.entish import Name
-from somrs.entish.formula import Attribute, Comparison, Truth, substitute, variables
+from somrs.entish.formula import Attribute, Comparison, Truth, substitute
 from somrs.entish.parse import parse
 from somrs.kernel.component import Doing, Effects
 from somrs.ontology.objects import Change, Fact, FactRemoved, Map, ValueSet
@@ -159,7 +159,7 @@ def _step(service_type: ServiceType, object: str, map: Map, ontology: Ontology) 
     (parameter,) = service_type.inputs
     known = Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(False))
     effect = substitute(parse(service_type.effect), {parameter.name: Name(object)})
-    if effect != known or variables(effect) or not ontology.is_a(map.objects[object].type, parameter.type):
+    if effect != known or not ontology.is_a(map.objects[object].type, parameter.type):
         return None
     return Step(id="step1", service_type=service_type.name, inputs={parameter.name: Name(object)}, effect=effect)
 

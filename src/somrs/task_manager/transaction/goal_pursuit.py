@@ -348,6 +348,7 @@ class GoalPursuit:
         return (yield from self._replan(now, (f"every step was done, but {goal} does not hold",)))
 
     def _fail(self, reasons: tuple[str, ...], now: float) -> Doing[Next | None]:
+        yield from self._withdraw("the plan was given up", now)
         yield from self.abandon()
         for run in self._execution:
             member = self._member(run)

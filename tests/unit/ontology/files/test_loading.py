@@ -447,6 +447,8 @@ def test_what_the_upper_ontology_has_can_be_left_out_or_defined_anew() -> None:
     [
         ("types Cupp", "did you mean Cup"),
         ("cups", "names no definition"),
+        ("types", "names no definition"),
+        ("5", "should be string"),
         ("types Graspable", "neither removed nor renamed"),
         ("attributes Texture", "no attribute is called Texture"),
     ],

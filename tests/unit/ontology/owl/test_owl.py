@@ -221,6 +221,9 @@ NOTED = [
     (":Vase a owl:Class ; rdfs:subClassOf type:Jar ; rdfs:label \"Glas\"@de .", "Vase", "rdfs:label Glas"),
     ("type:Jar a owl:Class ; rdfs:label \"Glass jar\" ; rdfs:subClassOf type:Graspable .", "Jar", "'Glass jar' is no name"),
     ("object:Jar002 a type:Jar ; rdfs:label \"Jar2\" .", "Jar002", "give it another name on the map itself"),
+    (":in a owl:ObjectProperty ; rdfs:domain type:Jar ; rdfs:range :P , type:Cup . :P a owl:Class ; rdfs:subClassOf type:Jar ; "
+     "owl:disjointWith type:Cup .", "P", "owl:disjointWith Cup"),
+    ("type:Jar a owl:Class . :d a owl:Class ; rdfs:subClassOf type:Jar ; owl:disjointWith type:Cup .", "d", "owl:disjointWith Cup"),
     (":Thing1 a owl:NamedIndividual .", "Thing1", "give it one of the types"),
     ("<http://example.org/vases> a owl:Ontology ; owl:imports <http://example.org/pots> .", "vases", "merge them into this one"),
 ]  # fmt: skip
@@ -241,6 +244,8 @@ def wrong(text: str) -> list[Problem]:
 
 WRONG = [
     (":Vase a owl:Class ; rdfs:subClassOf type:Jar , type:Room .", "parent", "keep one of them"),
+    ("object:Jar2 a type:Jar ; attribute:Color \"Red\" , \"Blue\" .", "value", "Color twice"),
+    (":J1 a owl:NamedIndividual ; relation:isOn object:T1 . object:T1 a type:Table .", "type", "is of no type"),
     (":7 a owl:Class ; rdfs:subClassOf type:Jar .", "name", "give it a label"),
     (":a rdfs:label \"B\" ; rdfs:subClassOf type:Jar ; a owl:Class . :B a owl:Class ; rdfs:subClassOf type:Jar .", "duplicate", "name"),
     (":Vase a owl:Class ; rdfs:subClassOf type:Jar ; somrs:default \"Weight is 3\" .", "value", "write such as Weight = 0.3"),

@@ -174,6 +174,7 @@ def test_a_plan_of_many_couriers_can_be_done_in_other_orders() -> None:
         ("A.Level = 1", "3 > 2 * level(A)", True),
         ("A.Level = 1", "level(B) > 2", False),
         ("A.Weight = 1", "level(A) > 2", False),
+        ("A.Level = 1", "NOT level(?X) > 2", True),
         ("A.Level = 1", "unknown(A) > 2", False),
         ("A.Level = 1", "marked(A)", False),
         ("marked(A)", "A.Level = 1", False),

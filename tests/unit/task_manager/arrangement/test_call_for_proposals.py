@@ -253,8 +253,10 @@ def test_who_would_be_done_too_late_is_not_asked_again(latest: float, chosen: st
     asking = Asking(offer("Robot1"), offer("Robot2"), latest=latest)
     asking.offers("Robot1", 1.0, 50.0)
     asking.offers("Robot2", 5.0, 40.0)
-    _, found = asking.award()
+    effects, found = asking.award()
     assert (found.offer.provider if found is not None else None, asking.run.excluded) == (chosen, excluded)
+    told = {f"{provider}.Work" for provider, says in said(effects).items() if says[0] == frp.Cancel(reason="it would be done too late")}
+    assert told == {*excluded}, "each hears why"
     assert asking.run.progress is (Progress.ARRANGED if chosen is not None else Progress.OPEN)
 
 

@@ -333,6 +333,25 @@ def test_a_procedure_is_done_when_what_it_demands_is_so() -> None:
     assert (desk.task.aside, desk.task.phase) == ([], Phase.ARRANGING)
 
 
+def test_when_a_procedure_is_given_up_nobody_is_asked_for_it_any_more() -> None:
+    desk = Desk(
+        "Robot1",
+        "Robot2",
+        found=[APART, Plan((move("x", "Jar002"), move("y", "Jar001")), ())],
+        effect=BOTH,
+        handlers=(Handler(on=Occasion.FAILURE, effect=f"Jar002 isOn Platform001 AND {WISH}"),),
+    )
+    terms(desk, "a", 1.0, 10.0, 20.0)
+    terms(desk, "b", 2.0, 20.0, 10.0)
+    desk.says(frp.Failed(description="stuck", situation="Jar001 isOn Cupboard001"), 5.0, by=member(desk, "a"))
+    (aside,) = desk.task.aside
+    assert [(run.label, run.progress) for run in aside] == [("handler2.x", Progress.ARRANGING), ("handler2.y", Progress.ARRANGING)]
+    aside.replans.all = 100
+    effects = desk.says(frp.Refuse(reason="too heavy"), 6.0, by=member(desk, "handler2.y", TWO))
+    assert (desk.task.aside, goodbyes(effects)) == ([], ["the plan was given up"])
+    assert member(desk, "handler2.x", TWO).state is State.ENDED
+
+
 # Waiting for others
 
 
