@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import subprocess
-import tarfile
+import zipfile
 from pathlib import Path
 
 from somrs.errors import UsageError
@@ -28,12 +28,12 @@ def built(folder: Path) -> Path:
     tree = folder / f"{version}-{commit[:10]}"
     if (tree / ".complete").exists():
         return tree
-    done = subprocess.run(["git", "-C", str(ROOT), "archive", commit, *PARTS], capture_output=True, check=False)
+    done = subprocess.run(["git", "-C", str(ROOT), "archive", "--format=zip", commit, *PARTS], capture_output=True, check=False)
     if done.returncode:
         why = done.stderr.decode(errors="replace").strip()
         raise UsageError(f"release {version} cannot be built from its commit {commit}: {why}; a clone with its history is needed")
     tree.mkdir(parents=True, exist_ok=True)
-    with tarfile.open(fileobj=io.BytesIO(done.stdout)) as archive:
-        archive.extractall(tree, filter="data")
+    with zipfile.ZipFile(io.BytesIO(done.stdout)) as archive:
+        archive.extractall(tree)
     (tree / ".complete").touch()
     return tree
