@@ -118,18 +118,26 @@ def forgotten() -> int:
 
 def halved(a: int) -> int:
     return a // 2
+
+def squared(a: int) -> int:
+    return a ** 2
+
+NINE = squared(3)
 """
 
 TESTS = """
 import subprocess, sys
 
-from somrs.entish.sums import bounded, low
+from somrs.entish.sums import NINE, bounded, low
 
 def test_what_is_less_is_raised():
     assert bounded(-2) == 0
 
 def test_low():
     assert low() > 0
+
+def test_nine():
+    assert NINE == 9
 
 def test_halved():
     program = "from somrs.entish.sums import halved; print(halved(4))"
@@ -165,7 +173,7 @@ def mutants_of(project: Path, *options: str) -> tuple[int, str, dict[str, str]]:
 
 def test_what_tests_notice_is_caught_and_the_rest_survives(project: Path) -> None:
     status, said, caught_by = mutants_of(project, "--seed", "3")
-    raised, low, halved = (f"tests/unit/test_sums.py::test_{name}" for name in ("what_is_less_is_raised", "low", "halved"))
+    raised, low, nine, halved = (f"tests/unit/test_sums.py::test_{name}" for name in ("what_is_less_is_raised", "low", "nine", "halved"))
     assert caught_by == {
         '- LIMITS = {"low": 1}\n+ LIMITS = {"changed": 1}': low,
         '- LIMITS = {"low": 1}\n+ LIMITS = {"low": 2}': "",
@@ -185,6 +193,10 @@ def test_what_tests_notice_is_caught_and_the_rest_survives(project: Path) -> Non
         "- return a // 2\n+ return None": halved,
         "- return a // 2\n+ return a * 2": halved,
         "- return a // 2\n+ return a // 3": halved,
+        "- return a ** 2\n+ return None": nine,
+        "- return a ** 2\n+ return a * 2": nine,
+        "- return a ** 2\n+ return a ** 3": nine,
+        "- NINE = squared(3)\n+ NINE = squared(4)": nine,
     }
     assert status == 1
     assert re.search(r"SEED=3\b", said)
@@ -194,11 +206,11 @@ def test_what_tests_notice_is_caught_and_the_rest_survives(project: Path) -> Non
     kept = project / "out" / "mutants" / "tried.jsonl"
     rows = kept.read_text().splitlines(keepends=True)
     rows.sort(key=lambda row: "never reached" not in row)
-    kept.write_text("".join(rows[:16]) + rows[16][:20])  # as who is killed leaves it
+    kept.write_text("".join(rows[:20]) + rows[20][:20])  # as who is killed leaves it
     again = mutants_of(project, "--seed", "3")
     assert (again[0], again[2]) == (status, caught_by)
-    assert "16 of them were tried before" in again[1]
-    assert len(kept.read_text().splitlines()) == 18
+    assert "20 of them were tried before" in again[1]
+    assert len(kept.read_text().splitlines()) == 22
     assert {*map(len, kept.read_text().splitlines())} == {len(row) - 1 for row in rows}
     (project / "tests" / "unit" / "test_sums.py").write_text(f"{TESTS}\n")
     assert "were tried before" not in mutants_of(project, "--seed", "3", "--sample", "2")[1], "with other tests, all is open again"

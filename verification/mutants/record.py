@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import msgspec
@@ -78,16 +78,17 @@ class Record:
         Of programs that a test starts it is only known which functions they call.
 
         What is run when a module is imported shows in what uses the module: these are the tests that reach any function of it, and then
-        those that reach one of the modules that import it.
+        those that import it, or reach one of the modules that do. A function may be called both ways: its own tests come first.
         """
+        reaching: dict[str, float] = {}
         if mutant.within is not None:
             lines = range(mutant.within[0], mutant.within[1] + 1)
-            reaching = self._reaching(mutant.file, lines)
-            if reaching or not any(line in self._reached[mutant.file] for line in lines):
-                return self._fastest_first(reaching)
+            reaching = self._fastest_first(self._reaching(mutant.file, lines))
+            if self._at_import[mutant.file].isdisjoint(lines):
+                return reaching
         own = self._fastest_first(self._reaching(mutant.file))
-        others = {test for file in self._importers.get(mutant.file, ()) for test in self._reaching(file)}
-        return own | self._fastest_first(others - {*own})
+        others = {test for file in self._importers.get(mutant.file, ()) for test in (*self._tests_in(file), *self._reaching(file))}
+        return reaching | own | self._fastest_first(others - {*own})
 
     def count(self) -> int:
         return len(self._seconds)
@@ -106,6 +107,7 @@ class Record:
         for name in self._data.measured_files():
             self._measured.setdefault(f"src/somrs/{name.rpartition('/src/somrs/')[2]}", []).append(name)
         self._reached: dict[str, dict[int, set[str]]] = {}
+        self._at_import: dict[str, set[int]] = {}
         self._called: dict[str, set[tuple[str, int, int]]] = {}
         calls = self._lines.with_suffix(".calls")
         for line in calls.read_text(encoding="utf-8").splitlines() if calls.exists() else ():
@@ -120,12 +122,18 @@ class Record:
     def _reaching(self, file: str, lines: range | None = None) -> set[str]:
         if file not in self._reached:
             reached: dict[int, set[str]] = {}
+            at_import = self._at_import.setdefault(file, set())
             for name in self._measured.get(file, ()):
                 for line, tests in self._data.contexts_by_lineno(name).items():
                     reached.setdefault(line, set()).update(test for test in tests if test in self._seconds)
+                    if "" in tests:
+                        at_import.add(line)
             self._reached[file] = reached
         own = set().union(*(tests for line, tests in self._reached[file].items() if lines is None or line in lines))
         return own | {test for test, first, last in self._called.get(file, ()) if lines is None or first <= lines[0] <= last}
+
+    def _tests_in(self, file: str) -> Iterable[str]:
+        return self._files[file].tests if file in self._files else ()
 
     def _fastest_first(self, tests: set[str]) -> dict[str, float]:
         return {test: self._seconds[test] for test in sorted(tests, key=lambda test: (self._seconds[test], test))}
@@ -139,10 +147,11 @@ def _python(folder: Path) -> list[Path]:
 
 
 def _importers(root: Path) -> dict[str, set[str]]:
-    """By the file of a module, those of the modules that import it, also by way of its package."""
+    """By the file of a module, those of the modules and tests that import it, also by way of its package."""
     files = {file.relative_to(root).as_posix() for file in _python(root / "src" / "somrs")}
+    tests = {file.relative_to(root).as_posix() for folder in TESTED_BY for file in _python(root / folder)}
     found: dict[str, set[str]] = {}
-    for file in files:
+    for file in files | tests:
         for node in ast.walk(ast.parse((root / file).read_bytes())):
             if isinstance(node, ast.ImportFrom) and node.module:
                 base = "src/" + node.module.replace(".", "/")
