@@ -42,6 +42,9 @@ types:
 relations:
   between: {joins: [Object, Support, Support], functional: true}
   isStuckTo: {joins: [PhysicalObject, Object], excludes: place}
+  isTiedTo: {joins: [PhysicalObject, Object], excludes: bond}
+  isBefore: {joins: [PhysicalObject, Object], excludes: side}
+  isBehind: {joins: [PhysicalObject, Object], excludes: side}
 """
 
 
@@ -80,6 +83,7 @@ BROKEN: dict[str, list[Change]] = {
     "on two things at a time": [FactAdded(Fact("isOn", ("Jar1", "Slab")))],
     "on and in": [FactAdded(Fact("isIn", ("Jar1", "Table1")))],
     "stuck and on": [FactAdded(Fact("isStuckTo", ("Jar1", "Table1")))],
+    "before and behind": [FactAdded(Fact("isBefore", ("Jar1", "Table1"))), FactAdded(Fact("isBehind", ("Jar1", "Slab")))],
     "between what it does not join": [FactAdded(Fact("between", ("Jar1", "House", "Table1")))],
     "between too few": [FactAdded(Fact("between", ("Jar1", "Table1")))],
     "between twice": [

@@ -85,7 +85,7 @@ def _attribute(attribute: AttributeType, ontology: Ontology) -> Iterator[Violati
     for index, inner in enumerate(attribute.attributes):
         if inner not in ontology.attributes:
             yield _unknown(attribute.name, "attribute", inner, ontology.attributes, f"attributes.{index}")
-        elif inner == attribute.name or any(path.split(".")[-1] == attribute.name for path in _inside(ontology, inner)):
+        elif attribute.name in (inner, *_inside(ontology, inner)):
             message = f"is made of itself, through {inner}; leave it out there"
             yield Violation(subject=attribute.name, rule="cycle", message=message, path=f"attributes.{index}")
 

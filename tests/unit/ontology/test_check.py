@@ -44,6 +44,7 @@ MAP = Map(
         "?x isOn Table1 OR connects(Door1, ?x, Hall)",
         "?w < 5 kg AND Jar1.Weight = ?w",
         "?n: number = Jar1.Weight",
+        "?t: text = Jar1.Label",
         "Robot1 = ?x AND ?x != ?y AND ?y isOn Table1",
         "Robot1.Charge - 5 % >= 20 %",
         "Jar1.Weight * 2 + 500 g <= ?w AND ?w = Table1.Weight",

@@ -9,7 +9,7 @@ from somrs.ontology.completion import Completions, brought_about, complete, desc
 from somrs.ontology.cursor import Slot
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.ontology.types import AttributeType, Kind, Ontology
+from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology
 from tests.unit.ontology.test_cursor import MAP, ONTOLOGY
 
 
@@ -268,6 +268,17 @@ def test_what_fits_best_comes_first() -> None:
     assert [one.name for one in fitting(ONTOLOGY, map, Slot(), "table")] == ["Tablet", "Old-table", "myTable", "Cup", "Bottles", "Desk"]
     assert [one.name for one in fitting(ONTOLOGY, map, Slot(type="Table"), "Tabl")] == ["myTable", "Bottles", "Desk"]
     assert [one.name for one in fitting(ONTOLOGY, map, Slot(relation="isAt", type="Object"))] == [*map.objects]
+
+
+def test_attributes_that_some_of_a_type_have_come_in_the_order_of_their_depth() -> None:
+    types = [
+        ObjectType(name="Crate", parent="Object"),
+        ObjectType(name="Old", parent="Crate", attributes=("Shape",)),
+        ObjectType(name="Oldest", parent="Old", attributes=("Age",)),
+    ]
+    ontology = ONTOLOGY.extended([AttributeType(name="Age", kind=Kind.NUMBER), *types])
+    found = [item.text for item in complete("?x: Crate.", 10, ontology, MAP).items]
+    assert found == ["Label", "Shape", "Age", "Shape.Height", "Shape.Count"]
 
 
 def test_what_already_stands_there_is_likely_and_its_like() -> None:

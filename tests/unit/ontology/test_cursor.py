@@ -75,6 +75,7 @@ def at(marked: str, **variables: str) -> Cursor:
         ("Jar1.|", cursor(Spot.ATTRIBUTE, owner="Jar", object="Jar1")),
         ("Jar1.Shape.|", cursor(Spot.ATTRIBUTE, owner="Jar", object="Jar1", path="Shape")),
         ("Jar1.Shape.He|", cursor(Spot.ATTRIBUTE, owner="Jar", object="Jar1", path="Shape")),
+        ("Jar1.Shape.Height.|", cursor(Spot.ATTRIBUTE, owner="Jar", object="Jar1", path="Shape.Height")),
         ("?x: Jar.Shape.|", cursor(Spot.ATTRIBUTE, owner="Jar", path="Shape", variables={"x": "Jar"})),
         ("?x: Jar.|", cursor(Spot.ATTRIBUTE, owner="Jar", variables={"x": "Jar"})),
         ("?x: Jar isOn ?y AND ?y.|", cursor(Spot.ATTRIBUTE, owner="Table", variables={"x": "Jar", "y": "Table"})),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from somrs.kernel.component import Answered, Ask, Effect, Notified, Rang, Received, Send, Started, Undelivered, Wake, Withdraw
+from somrs.kernel.component import Answered, Ask, Effect, Lost, Notified, Rang, Received, Send, Started, Undelivered, Wake, Withdraw
 from somrs.protocol.frp.session import NOT_ALLOWED, CoordinatorBody, CoordinatorSession
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
@@ -375,6 +375,17 @@ def test_what_is_undone_is_undone_to_what_is_wanted_now() -> None:
         Ask(bench.wanted(Activity.UNDO), Undo(order(), "Jar1 isOn Table1")),
     ]
     assert bodies(bench.did(Activity.UNDO, Done())) == [frp.Compensated(situation="Jar1 isOn Table1")]
+
+
+def test_what_fails_and_then_cannot_be_undone_says_both() -> None:
+    bench = Bench()
+    bench.executing()
+    assert bodies(bench.did(Activity.PERFORM, Failure("the pump is dry"))) == [frp.Failed(description="the pump is dry")]
+    bench.ask(frp.Compensate(situation="Jar1 isOn Table1"))
+    bench.did(Activity.UNDO, Lost())
+    assert bodies(bench.did(Activity.HALT, Done())) == [
+        frp.Stranded(description="the Service Manager of Washer1 was restarted while it worked")
+    ]
 
 
 @pytest.mark.parametrize(

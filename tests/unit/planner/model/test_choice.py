@@ -93,6 +93,20 @@ def test_where_it_matters_who_does_it_the_plan_says_who(problem: Problem) -> Non
     assert all(step.provider is not None and not step.alike for step in planned(problem).steps)
 
 
+def test_who_is_charged_for_it_cannot_be_replaced_by_whom_that_leaves_as_it_is() -> None:
+    charge = ServiceType(name="Charge", inputs=(Parameter(name="Robot", type="PioneerP3DX"),), effect="?Robot.Charge = 80 %")
+    problem = gripping("Jar001 isOn Platform001", picking(" AND ?Provider.Charge >= 20 %"), PUT, charge)
+    charged = parse("Robot1.Charge = 10 % AND Robot2.Charge = 50 % AND Robot3.Charge = 50 %")
+    problem = replace(problem, map=applied(charged, problem.map, problem.ontology))
+    found = planned(replace(problem, excluded=frozenset({"Robot2", "Robot3"})))
+    assert [(step.service_type, step.provider) for step in found.steps] == [
+        ("Charge", None),
+        ("PickUp", "Robot1"),
+        ("PutDown", "Robot1"),
+    ]
+    assert opened(problem, found) == found
+
+
 def test_couriers_that_move_cannot_take_each_others_place() -> None:
     steps, known = carried(2, 2), relay(2, 2)
     made = Plan(tuple(steps), linked(steps, maps_of(steps, known), known))
