@@ -17,7 +17,7 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime.http import Server
-from somrs.runtime.wire import NONE, Wire
+from somrs.runtime.wire import NONE, Unanswered, Wire, asked_again
 
 TYPE = {"Content-Type": "application/soap+xml; charset=utf-8"}
 QUERY = knowledge.QueryMap(formula="Jar1 isOn ?Place")
@@ -321,6 +321,32 @@ def test_a_port_that_is_taken() -> None:
             await Server("127.0.0.1", server.port, {}).start()
 
     serving(scenario)
+
+
+def test_who_comes_while_a_process_starts_comes_again() -> None:
+    """Between listening and the first part, which is read from its journal, somebody who knows the address may be there already."""
+
+    async def play() -> None:
+        server, wire = Server("127.0.0.1", 0), Wire()
+        await server.start()
+        try:
+            says = "HTTP 503: nothing is here yet; this process is starting"
+            with pytest.raises(Unanswered, match=says):
+                await wire.post(query(f"{server.url}/repository"))
+            with pytest.raises(Unanswered, match=says):
+                await wire.post_together([query(f"{server.url}/repository")] * 2, 30)
+            asking = asyncio.create_task(asked_again(lambda: wire.post(query(f"{server.url}/repository")), 60))
+            await asyncio.sleep(0.05)
+            assert not asking.done()
+            server.parts["/repository"] = answer
+            said = await asking
+            assert said is not None
+            assert said.body == knowledge.Rows(rows=(), version=7)
+        finally:
+            await wire.close()
+            await server.stop()
+
+    asyncio.run(play())
 
 
 def test_pages_and_descriptions() -> None:

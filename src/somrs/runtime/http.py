@@ -47,6 +47,7 @@ CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
 HANG_UP = {"Connection": "close"}
 _TAKEN = Response(status_code=202)
 STOPPING = "this component is stopping"
+STARTING = "nothing is here yet; this process is starting"
 
 
 class NotTaken(RemoteError):
@@ -105,6 +106,9 @@ class Server:
     async def _serve(self, scope: Scope, receive: Receive, send: SendPart) -> None:
         """One request, as ASGI has it. There is nothing to be routed but by the method, and every message comes this way."""
         match scope["method"]:
+            case _ if not self.parts:
+                # A process listens before its parts are read from disk: whoever knows their address is to come again.
+                response = _response(_not_taken(RemoteError(STARTING)))
             case "POST":
                 response = await self._take(scope, receive)
             case "GET" | "HEAD":
@@ -171,7 +175,7 @@ class Server:
             return _fault(WireError(soap.RECEIVER, "this message met a defect here; see the log"), message)
 
     def _nothing(self, path: str) -> str:
-        return f"nothing is at {path}; here are {', '.join(self.parts) or 'no parts'}\n"
+        return f"nothing is at {path}; here are {', '.join(self.parts)}\n"
 
     async def _unless_stopped(self, work: Awaitable[T]) -> T:
         """What the work comes to. Raises RemoteError when the server stops before."""
