@@ -8,6 +8,7 @@ from msgspec import Struct, field
 
 from somrs.entish import Formula, Name
 from somrs.entish.formula import Attribute, Comparison, Not, Relation, conjunction, conjuncts, names
+from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, ValueSet, objects_of
@@ -61,6 +62,18 @@ class Work(Struct, kw_only=True, eq=False):
     def matters(self) -> bool:
         """Whether the client of a task that was not accomplished has to know what became of it."""
         return self.service_type.kind is ServiceKind.PHYSICAL and not self.taken_over and self.goal is not GoalKind.UNDO
+
+    @property
+    def changed_nothing(self) -> bool:
+        """Whether it said, when it came to its end, that all was as before. What is otherwise since then is others' doing, and theirs to
+        keep or undo."""
+        if self.state not in (State.COMPLETED, State.FAILED, State.STOPPED) or self.before is None or self.situation is None:
+            return False
+        try:
+            left = [*conjuncts(parse(self.situation))]
+        except FormulaError:
+            return False
+        return all(part in left for part in conjuncts(self.before))
 
     def end(self, result: State, now: float) -> None:
         """It is over; what is heard of it later is of its undoing."""

@@ -1,8 +1,8 @@
 """Undoing what was done, last things first (FRP, "Recovery": give up, and compensate and retry).
 
-Each piece of work goes through the same attempts, the cheapest first: it may be as it was already; a procedure may have been laid down
-for it; the service that did it may undo it; others may restore what was before. What none of them achieves is stranded: it is reported
-to the client with its situation.
+Each piece of work goes through the same attempts, the cheapest first: it may have changed nothing, or be as it was already; a procedure
+may have been laid down for it; the service that did it may undo it; others may restore what was before. What none of them achieves is
+stranded: it is reported to the client with its situation.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Compensation:
             member = self._members.get(work.participant)
             if member is not None and (member.state is State.COMPENSATING or member.halting):
                 return False
-            if work.state is State.COMPENSATED or self._is_as_it_was(work):
+            if work.state is State.COMPENSATED or work.changed_nothing or self._is_as_it_was(work):
                 self._restored(work, now)
             elif self._taken_over(work):
                 self._strand(work, events.WorkStranded(taken=True), now)

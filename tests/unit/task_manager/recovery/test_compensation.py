@@ -79,6 +79,20 @@ def test_what_is_as_it_was_is_undone() -> None:
     assert (ending.state.restored, ending.state.work, ending.state.left) == (2, None, [])
 
 
+@pytest.mark.parametrize("state", [State.COMPLETED, State.FAILED, State.STOPPED, State.UNREACHABLE])
+@pytest.mark.parametrize(
+    ("situation", "nothing"),
+    [(THERE, True), (f"{THERE} AND Robot1.Charge = 5 %", True), (HERE, False), ("Robot1.Charge = 5 %", False), ("no formula (", False)],
+)
+def test_what_changed_nothing_is_not_undone_whatever_others_did_since(state: State, situation: str, nothing: bool) -> None:
+    one = work(1)
+    one.state, one.situation = state, situation
+    nothing = nothing and state is not State.UNREACHABLE
+    effects, found = Ending(one).proceeds()
+    assert (effects, found) == ([], True if nothing else ToRestore(THERE, one))
+    assert one.state is (State.COMPENSATED if nothing else state)
+
+
 @pytest.mark.parametrize("taken", [("Jar001",), ("Jar002",)])
 def test_what_another_task_has_is_left_to_it(taken: tuple[str, ...]) -> None:
     ending = Ending(work(1), by_others=False)
