@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import urllib.request
 from collections.abc import Callable
 
+import pytest
 from playwright.sync_api import Page, expect
 
 from .conftest import WIDTHS, Running, every_look, fits, resize, shoot
@@ -37,3 +39,48 @@ def test_the_api_describes_itself(system: Running, window: Callable[..., Page]) 
         described = json.load(answer)
     assert described["openapi"].startswith("3.1")
     assert all(one["summary"] for path in described["paths"].values() for one in path.values())
+
+
+WATCH_PLACES = """
+window.moved = () => seen.filter(({element, at, words}) => {
+    const now = element.getBoundingClientRect();
+    return element.isConnected && now.width && Math.hypot(now.x - at.x, now.y - at.y) > 2;
+}).map(({words}) => words);
+window.seen = [];
+const look = () => {
+    for (const element of document.querySelectorAll("button, a, input, [role=switch], [role=tab]")) {
+        const at = element.getBoundingClientRect();
+        if (!at.width || !at.height || at.y > 120 || seen.some((one) => one.element === element)) continue;
+        seen.push({element, at, words: element.getAttribute("aria-label") || element.textContent});
+    }
+    requestAnimationFrame(look);
+};
+requestAnimationFrame(look);
+"""
+"""What can be pressed in the head of a page, and is not where it was when it was first shown."""
+
+
+@pytest.mark.parametrize(
+    ("path", "read"),
+    [
+        ("/", re.compile(r"version \d+")),
+        ("/map", re.compile(r"\d+ objects")),
+        ("/ontology", re.compile("PhysicalObject")),
+        ("/define", re.compile("Robot2")),
+        ("/tasks", re.compile(r"There are no tasks yet|ago|just now|Jar00")),
+        ("/fleet", re.compile("Robot2")),
+        ("/history", re.compile("No task is over|Jar00")),
+    ],
+    ids=["start", "map", "ontology", "define", "tasks", "fleet", "history"],
+)
+def test_what_can_be_pressed_stays_where_it_is_while_the_page_is_read(
+    system: Running, window: Callable[..., Page], path: str, read: re.Pattern[str]
+) -> None:
+    """Who presses early would press something else."""
+    page = window("about:blank")
+    page.add_init_script(WATCH_PLACES)
+    page.goto(f"{system.url}{path}")
+    expect(page.get_by_role("main").last).to_contain_text(read)
+    page.wait_for_load_state("networkidle")
+    assert page.evaluate("seen.length") > 8
+    assert page.evaluate("moved()") == []

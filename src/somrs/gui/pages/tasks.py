@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from nicegui import ui
@@ -63,7 +63,7 @@ class _Tasks:
         self._change = Soon(self._show)
         with ui.element("div").classes("somrs-tasks-head"):
             ui.label("Tasks").classes("somrs-title").props('role="heading" aria-level="1"')
-            self._which = ui.toggle({ALL: "All", RUNNING: "Under way"}, value=ALL, on_change=self._show).props("no-caps dense unelevated")
+            self._which = ui.toggle(_choices([]), value=ALL, on_change=self._show).props("no-caps dense unelevated")
             self._wanted = ui.input(placeholder="Find in wishes, people, services", on_change=self._show).props(
                 'dense outlined clearable type=search aria-label="Find"'
             )
@@ -113,15 +113,7 @@ class _Tasks:
 
     def _show(self) -> None:
         rows = sorted(self._rows.values(), key=lambda row: -row.submitted_at)[:MOST]
-        count = Counter(_kind(row) for row in rows)
-        self._which.set_options(
-            {
-                ALL: f"All {len(rows)}",
-                RUNNING: f"Under way {count[RUNNING]}",
-                **{outcome.value: f"{label} {count[outcome.value]}" for outcome, label in OUTCOMES.items()},
-            },
-            value=self._which.value,
-        )
+        self._which.set_options(_choices(rows), value=self._which.value)
         now = time.time()
         self._table.show([_told(row, self._asked, now) for row in rows if self._is_wanted(row)])
         self._table.say("No task is like that." if rows else "There are no tasks yet. State one with “New task”.")
@@ -130,6 +122,13 @@ class _Tasks:
         words = str(self._wanted.value or "").lower().split()
         text = f"{row.effect} {person(row.client)} {' '.join(row.services)} {row.explanation} {row.task}".lower()
         return self._which.value in (ALL, _kind(row)) and all(word in text for word in words)
+
+
+def _choices(rows: Sequence[TaskRow]) -> dict[str, str]:
+    """Which tasks can be shown, and how many each are; before any were read, there are none."""
+    count = Counter(_kind(row) for row in rows)
+    outcomes = {outcome.value: f"{label} {count[outcome.value]}" for outcome, label in OUTCOMES.items()}
+    return {ALL: f"All {len(rows)}", RUNNING: f"Under way {count[RUNNING]}", **outcomes}
 
 
 def _kind(row: TaskRow) -> str:

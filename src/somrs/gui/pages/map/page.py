@@ -74,9 +74,9 @@ class MapPage:
     def _bar(self) -> None:
         with ui.element("div").classes("somrs-map-bar"):
             ui.label("Map").classes("somrs-title").props('role="heading" aria-level="1"')
-            self._count = ui.label().classes("somrs-soft")
             self._views = ui.toggle([PLAN, SCENE], value=PLAN, on_change=lambda event: self._stage.switch(str(event.value)))
             self._views.props('dense no-caps unelevated toggle-color=primary aria-label="How to show it"').classes("somrs-map-views")
+            self._count = ui.label().classes("somrs-soft")
             ui.space()
             self._links()
             snap = ui.switch("Snap", value=True, on_change=lambda event: self._plan.set_snap(SNAP if event.value else 0.0)).props("dense")
