@@ -8,15 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from somrs.ontology.objects import Fact, Map, Object, ValueSet
-from somrs.protocol.messages.clients import Phase, TaskView, WorkView
+from somrs.ontology.objects import ValueSet
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Event
 from tests.support import warm
 from verification.kill_runs import truth
 from verification.kill_runs.bystanders import AUTHOR, CHANGED, PATH, Acknowledged
-from verification.kill_runs.draw import CELLS, HOMES, MESSAGES, Victim, drawn
-from verification.kill_runs.plays import PLAYS, plays_of
+from verification.kill_runs.draw import CELLS, MESSAGES, Victim, drawn
+from verification.kill_runs.plays import plays_of
 from verification.kill_runs.run import Run
 from verification.kill_runs.stage import Stage
 from verification.kill_runs.truth import Told
@@ -81,35 +80,6 @@ def taken_over(at: float) -> list[tuple[float, str, str]]:
 def test_what_a_conversation_must_not_be_is_found(messages: list[tuple[float, str, str]], wrong: str) -> None:
     found = [*truth.protocol(said(*messages))]
     assert wrong in found[0] if wrong else not found, found
-
-
-@pytest.mark.parametrize(
-    ("play", "left", "wrong"),
-    [
-        ("strand", "Jar002 isHeldBy Robot1 AND Robot1.PositionX = 1 AND Robot1.Working = FALSE", False),
-        ("strand", "Jar002 isHeldBy Robot1 AND Robot1.Working = TRUE", True),
-        ("strand", "Jar002 isHeldBy Robot1 AND Robot2.Working = FALSE", True),
-        ("strand", "Jar003 isHeldBy Robot1 AND Robot1.Working = FALSE", True),
-        ("strand", "Jar002 isOn Floor001 AND Robot1.Working = FALSE", True),
-        ("cancel", "Jar002 isHeldBy Robot1 AND Robot1.Working = FALSE", True),
-    ],
-)
-def test_what_is_not_back_where_it_was_is_found(play: str, left: str, wrong: bool) -> None:
-    case = replace(drawn(0), play=next(one for one in PLAYS if one.name == play), victim=Victim.REGISTRY)
-    work = WorkView(
-        step="step1",
-        service="Robot1.TransferObject",
-        service_type="TransferObject",
-        inputs={},
-        began=0,
-        state=State.STRANDED,
-        situation=left,
-    )
-    view = TaskView(task="t", effect="", phase=Phase.ENDED, submitted_at=0, outcome=Outcome.CANCELLED, work=(work,))
-    home = [Fact("isOn", (thing, place)) for thing, place in HOMES.items() if thing != "Jar002"]
-    objects = [Object(name=name, type="Object") for name in {*HOMES, *HOMES.values()}]
-    assert bool([*truth.undone(case, view, Map(objects, home))]) is wrong
-    assert not [*truth.undone(case, view, Map(objects, [*home, Fact("isOn", ("Jar002", HOMES["Jar002"]))]))]
 
 
 def test_who_is_not_at_home_is_found() -> None:

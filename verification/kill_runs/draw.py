@@ -17,11 +17,8 @@ MOST_DELAY = 0.02
 """Seconds from the message to the kill: by then the message may be on its way, handled, kept, or answered."""
 MOST_PAUSE = 3.0
 """Seconds for which the victim is away."""
-MOST_ATTEMPTS = 12
-"""How often a run is begun when its kill comes too late: on a busy machine that happens often."""
-
-ATTEMPTS_AT_ANY = 3
-"""In so many attempts any message of the type may be the one; then it is the first, which is not missed as easily."""
+MOST_ATTEMPTS = 4
+"""How often a run is begun anew when its kill came too late."""
 IMPOSSIBLE = "Jar003"
 """Nothing can be put on it."""
 
@@ -78,7 +75,7 @@ def drawn(seed: int, attempt: int = 0) -> Case:
     wanted = tuple((thing, chance.choice([place for place in PLACES if place != HOMES[thing]])) for thing in things)
     if not play.possible:
         wanted = (("Carton001", IMPOSSIBLE),)
-    most = 1 if attempt >= ATTEMPTS_AT_ANY else play.count(message, len(wanted))
+    most = 1 if attempt == MOST_ATTEMPTS - 1 else play.count(message, len(wanted))
     return Case(
         seed=seed,
         attempt=attempt,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct
@@ -20,7 +19,7 @@ from somrs.protocol.messages.records import TaskRecord
 from somrs.task_manager.execution.participants import SILENCE
 from verification.kill_runs.bystanders import AUTHOR, PATH, Acknowledged
 from verification.kill_runs.draw import HOMES, Case, Victim
-from verification.kill_runs.plays import ROBOTS, Act
+from verification.kill_runs.plays import ROBOTS
 
 REPORTS = ("Completed", "Failed", "Stopped", "Refuse", "Fault", "Status")
 """What a participant that was told to execute says when it does not work any more; a Status, when it has forgotten its contract."""
@@ -76,20 +75,11 @@ def nobody_left(view: TaskView) -> bool:
 
 
 def undone(case: Case, view: TaskView, map: Map) -> Iterator[str]:
-    """When the task was cancelled, everything is where it was; unless there was no robot left that could undo it, or the thing is in a
-    gripper that is stuck, as the client is told: on a busy machine it may have taken the thing again before it was broken."""
+    """When the task was cancelled, everything is where it was; unless there was no robot left that could undo it."""
     if view.outcome is Outcome.CANCELLED and case.victim is not Victim.DEVICE and not nobody_left(view):
         for thing, home in HOMES.items():
-            if [fact[1] for fact in map.facts_with("isOn", 0, thing)] != [home] and not stuck(thing, case, view):
+            if [fact[1] for fact in map.facts_with("isOn", 0, thing)] != [home]:
                 yield f"the task was cancelled, and {thing} is not back on {home}: {view.explanation}"
-
-
-def stuck(thing: str, case: Case, view: TaskView) -> bool:
-    """Whether a gripper was to be stuck, and the client is told that the robot holds the thing and cannot put it down."""
-    if all(cue.act is not Act.JAM for cue in case.play.cues):
-        return False
-    left = (work.situation or "" for work in view.work if work.state is State.STRANDED)
-    return any(re.search(rf"\b{thing} isHeldBy (\w+) AND .*\b\1\.Working = FALSE", situation) for situation in left)
 
 
 # The protocol
