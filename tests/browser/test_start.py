@@ -42,7 +42,7 @@ def test_the_api_describes_itself(system: Running, window: Callable[..., Page]) 
 
 
 WATCH_PLACES = """
-window.moved = () => seen.filter(({element, at, words}) => {
+window.moved = () => seen.filter(({element, at}) => {
     const now = element.getBoundingClientRect();
     return element.isConnected && now.width && Math.hypot(now.x - at.x, now.y - at.y) > 2;
 }).map(({words}) => words);
