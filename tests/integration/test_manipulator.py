@@ -258,11 +258,11 @@ def test_a_link_that_is_lost_fails_with_what_was_known_last() -> None:
     run(test())
 
 
-@pytest.mark.parametrize("when", [{"after": 1.0}, {"carried": 1.0}])
-def test_a_link_that_is_lost_for_a_moment_does_not_end_the_work(when: dict[str, float]) -> None:
+@pytest.mark.parametrize(("after", "carried"), [(1.0, None), (None, 1.0)])
+def test_a_link_that_is_lost_for_a_moment_does_not_end_the_work(after: float | None, carried: float | None) -> None:
     async def test() -> None:
         async with desk(away=6.0) as at:
-            await at.operator.schedule("Robot1", Fault.LINK, **when)
+            await at.operator.schedule("Robot1", Fault.LINK, after=after, carried=carried)
             working = asyncio.create_task(at.perform(order()))
             while not (await at.operator.robots())["Robot1"].faults:
                 await asyncio.sleep(0.01)

@@ -316,6 +316,31 @@ def test_a_drive_that_dies_under_way_leaves_the_jar_on_the_floor_and_says_where(
     run(test())
 
 
+def test_a_gripper_that_sticks_once_it_has_put_the_jar_down() -> None:
+    async def test() -> None:
+        async with (
+            simulator() as server,
+            RobotLink(server.host, server.port, "Robot1") as robot,
+            OperatorLink(server.host, server.port) as operator,
+        ):
+            await operator.schedule("Robot1", Fault.GRIPPER, released=True)
+            await robot.approach("Jar1")
+            assert (await robot.grip("Jar1")).state.faults == ()
+            await robot.approach("Platform1")
+            done = await robot.place("Platform1")
+            assert done.state.faults == ()
+            assert (await operator.seen("Jar1")).on == "Platform1"
+            assert (await robot.status()).state.faults == (Fault.GRIPPER,)
+            await robot.approach("Jar1")
+            with pytest.raises(RobotGaveUp) as gave:
+                await robot.grip("Jar1")
+            assert gave.value.reason == "gripper-stuck"
+            await operator.repair("Robot1", Fault.GRIPPER)
+            await robot.grip("Jar1")
+
+    run(test())
+
+
 def test_a_fault_after_some_time_and_one_that_is_called_off() -> None:
     async def test() -> None:
         async with (

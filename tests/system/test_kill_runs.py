@@ -14,7 +14,7 @@ from somrs.protocol.messages.knowledge import Event
 from tests.support import warm
 from verification.kill_runs import truth
 from verification.kill_runs.bystanders import AUTHOR, CHANGED, PATH, Acknowledged
-from verification.kill_runs.draw import CELLS, MESSAGES, Victim, drawn
+from verification.kill_runs.draw import CELLS, MESSAGES, MOST_ATTEMPTS, Victim, drawn
 from verification.kill_runs.plays import plays_of
 from verification.kill_runs.run import Run
 from verification.kill_runs.stage import Stage
@@ -47,6 +47,8 @@ def test_every_message_is_brought_about_with_every_victim() -> None:
         assert 1 <= case.nth <= case.play.count(case.message, len(case.wanted)), case
         assert drawn(case.seed) == case
         assert drawn(case.seed, 1).message == case.message
+        last = drawn(case.seed, MOST_ATTEMPTS - 1)  # the surest of all to come in time
+        assert (last.message, last.victim, last.nth, last.delay) == (case.message, case.victim, 1, 0.0)
 
 
 def said(*messages: tuple[float, str, str]) -> list[Told]:

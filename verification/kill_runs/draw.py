@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT
 from somrs.protocol.messages.clients import Policy
-from verification.kill_runs.plays import PLACES, THINGS, Play, plays_of
+from verification.kill_runs.plays import CHEAP, DEAR, PLACES, THINGS, Play, plays_of
 
 MESSAGES = tuple(dict.fromkeys(kind.__name__ for kind in (*TO_PARTICIPANT, *TO_COORDINATOR)))
 """Every type of message of the Failure Recovery Protocol."""
@@ -17,8 +17,8 @@ MOST_DELAY = 0.02
 """Seconds from the message to the kill: by then the message may be on its way, handled, kept, or answered."""
 MOST_PAUSE = 3.0
 """Seconds for which the victim is away."""
-MOST_ATTEMPTS = 4
-"""How often a run is begun anew when its kill came too late."""
+MOST_ATTEMPTS = 8
+"""How often a run is played at most while its kill comes too late; in the second half of them it does not wait after the message."""
 IMPOSSIBLE = "Jar003"
 """Nothing can be put on it."""
 
@@ -75,6 +75,7 @@ def drawn(seed: int, attempt: int = 0) -> Case:
     wanted = tuple((thing, chance.choice([place for place in PLACES if place != HOMES[thing]])) for thing in things)
     if not play.possible:
         wanted = (("Carton001", IMPOSSIBLE),)
+    broken = {robot for robot, _ in play.broken} | {one.robot for one in play.breaks}
     most = 1 if attempt == MOST_ATTEMPTS - 1 else play.count(message, len(wanted))
     return Case(
         seed=seed,
@@ -83,9 +84,9 @@ def drawn(seed: int, attempt: int = 0) -> Case:
         victim=victim,
         play=play,
         wanted=wanted,
-        policy=chance.choice((Policy.PRICE, Policy.TIME)) if not (play.broken or play.breaks) else Policy.PRICE,
+        policy=Policy.PRICE if CHEAP in broken and DEAR not in broken else chance.choice((Policy.PRICE, Policy.TIME)),
         nth=chance.randint(1, most),
-        delay=chance.choice((0.0, 0.0, chance.uniform(0.0, MOST_DELAY))),
+        delay=chance.choice((0.0, 0.0, chance.uniform(0.0, MOST_DELAY))) if attempt < MOST_ATTEMPTS // 2 else 0.0,
         pause=chance.uniform(0.0, MOST_PAUSE),
         which=chance.random(),
     )

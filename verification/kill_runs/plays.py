@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.link.lines import Break
 from somrs.protocol.messages.frp import Outcome
 
 CHEAP, DEAR, PATROL, CAMERA = "Robot1", "Robot2", "Patrol1", "Camera001"
@@ -22,7 +23,6 @@ class Act(Enum):
     """What is done to the system besides the kill."""
 
     CANCEL = "the client changes its mind"
-    JAM = "the gripper of the robot that works is stuck"
     FREEZE = "the process of the device that works is stopped (SIGSTOP)"
     THAW = "it goes on (SIGCONT)"
     STRAY = "the device that works gets a message that does not belong there"
@@ -48,8 +48,8 @@ class Play:
     most_things: int = 2
     broken: tuple[tuple[str, Fault], ...] = ()
     """What is broken from the beginning."""
-    breaks: tuple[tuple[str, Fault], ...] = ()
-    """What breaks once the robot has carried something for a while."""
+    breaks: tuple[Break, ...] = ()
+    """What breaks meanwhile, at a moment of the simulated world, which is the same however busy the machine is."""
     cues: tuple[Cue, ...] = ()
     one_robot: bool = False
     """Of the two robots that carry things, one does not come into question, or not any more."""
@@ -77,7 +77,7 @@ PLAYS = (
     Play(
         name="break",
         one_robot=True,
-        breaks=((CHEAP, Fault.DRIVE),),
+        breaks=(Break(robot=CHEAP, fault=Fault.DRIVE, carried=1.0),),
         brings={**_CONTRACT, **_DONE, "Failed": 1},
         most_things=1,
     ),
@@ -92,7 +92,8 @@ PLAYS = (
         ends=_CANCELLED,
         brings={"Stop": 1, "Stopped": 1, "Compensate": 1, "Stranded": 1, "End": 1},
         most_things=1,
-        cues=(_CHANGED_MIND, Cue(type="Stopped", act=Act.JAM)),
+        breaks=tuple(Break(robot=robot, fault=Fault.GRIPPER, released=True) for robot in ROBOTS),
+        cues=(_CHANGED_MIND,),
     ),
     Play(
         name="silence",

@@ -14,7 +14,6 @@ import msgspec
 from somrs.client.client import Client
 from somrs.client.task_history import Past
 from somrs.client.trace import TASK_MANAGER, Line
-from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import RemoteError, SomrsError
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Cancelling, CancelTask, Submit, TaskView
@@ -74,6 +73,8 @@ class _Story:
     counted: int = 0
     struck_at: float | None = None
     device: str = ""
+    cue_at: float = 0.0
+    """When the message passed at which somebody is struck."""
     ready_at: float | None = None
     cancelled_at: float | None = None
     view: TaskView | None = None
@@ -123,8 +124,8 @@ class Run:
         self._addresses = await stage.devices()
         for robot, fault in case.play.broken:
             await stage.operator.fault(robot, fault)
-        for robot, fault in case.play.breaks:
-            await stage.operator.schedule(robot, fault, carried=1.0)
+        for one in case.play.breaks:
+            await stage.operator.schedule(one.robot, one.fault, after=one.after, carried=one.carried, released=one.released)
         bystanders = Bystanders(stage.client, f"{case.seed}.{case.attempt}")
         async with contextlib.AsyncExitStack() as opened:
             tail = Tail(stage.data / "messages.jsonl")
@@ -172,7 +173,7 @@ class Run:
                 story.counted += 1
                 if story.counted == case.nth and story.struck_at is None:
                     story.device = self._device(line)
-                    story.struck_at = line.at
+                    story.struck_at = story.cue_at = line.at
                     bystanders.burst()
                     self._acts.append(asyncio.create_task(self._strike()))
             for cue in [cue for cue in self._todo if cue.type == line.type and float(line.body.get("fraction", 0)) >= cue.fraction]:
@@ -203,8 +204,6 @@ class Run:
                 wanted = CancelTask(task=line.transaction, reason="the client changed its mind")
                 await stage.client.ask(stage.system.addresses.task_manager, wanted, Cancelling, patience=PATIENCE)
                 self._story.cancelled_at = time.time()
-            case Act.JAM:
-                await stage.operator.fault(device, Fault.GRIPPER)
             case Act.FREEZE:
                 self._story.frozen = device
                 stage.signal(device, signal.SIGSTOP)
@@ -249,7 +248,8 @@ class Run:
             return f"there were {story.counted} of {case.nth} {case.message}"
         ended = view.ended_at
         if case.message != "End" and ended is not None and story.struck_at > ended:
-            return f"the task was over {(story.struck_at - ended) * 1000:.0f} ms before"
+            late, after = story.struck_at - ended, ended - story.cue_at
+            return f"the task was over {late * 1000:.0f} ms before, {after * 1000:.0f} ms after the message"
         return ""
 
     def _measure(self, result: Result, view: TaskView) -> None:

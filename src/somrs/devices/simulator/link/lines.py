@@ -48,12 +48,15 @@ class Order(Struct, frozen=True, kw_only=True, tag="command", tag_field="say"):
 
 
 class Break(Struct, frozen=True, kw_only=True, tag="break", tag_field="ask"):
-    """Let something fail: now; `after` so many simulated seconds; or when the robot has `carried` something so many metres."""
+    """Let something fail: now; `after` so many simulated seconds; when the robot has `carried` something so many metres; or when
+    it has `released` what it carried, and has drawn its arm in.
+    """
 
     robot: str
     fault: Fault
     after: Annotated[float, Meta(ge=0)] | None = None
     carried: Annotated[float, Meta(ge=0)] | None = None
+    released: bool = False
 
 
 class Repair(Struct, frozen=True, kw_only=True, tag="repair", tag_field="ask"):

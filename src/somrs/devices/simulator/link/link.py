@@ -187,11 +187,17 @@ class OperatorLink(Link):
         """Break something now."""
         await self._ask(Break(robot=robot, fault=fault))
 
-    async def schedule(self, robot: str, fault: Fault, *, after: float | None = None, carried: float | None = None) -> None:
-        """Break something after so many simulated seconds, or when the robot has carried something so many metres."""
-        if after is None and carried is None:
-            raise UsageError("say when the fault is to happen: after how many seconds, or when the robot has carried something how far")
-        await self._ask(Break(robot=robot, fault=fault, after=after, carried=carried))
+    async def schedule(
+        self, robot: str, fault: Fault, *, after: float | None = None, carried: float | None = None, released: bool = False
+    ) -> None:
+        """Break something after so many simulated seconds, when the robot has carried something so many metres, or when it has
+        released what it carried."""
+        if after is None and carried is None and not released:
+            raise UsageError(
+                "say when the fault is to happen: after how many seconds, when the robot has carried something how far, "
+                "or when it has released something"
+            )
+        await self._ask(Break(robot=robot, fault=fault, after=after, carried=carried, released=released))
 
     async def repair(self, robot: str, fault: Fault) -> None:
         await self._ask(Repair(robot=robot, fault=fault))

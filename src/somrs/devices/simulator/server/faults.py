@@ -1,4 +1,4 @@
-"""Faults that are to happen later: after some simulated time, or once a robot has carried something so far."""
+"""Faults that are to happen later: after some simulated time, once a robot has carried something so far, or has released it."""
 
 from __future__ import annotations
 
@@ -20,6 +20,10 @@ class _Planned:
     holding: str | None = None
     last: tuple[float, float] = (0.0, 0.0)
     carried: float = 0.0
+    released: bool = False
+    """It held something, and does not any more."""
+    doing: str | None = None
+    """What it did when it held that last."""
 
 
 class Schedule:
@@ -43,7 +47,7 @@ class Schedule:
         for one in list(self._planned):
             if one.wanted.robot not in self._simulation.linked:
                 self._planned.remove(one)
-            elif self._simulation.time >= one.at and self._carried_enough(one):
+            elif self._simulation.time >= one.at and self._carried_enough(one) and self._released(one):
                 self._planned.remove(one)
                 yield one.wanted.robot, one.wanted.fault
 
@@ -57,3 +61,13 @@ class Schedule:
             one.carried += math.dist(one.last, (state.x, state.y))
         one.last = (state.x, state.y)
         return state.holding is not None and one.carried >= one.wanted.carried
+
+    def _released(self, one: _Planned) -> bool:
+        """Whether it has let go of what it held, and what it did to let go is over."""
+        if not one.wanted.released:
+            return True
+        state = self._simulation.state(one.wanted.robot)
+        if state.holding is not None:
+            one.released, one.doing = True, state.doing
+            return False
+        return one.released and (state.doing is None or state.doing != one.doing)

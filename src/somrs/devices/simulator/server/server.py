@@ -343,7 +343,7 @@ class Server:
             raise WireError("not-allowed", f"the connection of a robot may ask for ways of {session.robot} only; connect as an operator")
         answer = Answer(id=id)
         match question:
-            case Break(robot=robot, fault=fault, after=None, carried=None):
+            case Break(robot=robot, fault=fault, after=None, carried=None, released=False):
                 self._fault(robot, fault)
             case Break():
                 self._schedule.add(question)
