@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import sqlite3
 import subprocess
 import sys
@@ -449,7 +450,7 @@ def test_a_database_of_somebody_else_is_refused_and_left_alone(path: Path) -> No
     assert path.read_bytes() == before
 
 
-def test_a_file_of_the_second_format_had_one_component(shelf: Shelf) -> None:
+def test_a_file_of_the_second_format_had_one_component(path: Path, shelf: Shelf) -> None:
     shelf.tell(3)
     shelf.journal.snapshot(shelf.journaled)
     shelf.tell(4)
@@ -472,6 +473,15 @@ def test_a_file_of_the_second_format_had_one_component(shelf: Shelf) -> None:
     assert again.again
     assert again.ledger.amounts == before
     again.journal.close()
+    new = path.with_name("new.sqlite")
+    Journal(new, SCHEMA).close()
+    assert shape(path) == shape(new)
+
+
+def shape(path: Path) -> set[tuple[str, str]]:
+    """The tables of a file."""
+    with contextlib.closing(sqlite3.connect(path)) as db:
+        return {(name, " ".join(sql.split())) for name, sql in db.execute("SELECT name, sql FROM sqlite_schema WHERE sql IS NOT NULL")}
 
 
 def test_a_file_of_another_format_is_refused(path: Path) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.kernel.codec import Codec, encoded
-from somrs.kernel.component import Answered, Ask, Received, Send, Started
+from somrs.kernel.component import Answered, Ask, Input, Received, Send, Started
 from somrs.protocol.messages.clients import (
     ContractView,
     Messages,
@@ -29,12 +30,15 @@ from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Advance, Done, Order
 from somrs.task_manager.manager import REMEMBERED, SCHEMA, TaskManager
 from somrs.task_manager.state import TaskManagerState
+from somrs.task_manager.subscriptions import SubscriptionsOf
 from somrs.task_manager.transaction.transaction import Transaction
 from tests.integration.test_task_manager import WISH, breaks
 from tests.support.examples import examples
 from tests.support.relay import Relay
 from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem, done
+
+MANY = 1_000_000
 
 
 def two() -> VirtualSystem:
@@ -105,6 +109,38 @@ def test_a_message_that_tells_of_no_event_is_news_to_those_who_follow_messages()
     assert heard.messages > known.messages
     assert heard.view.steps[0].fraction > 0 or heard.events == ()
     assert system.world.now - began < 10
+
+
+@pytest.mark.parametrize("silent", [False, True], ids=["breaks", "silent"])
+@pytest.mark.parametrize("only", ["events", "messages", "contracts", "rows"])
+def test_nobody_waits_for_what_is_there(only: str, silent: bool) -> None:
+    """Whatever happens to a task, those who wait for that hear it at once: looked at after every input."""
+    systems: list[VirtualSystem] = []
+
+    def look(address: str, event: Input) -> None:
+        if address == "tm" and systems:
+            state = systems[0].manager.state
+            known = SubscriptionsOf(state.subscriptions, state.tasks)
+            assert not [each for each in state.subscriptions.watchers.values() if known.has_news(each.wanted)], event
+
+    robots = (Robot("Robot1", 10, 60, works=breaks), Robot("Robot2", 25, 30)) if not silent else (Robot("Robot1", 10, 600),)
+    system = VirtualSystem(*robots, watch=look)
+    systems.append(system)
+    task = system.submit(WISH)
+    version, told, heard = 0, 0, news(system, task, contracts=0, wait=0)
+    while heard.view.outcome is None:
+        if silent and any(step.state is State.EXECUTING for step in heard.view.steps):
+            system.world.remove("devices/Robot1")
+            silent = False
+        before = system.world.now
+        if only == "rows":
+            version = rows(system, version, wait=60).version
+        else:
+            known = {"events": MANY, "messages": MANY, "contracts": MANY} | {only: told}
+            found = news(system, task, after=known["events"], messages=known["messages"], contracts=known["contracts"], wait=60)
+            told = {"events": told + len(found.events), "messages": found.messages, "contracts": found.contracts_at}[only]
+        assert system.world.now - before < 60
+        heard = news(system, task, contracts=0, wait=0)
 
 
 def test_messages_are_read_behind_those_that_are_known_and_stay_where_they_are_when_the_task_is_over() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Hashable, Sequence
 
@@ -128,20 +129,21 @@ class Node:
             for effect in self.component.handle(event, now):
                 self._come(effect, 0)
             return
-        entry = self._journaled.entry(event, now)
-        self._journal.append(entry)
+        journal, journaled = self._journal, self._journaled
+        entry = journaled.entry(event, now)
+        journal.append(entry)
         try:
-            effects = self._journaled.handle(entry)
+            effects = journaled.handle(entry)
             for effect, _ in effects:
                 if isinstance(effect, Record):
-                    self._journal.keep(effect.entry)
+                    journal.keep(effect.entry)
         finally:
-            self._journal.note(self._journaled.component)
-            self.output.position = self._journal.disk.position
+            journal.note(journaled.component)
+            self.output.position = journal.disk.position
         for effect, number in effects:
             self._come(effect, number)
-        self._last_input = asyncio.get_running_loop().time()
-        if self._journal.due and self._snapshot is None:
+        self._last_input = time.monotonic()
+        if journal.due and self._snapshot is None:
             self._snapshot = asyncio.get_running_loop().call_later(QUIET, self._take_snapshot)
 
     async def receive(self, message: Message) -> Message | None:
@@ -219,7 +221,7 @@ class Node:
         self._snapshot = None
         if self._journal is None or self._journaled is None or self._closed or self._broken:
             return
-        if self._journal.overdue or asyncio.get_running_loop().time() - self._last_input >= QUIET / 2:
+        if self._journal.overdue or time.monotonic() - self._last_input >= QUIET / 2:
             self._journal.snapshot(self._journaled)
             self.output.position = self._journal.disk.position
         else:

@@ -37,7 +37,16 @@ TABLES = """
       schema INTEGER NOT NULL);
     CREATE TABLE snapshot (component TEXT PRIMARY KEY, number INTEGER NOT NULL, at REAL NOT NULL, sum INTEGER NOT NULL,
       state BLOB NOT NULL);
-    CREATE TABLE entries (component TEXT NOT NULL, last INTEGER NOT NULL, batch BLOB NOT NULL, PRIMARY KEY (component, last));
+    CREATE TABLE entries (component TEXT NOT NULL, last INTEGER NOT NULL, batch BLOB NOT NULL);
+"""
+"""Entries have no index: they are added with every commit, which would have a page for each component to write, and are looked up only
+when a component starts and when a snapshot was taken."""
+
+WITHOUT_INDEX = """
+    ALTER TABLE entries RENAME TO old_entries;
+    CREATE TABLE entries (component TEXT NOT NULL, last INTEGER NOT NULL, batch BLOB NOT NULL);
+    INSERT INTO entries SELECT component, last, batch FROM old_entries ORDER BY component, last;
+    DROP TABLE old_entries;
 """
 
 KIND = Kind(
@@ -45,7 +54,7 @@ KIND = Kind(
     holds="input, record or state",
     rival="another process",
     application=0x534F4D4A,  # `SOMJ` in ASCII
-    version=3,
+    version=4,
     tables=TABLES + archive.TABLES,
     # The files of devices and Registries were of other kinds. What was promised before is not known then, and is said not to be.
     replaces={
@@ -64,6 +73,7 @@ KIND = Kind(
         INSERT INTO entries SELECT '', last, batch FROM old_entries;
         DROP TABLE old_life; DROP TABLE old_snapshot; DROP TABLE old_entries;
         """,
+        3: WITHOUT_INDEX,
     },
 )
 

@@ -97,5 +97,6 @@ MIGRATIONS: Mapping[int, Step] = {
         )
     ),
     3: _journaled,
+    4: journal.WITHOUT_INDEX,
 }
 """By the format that a file has."""

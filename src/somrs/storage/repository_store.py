@@ -42,7 +42,7 @@ KIND = Kind(
     holds="ontology, map or event",
     rival="another process",
     application=0x534F4D52,  # `SOMR` in ASCII
-    version=4,
+    version=5,
     tables=journal.TABLES + TABLES,
     migrations=MIGRATIONS,
 )

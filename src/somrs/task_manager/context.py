@@ -21,6 +21,7 @@ from somrs.planner.model.problem import Available, Problem
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
+from somrs.task_manager.execution.bids import Commitments
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
 
@@ -62,15 +63,15 @@ class Context:
         queues: DeviceQueues,
         quotes: Quotes,
         touched: dict[str, None],
-        busy: Callable[[str], list[tuple[float, float]]],
+        commitments: Callable[[], Commitments],
         still_at_work: Callable[[AtWork], bool],
     ) -> None:
         self.address = requests.address
         self.replica, self.requests, self.reservations, self.queues, self.quotes = replica, requests, reservations, queues, quotes
         self.touched = touched
         """The transactions to which something happened, for those who watch them."""
-        self.busy = busy
-        """From when until when a provider is committed to this Task Manager, in any transaction."""
+        self.commitments = commitments
+        """From when until when providers are committed to this Task Manager, in any transaction."""
         self.still_at_work = still_at_work
         """Whether a participant's device does yet what it was told to begin."""
 

@@ -13,12 +13,13 @@ from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.paging import fitting
 from somrs.task_manager.context import Context, wrong_with
 from somrs.task_manager.device_queue import AtWork
+from somrs.task_manager.execution.bids import Commitments, Interval
 from somrs.task_manager.execution.participants import sent_home
 from somrs.task_manager.migrations import MIGRATIONS
 from somrs.task_manager.preview import Previewing, new_preview
 from somrs.task_manager.requests import Came, ForPlan, ReportAnswered, ServicesKnown
 from somrs.task_manager.state import TaskManagerState, UnsettledReport
-from somrs.task_manager.subscriptions import Reply, SubscriptionsOf
+from somrs.task_manager.subscriptions import Replies, SubscriptionsOf
 from somrs.task_manager.timers import (
     Answer,
     AnswerDue,
@@ -70,7 +71,7 @@ class TaskManager:
             queues=state.queues,
             quotes=state.quotes,
             touched=state.touched,
-            busy=self._busy,
+            commitments=self._commitments,
             still_at_work=self._still_at_work,
         )
         self._subscriptions = SubscriptionsOf(state.subscriptions, state.tasks)
@@ -98,7 +99,8 @@ class TaskManager:
         for task in state.queues.called(self._still_at_work):
             if task in state.tasks:
                 yield from self._transaction(task).proceed(now)
-        yield from self._replies(self._subscriptions.tell(state.touched))
+        if state.touched:
+            yield from self._replies(self._subscriptions.tell(state.touched))
         for id in [id for id in state.running if state.tasks[id].outcome is not None]:
             state.running.remove(id)
             self._forget()
@@ -158,7 +160,7 @@ class TaskManager:
             case clients.ReadTasks():
                 yield self._reply(message, self._tasks(message.body))
             case clients.WatchTask() | clients.WatchTasks():
-                yield self._subscriptions.wait(message, message.body, now)
+                yield from self._replies(self._subscriptions.wait(message, message.body, now))
             case clients.ReadMessages():
                 yield self._read_messages(message, message.body)
             case clients.Preview():
@@ -301,9 +303,14 @@ class TaskManager:
     def _transaction(self, id: str) -> Transaction:
         return Transaction(self.state.tasks[id], self._context)
 
-    def _busy(self, provider: str) -> list[tuple[float, float]]:
-        executions = (execution for id in self.state.running for execution in self.state.tasks[id].executions)
-        return [time for execution in executions if execution.workflow is not None for time in execution.workflow.promised(provider)]
+    def _commitments(self) -> Commitments:
+        found: dict[str, list[Interval]] = {}
+        for task in self.state.running:
+            for execution in self.state.tasks[task].executions:
+                if execution.workflow is not None:
+                    for provider in execution.workflow.providers:
+                        found.setdefault(provider, []).extend(execution.workflow.promised(provider))
+        return found
 
     def _still_at_work(self, work: AtWork) -> bool:
         task: TaskState | None = self.state.tasks.get(work.transaction)
@@ -314,7 +321,7 @@ class TaskManager:
     def _reply(self, to: Message, body: Body) -> Send:
         return Send(reply(to, body, self.address))
 
-    def _replies(self, replies: Reply) -> Effects:
+    def _replies(self, replies: Replies) -> Effects:
         for effect in replies:
             if isinstance(effect, tuple):
                 yield self._reply(*effect)

@@ -6,7 +6,6 @@ It takes a few seconds at most. Whoever has not answered by then is put down wit
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import chain
 
 from msgspec import Struct, field, structs
@@ -24,7 +23,7 @@ from somrs.task_manager.arrangement.available_services import AvailableServices,
 from somrs.task_manager.arrangement.call_for_proposals import AT_ONCE, Arrangement, Call, Calls, call_for
 from somrs.task_manager.arrangement.plan_request import Found, PlanRequest, PlanRequester
 from somrs.task_manager.context import Context
-from somrs.task_manager.execution.bids import Bid, bid, choose, fitted
+from somrs.task_manager.execution.bids import Bid, Interval, bid, choose, fitted
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
@@ -275,8 +274,8 @@ class Previewing:
         terms = frp.Terms(effect=str(run.step.effect), price=price, duration=duration)
         return fitted(bid(member.id, terms, "", self._state.workflow.earliest_start(run, now)), self._busy(offer))
 
-    def _busy(self, offer: Offer) -> Iterator[tuple[float, float]]:
-        return chain(self._context.busy(offer.provider), self._state.workflow.promised(offer.provider))
+    def _busy(self, offer: Offer) -> list[Interval]:
+        return [*self._context.commitments().get(offer.provider, ()), *self._state.workflow.promised(offer.provider)]
 
     # Telling
 

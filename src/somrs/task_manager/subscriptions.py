@@ -19,7 +19,7 @@ from somrs.task_manager.transaction.views import contract_view, event_view, row,
 MOST_WAIT = 60.0
 """Seconds that a client is let wait for news at most."""
 
-Reply = Iterator[tuple[Message, Body] | Wake]
+Replies = Iterator[tuple[Message, Body] | Wake]
 """Requests and what is answered to them, and timers."""
 
 
@@ -53,19 +53,22 @@ class SubscriptionsOf:
     def __init__(self, state: Subscriptions, tasks: Mapping[str, TaskState]) -> None:
         self._state, self._tasks = state, tasks
 
-    def wait(self, request: Message, wanted: WatchTask | WatchTasks, now: float) -> Wake:
+    def wait(self, request: Message, wanted: WatchTask | WatchTasks, now: float) -> Replies:
         """Answer as soon as there is something, or the time is over."""
+        if self.has_news(wanted):
+            yield request, self._news(wanted)
+            return
         id = request.header.message_id
         self._state.watchers[id] = Watcher(request, wanted)
         seconds = min(max(wanted.wait, 0.0), MOST_WAIT) if math.isfinite(wanted.wait) else MOST_WAIT
-        return Wake(NewsDue(id), now + seconds)
+        yield Wake(NewsDue(id), now + seconds)
 
-    def ring(self, id: str) -> Reply:
+    def ring(self, id: str) -> Replies:
         """Somebody's time is over."""
         if (watcher := self._state.watchers.pop(id, None)) is not None:
             yield watcher.request, self._news(watcher.wanted)
 
-    def tell(self, touched: dict[str, None]) -> Reply:
+    def tell(self, touched: dict[str, None]) -> Replies:
         """Tell those for whom there is something; something happened to those that were `touched`, and no more after this."""
         state = self._state
         for id in touched:
@@ -73,14 +76,15 @@ class SubscriptionsOf:
                 state.version += 1
                 state.changed.pop(id, None)
                 state.changed[id] = state.version
+        # With many tasks at a time, most watchers wait for news of others.
+        concerned = [each for each in state.watchers.items() if isinstance(each[1].wanted, WatchTasks) or each[1].wanted.task in touched]
         touched.clear()
-        due = [(id, watcher) for id, watcher in state.watchers.items() if self._has_news(watcher.wanted)]
-        for id, watcher in due:
+        for id, watcher in [each for each in concerned if self.has_news(each[1].wanted)]:
             del state.watchers[id]
             yield Wake(NewsDue(id), None)
             yield watcher.request, self._news(watcher.wanted)
 
-    def _has_news(self, wanted: WatchTask | WatchTasks) -> bool:
+    def has_news(self, wanted: WatchTask | WatchTasks) -> bool:
         if isinstance(wanted, WatchTasks):
             return self._state.version != wanted.after
         task = self._tasks[wanted.task]

@@ -16,7 +16,7 @@ from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.execution.execution_log import Work
-from somrs.task_manager.subscriptions import Reply, Subscriptions, SubscriptionsOf
+from somrs.task_manager.subscriptions import Replies, Subscriptions, SubscriptionsOf
 from somrs.task_manager.timers import NewsDue
 from somrs.task_manager.transaction.state import GoalExecution, Noted, TaskState
 from somrs.task_manager.transaction.views import event_view, view
@@ -40,23 +40,25 @@ def watching(*tasks: TaskState) -> tuple[Subscriptions, SubscriptionsOf]:
     return state, SubscriptionsOf(state, {task.id: task for task in tasks})
 
 
-def answers(reply: Reply) -> list[Body]:
+def answers(reply: Replies) -> list[Body]:
     return [one[1] for one in reply if not isinstance(one, Wake)]
 
 
+def asked(subscriptions: SubscriptionsOf, wanted: WatchTask | WatchTasks) -> list[Body]:
+    return [*answers(subscriptions.wait(request(wanted), wanted, 0.0)), *answers(subscriptions.ring("request"))]
+
+
 def news(task: TaskState, wanted: WatchTask) -> TaskNews:
-    """What one hears whose time is over."""
+    """What one hears at once, or when the time is over."""
     _, subscriptions = watching(task)
-    subscriptions.wait(request(wanted), wanted, 0.0)
-    (answer,) = answers(subscriptions.ring("request"))
+    (answer,) = asked(subscriptions, wanted)
     assert isinstance(answer, TaskNews)
     return answer
 
 
 def rows(subscriptions: SubscriptionsOf, after: int) -> TasksNews:
     wanted = WatchTasks(after=after)
-    subscriptions.wait(request(wanted, "rows"), wanted, 0.0)
-    (answer,) = answers(subscriptions.ring("rows"))
+    (answer,) = asked(subscriptions, wanted)
     assert isinstance(answer, TasksNews)
     return answer
 
@@ -81,7 +83,7 @@ def test_since_when_tasks_are_known_is_kept() -> None:
 def test_a_client_waits_as_long_as_it_wants_and_a_minute_at_most(wanted: type, wait: float, until: float) -> None:
     state, subscriptions = watching(task())
     body = WatchTask(task="a", wait=wait) if wanted is WatchTask else WatchTasks(wait=wait)
-    assert subscriptions.wait(request(body), body, 100.0) == Wake(NewsDue("request"), until)
+    assert [*subscriptions.wait(request(body), body, 100.0)] == [Wake(NewsDue("request"), until)]
     assert [(id, watcher.request, watcher.wanted) for id, watcher in state.watchers.items()] == [("request", request(body), body)]
 
 
@@ -89,7 +91,7 @@ def test_when_the_time_is_over_a_client_hears_that_there_is_nothing_and_waits_no
     one = task()
     state, subscriptions = watching(one)
     wanted = WatchTask(task="a")
-    subscriptions.wait(request(wanted), wanted, 0.0)
+    assert answers(subscriptions.wait(request(wanted), wanted, 0.0)) == []
     assert [*subscriptions.ring("request")] == [(request(wanted), TaskNews(view=view(one), events=()))]
     assert state.watchers == {}
     assert [*subscriptions.ring("request")] == []
@@ -100,9 +102,9 @@ def test_who_waits_hears_what_happened_and_others_wait_on() -> None:
     state, subscriptions = watching(one, other)
     for id in ("a", "b"):
         wanted = WatchTask(task=id)
-        subscriptions.wait(request(wanted, id), wanted, 0.0)
+        assert answers(subscriptions.wait(request(wanted, id), wanted, 0.0)) == []
     everything = WatchTasks()
-    subscriptions.wait(request(everything, "all"), everything, 0.0)
+    assert answers(subscriptions.wait(request(everything, "all"), everything, 0.0)) == []
     assert [*subscriptions.tell({})] == []
     one.events.append(Noted(3.0, events.Planned(steps=1), "step1", GoalKind.TASK))
     touched: dict[str, None] = {"a": None, "gone": None}
@@ -137,8 +139,7 @@ def test_who_heard_of_other_changes_than_there_were_hears_at_once(after: int, wa
     _, subscriptions = watching(task())
     assert [*subscriptions.tell({"a": None})] == []
     wanted = WatchTasks(after=after)
-    subscriptions.wait(request(wanted), wanted, 0.0)
-    assert (answers(subscriptions.tell({})) == []) is waits
+    assert (answers(subscriptions.wait(request(wanted), wanted, 0.0)) == []) is waits
 
 
 def test_what_does_not_fit_a_message_comes_with_the_next() -> None:
@@ -166,8 +167,7 @@ def test_there_is_news_when_there_is_more_than_a_client_knows(wanted: WatchTask,
     one.passed, one.members.changes = 3, 4
     one.outcome = Outcome.FAILED if over else None
     _, subscriptions = watching(one)
-    subscriptions.wait(request(wanted), wanted, 0.0)
-    assert (answers(subscriptions.tell({})) != []) is (told or over)
+    assert (answers(subscriptions.wait(request(wanted), wanted, 0.0)) != []) is (told or over)
 
 
 @pytest.mark.parametrize(("after", "numbers"), [(-1, [1, 2, 3]), (0, [1, 2, 3]), (1, [2, 3]), (3, []), (9, [])])

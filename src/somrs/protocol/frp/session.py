@@ -66,6 +66,7 @@ _ANSWERS: dict[str, tuple[str, ...]] = {
 }
 # Monitoring: may come often, changes no contract, so neither ids nor contents are kept.
 _FLEETING = frozenset(("Progress", "Query", "Status", "Fault"))
+_BOUND = states.WORKING | {State.COMMITTED}
 
 
 def participant_id(service: str, step: str, attempt: int = 1) -> str:
@@ -219,7 +220,7 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
         entry = states.PARTICIPANT[before].get(kind)
         if entry is None:
             return self._fault(message, f"{kind.__name__} is not for a participant")
-        if entry.next in states.WORKING | {State.COMMITTED} and (wrong := self._not_accepted(message)):
+        if entry.next in _BOUND and (wrong := self._not_accepted(message)):
             return self._fault(message, wrong)
         if entry.next is State.COMPENSATING and "Execute" not in self.heard:
             entry = states.PARTICIPANT[State.COMMITTED][Compensate]  # a Stop came before the Execute: there is nothing to undo

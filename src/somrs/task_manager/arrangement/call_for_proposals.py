@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from msgspec import Struct, field
 
@@ -13,7 +13,7 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.execution.bids import bid, choose, fitted
+from somrs.task_manager.execution.bids import Commitments, bid, choose, fitted
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
@@ -24,9 +24,6 @@ AT_ONCE = 32
 
 REPLY_TIME = 10.0
 """Seconds that services have to answer Arrange."""
-
-Busy = Callable[[str], Iterable[tuple[float, float]]]
-"""From when until when a provider is committed."""
 
 
 class Call(Struct, kw_only=True, eq=False):
@@ -122,7 +119,7 @@ class Arrangement:
             run.lapsed.add(service)
         member.bid = None
 
-    def award(self, call: Call, task: Submit, busy: Busy, broken: Collection[str], now: float) -> Doing[Member | None]:
+    def award(self, call: Call, task: Submit, taken: Commitments, broken: Collection[str], now: float) -> Doing[Member | None]:
         """Accept the terms that the policy prefers; everybody else is dismissed, and so is what broke at other work meanwhile."""
         run, participants = self.run(call), self._participants
         for member in self.invited(call):
@@ -130,7 +127,7 @@ class Arrangement:
                 member.last_word = run.excluded[member.offer.service] = "did not answer"
                 yield from participants.dismiss(member, "no answer in time", now)
         bidders = {m.id: (m, m.bid) for m in self.invited(call) if m.bid is not None and m.state is State.OFFERED}
-        bids = [fitted(bid, busy(m.offer.provider)) for m, bid in bidders.values() if m.offer.service not in broken]
+        bids = [fitted(bid, taken.get(m.offer.provider, ())) for m, bid in bidders.values() if m.offer.service not in broken]
         if call.latest is not None:
             for late in [one for one in bids if one.finish > call.latest]:
                 member, _ = bidders[late.participant]

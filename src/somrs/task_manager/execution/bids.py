@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -19,6 +19,12 @@ from somrs.planner.model.plan import Step
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import Terms
+
+Interval = tuple[float, float]
+"""From when until when, in seconds on the coordinator's clock."""
+
+Commitments = Mapping[str, Sequence[Interval]]
+"""When providers are committed to something."""
 
 
 class Bid(Struct, frozen=True, kw_only=True):
@@ -37,7 +43,7 @@ def bid(participant: str, terms: Terms, terms_id: str, earliest: float) -> Bid:
     return Bid(participant=participant, terms=terms, terms_id=terms_id, start=start, finish=start + terms.duration)
 
 
-def fitted(bid: Bid, busy: Iterable[tuple[float, float]]) -> Bid:
+def fitted(bid: Bid, busy: Iterable[Interval]) -> Bid:
     """The bid, later if need be: after whatever the device has been committed to since it gave its terms."""
     start, length = bid.start, bid.finish - bid.start
     for begins, ends in sorted(busy):

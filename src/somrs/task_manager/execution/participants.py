@@ -169,6 +169,7 @@ class Participants:
 
     def _mark(self, member: Member) -> None:
         """Its contract changed."""
+        self._context.touched[self._transaction] = None
         self._members.changes += 1
         member.changed = self._members.changes
 

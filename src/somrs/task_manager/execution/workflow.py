@@ -12,6 +12,7 @@ from somrs.entish import Formula
 from somrs.planner.model.choice import by
 from somrs.planner.model.plan import Plan, Step
 from somrs.protocol.messages.events import GoalKind
+from somrs.task_manager.execution.bids import Interval
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members
 
@@ -236,9 +237,14 @@ class Workflow(Struct, dict=True, eq=False):
     def count_done(self) -> int:
         return self._count[Progress.DONE]
 
-    def promised(self, provider: str) -> Iterator[tuple[float, float]]:
-        """From when until when the provider is committed."""
-        return ((self.runs[id].start, self.runs[id].finish) for id in self._promised.get(provider, ()))
+    def promised(self, provider: str) -> list[Interval]:
+        """When the provider is committed."""
+        return [(self.runs[id].start, self.runs[id].finish) for id in self._promised.get(provider, ())]
+
+    @property
+    def providers(self) -> Iterable[str]:
+        """Those that are committed to something, or were."""
+        return self._promised
 
     def earliest_start(self, run: StepRun, now: float) -> float:
         """When everything before the step is promised to be finished."""

@@ -266,7 +266,7 @@ class GoalPursuit:
         """Take the best of what came; without any, whoever is left is asked."""
         yield from self._execution.calls.close(call)
         state = self._scope.state
-        chosen = yield from self._arrangement.award(call, state.task, self._context.busy, self._services.broken, now)
+        chosen = yield from self._arrangement.award(call, state.task, self._context.commitments(), self._services.broken, now)
         if chosen is not None and chosen.bid is not None:
             run, terms = self._arrangement.run(call), chosen.bid.terms
             self._workflow.bind(run, chosen.offer.provider)

@@ -122,9 +122,9 @@ class Asking:
         return member
 
     def award(self, *broken: str, busy: dict[str, tuple[float, float]] | None = None) -> tuple[list[Effect], Member | None]:
-        taken = busy or {}
+        taken = {name: [times] for name, times in (busy or {}).items()}
         task = Submit(effect=EFFECT, policy=Policy.PRICE)
-        return carried_out(self.arrangement.award(self.call, task, lambda name: [taken[name]] if name in taken else [], broken, 60.0))
+        return carried_out(self.arrangement.award(self.call, task, taken, broken, 60.0))
 
 
 def said(effects: list[Effect]) -> dict[str, tuple[object, float | None]]:

@@ -51,7 +51,7 @@ def context() -> Context:
         queues=DeviceQueues(),
         quotes=Quotes(),
         touched={},
-        busy=lambda provider: [],
+        commitments=dict,
         still_at_work=lambda work: True,
     )
 

@@ -54,14 +54,15 @@ class Table:
         self.told: list[tuple[Event, float]] = []
         self.noted: list[tuple[float, Message]] = []
         self.replica = Replica(ME, "repository", version=7)
+        self.touched: dict[str, None] = {}
         context = Context(
             replica=self.replica,
             requests=Requests(address=ME, repository="repository", registry="registry"),
             reservations=Reservations(),
             queues=self.queues,
             quotes=Quotes(),
-            touched={},
-            busy=lambda provider: [],
+            touched=self.touched,
+            commitments=dict,
             still_at_work=lambda work: True,
         )
         self.participants = Participants("task1", self.members, context, self._tell, self._note)
@@ -494,6 +495,14 @@ def test_who_undoes_for_far_too_long_is_sent_home_and_waited_for_until_it_stands
     assert (member.halting, table.members.working) == (True, [member])
     assert carried_out(table.participants.overdue(member.id, 420.0)) == ([], member)
     assert (member.halting, table.members.working) == (False, [])
+
+
+def test_whoever_watches_the_task_hears_of_a_contract_that_changed() -> None:
+    table = Table()
+    member = table.executing()
+    table.touched.clear()
+    carried_out(table.participants.give_up(member))
+    assert table.touched == {"task1": None}
 
 
 def test_who_is_given_up_twice_is_lost_once() -> None:
