@@ -47,6 +47,8 @@ class Job(Struct, kw_only=True):
 
     def wake(self, kind: type[ParticipantTimer], at: float | None) -> Effects:
         """Set a timer of that kind, or take it away."""
+        if at is None and not self.timers:
+            return
         timer = kind(*self.key)
         if at is not None:
             self.timers.add(timer)
@@ -77,11 +79,12 @@ class Jobs(Struct):
 
     def put(self, job: Job) -> None:
         """Know the job as it is now."""
+        key = job.key
         if job.session.state is not State.ENDED or job.activity is not None:
-            self.live[job.key] = job
+            self.live[key] = job
             return
-        self.live.pop(job.key, None)
-        self.over[job.key] = job
+        self.live.pop(key, None)
+        self.over[key] = job
         if len(self.over) > REMEMBERED:
             del self.over[next(iter(self.over))]
 

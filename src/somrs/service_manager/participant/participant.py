@@ -81,7 +81,7 @@ class ServiceManager:
 
     @property
     def profile(self) -> Profile:
-        return self.state.profile
+        return self._joining.profile
 
     @property
     def address(self) -> str:
@@ -226,9 +226,9 @@ class ServiceManager:
 
     def _capability(self, job: Job, arrange: frp.Arrange) -> Capability | None:
         """The service that the participant is one of, or else one of the type."""
-        named = service_of(job.session.participant)
-        of_type = [one for one in self.profile.capabilities if one.type_name == arrange.service_type]
-        return next((one for one in self.profile.capabilities if self.profile.service(one) == named), of_type[0] if of_type else None)
+        named, profile = service_of(job.session.participant), self.profile
+        of_type = [one for one in profile.capabilities if one.type_name == arrange.service_type]
+        return next((one for one in profile.capabilities if profile.service(one) == named), of_type[0] if of_type else None)
 
     def _compensate(self, job: Job, late: str, now: float) -> Effects:
         capability = next((one for one in self.profile.capabilities if job.order and one.method == job.order.method), None)

@@ -240,9 +240,10 @@ class GoalPursuit:
         if call is None:
             return None
         offered = events.TermsOffered(service=service, price=terms.price, currency=terms.currency, duration=terms.duration)
-        self._tell(offered, now, self._arrangement.run(call))
-        self._arrangement.offered(call, member, terms, id)
-        if not self._arrangement.answered(call):
+        arrangement = self._arrangement
+        self._tell(offered, now, arrangement.run(call))
+        arrangement.offered(call, member, terms, id)
+        if not arrangement.answered(call):
             return None
         yield from self._choose(call, now)
         return GoOn()
@@ -278,7 +279,7 @@ class GoalPursuit:
         execution = self._execution
         call = execution.calls.of(member)
         if call is not None:
-            return self._arrangement.run(call)
+            return self._workflow.runs[call.step]
         return execution.workflow.held_by(member) if execution.workflow is not None else None
 
     # Recovering
