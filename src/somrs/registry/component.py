@@ -86,6 +86,9 @@ class Registry:
 
     def _effects(self, event: Input, now: float) -> Effects:
         state = self.state
+        if isinstance(event, Received) and only_reads(event):
+            yield from self._received(event.message, now)
+            return
         if state.replica is not None and (news := state.replica.handle(event, now)) is not None:
             yield from news.effects
             return
@@ -94,16 +97,19 @@ class Registry:
             case Started() if state.replica is not None:
                 yield from state.replica.start(now)
             case Received(message):
-                try:
-                    yield from self._received(message, now)
-                except InputError as error:
-                    yield self._answer(message, Fault(code="Sender", text=str(error)))
+                yield from self._received(message, now)
             case Undelivered(Message(header=header, body=ServicesJoined() | ServicesLeft())):
                 state.subscribers.pop(header.recipient, None)
         times = chain((provider.until for provider in state.providers.values()), state.subscribers.values())
         yield Wake(LeasesDue(), min(times, default=None))
 
     def _received(self, message: Message, now: float) -> Effects:
+        try:
+            yield from self._done(message, now)
+        except InputError as error:
+            yield self._answer(message, Fault(code="Sender", text=str(error)))
+
+    def _done(self, message: Message, now: float) -> Effects:
         match message.body:
             case Publish() as publish:
                 yield from self._once(message, lambda: self._publish(publish, now))
@@ -112,7 +118,7 @@ class Registry:
             case Retract() as retract:
                 yield from self._once(message, lambda: self._retract(retract, now))
             case Discover() as discover:
-                yield self._answer(message, self._discover(discover))
+                yield self._answer(message, self._discover(discover, now))
             case SubscribeServices(lease=lease):
                 if message.header.sender == ANONYMOUS:
                     raise UsageError("news can only be sent to somebody who has an address: set the sender to one that can be reached")
@@ -202,9 +208,9 @@ class Registry:
 
     # Clients
 
-    def _discover(self, discover: Discover) -> Discovered:
+    def _discover(self, discover: Discover, now: float) -> Discovered:
         wanted = parse(discover.effect) if discover.effect is not None else None
-        offers = (offer for provider in self.state.providers.values() for offer in provider.offers.values())
+        offers = (offer for provider in self.state.providers.values() if provider.until > now for offer in provider.offers.values())
         fitting = [offer for offer in offers if self._fits(offer, discover, wanted)]
         after = sorted((offer for offer in fitting if offer.service > discover.after), key=lambda offer: offer.service)
         page = next(_cut(after), [])
@@ -277,6 +283,12 @@ def _cut(offers: Iterable[Offer]) -> Iterator[list[Offer]]:
         yield page
 
 
+def only_reads(event: Input) -> bool:
+    """Whether a request that changes nothing is answered on its connection, which ends with the process. Whoever is to be answered at an
+    address waits for that, however often the process ends."""
+    return isinstance(event, Received) and isinstance(event.message.body, Discover) and event.message.header.reply_to == ANONYMOUS
+
+
 SCHEMA = Schema(
     component="registry",
     version=1,
@@ -286,5 +298,6 @@ SCHEMA = Schema(
     tasks=None,
     answers=None,
     restore=Registry.restored,
+    reads=only_reads,
 )
 """What its journal is made of."""

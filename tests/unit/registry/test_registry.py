@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
+from somrs.kernel.codec import encoded
 from somrs.kernel.component import Effect, Rang, Received, Send, Undelivered, Wake
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import ObjectType, RelationType, Value
@@ -26,7 +27,7 @@ from somrs.protocol.messages.directory import (
 from somrs.protocol.messages.envelope import ANONYMOUS
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Define, Definitions, QueryMap
-from somrs.registry.component import SCHEMA, Registry
+from somrs.registry.component import SCHEMA, Registry, only_reads
 from somrs.registry.state import LeasesDue
 from somrs.repository.component import Repository
 from somrs.runtime.virtual import World
@@ -115,6 +116,20 @@ def test_the_timer_is_set_for_the_next_lease_that_ends(registry: Registry) -> No
 
 
 # Discovering
+
+
+@pytest.mark.parametrize("effect", [None, "Jar1 isOn", "Jar1 isOn Table1"])
+def test_who_asks_on_a_connection_leaves_the_registry_as_it_was(registry: Registry, effect: str | None) -> None:
+    ask(registry, publish("Robot1", lease=5.0), Published, now=0.0)
+    before = encoded(registry.state)
+    asked = Received(request(Discover(effect=effect), ANONYMOUS))
+    for now in (4.0, 6.0):
+        assert len(registry.handle(asked, now)) == 1
+    assert only_reads(asked)
+    assert encoded(registry.state) == before
+    assert not only_reads(Received(request(Discover(effect=effect)))), "somebody who has an address waits for it"
+    assert not only_reads(Received(request(publish("Robot1"), ANONYMOUS)))
+    assert not only_reads(Rang(LeasesDue()))
 
 
 @pytest.fixture
