@@ -323,6 +323,8 @@ def test_a_gripper_that_sticks_once_it_has_put_the_jar_down() -> None:
             RobotLink(server.host, server.port, "Robot1") as robot,
             OperatorLink(server.host, server.port) as operator,
         ):
+            with pytest.raises(UsageError, match="one of the two"):
+                await operator.schedule("Robot1", Fault.GRIPPER, released=True, carried=1.0)
             await operator.schedule("Robot1", Fault.GRIPPER, released=True)
             await robot.approach("Jar1")
             assert (await robot.grip("Jar1")).state.faults == ()

@@ -6,6 +6,7 @@ It takes a few seconds at most. Whoever has not answered by then is put down wit
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import chain
 
 from msgspec import Struct, field, structs
@@ -23,7 +24,7 @@ from somrs.task_manager.arrangement.available_services import AvailableServices,
 from somrs.task_manager.arrangement.call_for_proposals import AT_ONCE, Arrangement, Call, Calls, call_for
 from somrs.task_manager.arrangement.plan_request import Found, PlanRequest, PlanRequester
 from somrs.task_manager.context import Context
-from somrs.task_manager.execution.bids import Bid, Interval, bid, choose, fitted
+from somrs.task_manager.execution.bids import Bid, Commitments, Interval, bid, choose, fitted
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
@@ -275,7 +276,11 @@ class Previewing:
         return fitted(bid(member.id, terms, "", self._state.workflow.earliest_start(run, now)), self._busy(offer))
 
     def _busy(self, offer: Offer) -> list[Interval]:
-        return [*self._context.commitments().get(offer.provider, ()), *self._state.workflow.promised(offer.provider)]
+        return [*self._commitments.get(offer.provider, ()), *self._state.workflow.promised(offer.provider)]
+
+    @cached_property
+    def _commitments(self) -> Commitments:
+        return self._context.commitments()
 
     # Telling
 

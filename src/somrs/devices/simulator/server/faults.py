@@ -21,7 +21,7 @@ class _Planned:
     last: tuple[float, float] = (0.0, 0.0)
     carried: float = 0.0
     released: bool = False
-    """It held something, and does not any more."""
+    """It has held something."""
     doing: str | None = None
     """What it did when it held that last."""
 
@@ -36,6 +36,8 @@ class Schedule:
     def add(self, wanted: Break) -> None:
         if wanted.robot not in self._simulation.linked:
             raise UsageError(f"there is no robot {wanted.robot}; there are {', '.join(self._simulation.linked) or 'none'}")
+        if wanted.released and wanted.carried is not None:
+            raise UsageError("a fault is to happen while something is carried, or when it was released: say one of the two")
         self._planned.append(_Planned(wanted, self._simulation.time + (wanted.after or 0.0)))
 
     def drop(self, robot: str, fault: Fault) -> None:
@@ -63,11 +65,13 @@ class Schedule:
         return state.holding is not None and one.carried >= one.wanted.carried
 
     def _released(self, one: _Planned) -> bool:
-        """Whether it has let go of what it held, and what it did to let go is over."""
+        """Whether it has let go of what it held, is done with that, and has drawn its arm in."""
         if not one.wanted.released:
             return True
-        state = self._simulation.state(one.wanted.robot)
-        if state.holding is not None:
-            one.released, one.doing = True, state.doing
+        robot = self._simulation.robots.get(one.wanted.robot)
+        if robot is None:
             return False
-        return one.released and (state.doing is None or state.doing != one.doing)
+        if robot.holding is not None:
+            one.released, one.doing = True, robot.doing
+            return False
+        return one.released and (robot.doing is None or robot.doing != one.doing) and not robot.arm_out
