@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from msgspec import Struct
@@ -21,13 +21,17 @@ from somrs.planner.model.problem import Available, Problem
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
-from somrs.task_manager.execution.bids import Commitments
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
 
 PRICE, DURATION = "Price", "Duration"
 """The attributes of a service whose price, or duration, is always the same."""
 
+Interval = tuple[float, float]
+"""From when until when, in seconds on the coordinator's clock."""
+
+Commitments = Mapping[str, Sequence[Interval]]
+"""When providers are committed to something."""
 
 MOST_PRIORITY = 1000
 

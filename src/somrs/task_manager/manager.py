@@ -11,9 +11,8 @@ from somrs.protocol.messages import clients, frp, records
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.paging import fitting
-from somrs.task_manager.context import Context, wrong_with
+from somrs.task_manager.context import Commitments, Context, Interval, wrong_with
 from somrs.task_manager.device_queue import AtWork
-from somrs.task_manager.execution.bids import Commitments, Interval
 from somrs.task_manager.execution.participants import sent_home
 from somrs.task_manager.migrations import MIGRATIONS
 from somrs.task_manager.preview import Previewing, new_preview

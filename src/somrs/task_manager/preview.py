@@ -23,8 +23,8 @@ from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
 from somrs.task_manager.arrangement.call_for_proposals import AT_ONCE, Arrangement, Call, Calls, call_for
 from somrs.task_manager.arrangement.plan_request import Found, PlanRequest, PlanRequester
-from somrs.task_manager.context import Context
-from somrs.task_manager.execution.bids import Bid, Commitments, Interval, bid, choose, fitted
+from somrs.task_manager.context import Commitments, Context, Interval
+from somrs.task_manager.execution.bids import Bid, bid, choose, fitted
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow

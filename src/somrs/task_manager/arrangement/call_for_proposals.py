@@ -13,7 +13,8 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.execution.bids import Commitments, bid, choose, fitted
+from somrs.task_manager.context import Commitments
+from somrs.task_manager.execution.bids import bid, choose, fitted
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -19,12 +19,7 @@ from somrs.planner.model.plan import Step
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import Terms
-
-Interval = tuple[float, float]
-"""From when until when, in seconds on the coordinator's clock."""
-
-Commitments = Mapping[str, Sequence[Interval]]
-"""When providers are committed to something."""
+from somrs.task_manager.context import Interval
 
 
 class Bid(Struct, frozen=True, kw_only=True):

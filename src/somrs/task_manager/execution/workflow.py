@@ -12,7 +12,7 @@ from somrs.entish import Formula
 from somrs.planner.model.choice import by
 from somrs.planner.model.plan import Plan, Step
 from somrs.protocol.messages.events import GoalKind
-from somrs.task_manager.execution.bids import Interval
+from somrs.task_manager.context import Interval
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members
 
