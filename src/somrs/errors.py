@@ -38,8 +38,8 @@ class FormulaError(InputError):
         super().__init__(text, position, problem, hint)
 
     def __str__(self) -> str:
-        before = self.text[: self.position]
-        line_start = before.rfind("\n") + 1
+        text_before = self.text[: self.position]
+        line_start = text_before.rfind("\n") + 1
         line_end = self.text.find("\n", self.position)
         line = self.text[line_start:] if line_end < 0 else self.text[line_start:line_end]
         caret = " " * (self.position - line_start) + "^"

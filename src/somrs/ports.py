@@ -36,11 +36,11 @@ class Reservation:
     `wanted`: ports to have, as far as nobody else has them.
     """
 
-    def __init__(self, host: str, count: int, wanted: Sequence[int] = ()) -> None:
+    def __init__(self, host: str, count: int, preferred_ports: Sequence[int] = ()) -> None:
         self._sockets: list[socket.socket] = []
-        for port in [*wanted, *[0] * count][:count]:
+        for port in [*preferred_ports, *[0] * count][:count]:
             self._sockets.append(_held(host, port if _is_free(host, port) else 0))
-        self.ports: list[int] = [one.getsockname()[1] for one in self._sockets]
+        self.ports: list[int] = [sock.getsockname()[1] for sock in self._sockets]
         _reserved.update(self.ports)
 
     @property
@@ -57,8 +57,8 @@ class Reservation:
     def close(self) -> None:
         """Leave the ports to whoever listens there, or to anybody. Again: nothing."""
         _reserved.difference_update(self.ports)
-        for one in self._sockets:
-            one.close()
+        for sock in self._sockets:
+            sock.close()
 
 
 def _is_free(host: str, port: int) -> bool:
@@ -79,12 +79,12 @@ def _held(host: str, port: int) -> socket.socket:
 
 
 def _bound(host: str, port: int, *options: int) -> socket.socket:
-    one = socket.socket()
+    sock = socket.socket()
     try:
         for option in options:
-            one.setsockopt(socket.SOL_SOCKET, option, 1)
-        one.bind((host, port))
+            sock.setsockopt(socket.SOL_SOCKET, option, 1)
+        sock.bind((host, port))
     except OSError:
-        one.close()
+        sock.close()
         raise
-    return one
+    return sock

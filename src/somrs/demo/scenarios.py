@@ -221,7 +221,10 @@ def _position(situation: object) -> dict[str, str]:
     return {
         part.left.path: str(part.right)
         for part in parts
-        if isinstance(part, Comparison) and isinstance(part.left, Attribute) and part.left.of == Name(JAR) and "Position" in part.left.path
+        if isinstance(part, Comparison)
+        and isinstance(part.left, Attribute)
+        and part.left.owner == Name(JAR)
+        and "Position" in part.left.path
     }
 
 

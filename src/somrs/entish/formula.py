@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from types import MappingProxyType
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 
 class Name(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -22,7 +22,7 @@ class Name(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     name: str
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 class Variable(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -32,7 +32,7 @@ class Variable(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     type: str | None = None
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 class Number(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -42,7 +42,7 @@ class Number(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     unit: str | None = None
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 class Text(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -51,7 +51,7 @@ class Text(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     value: str
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 class Truth(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -60,17 +60,17 @@ class Truth(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     value: bool
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 class Attribute(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     """An attribute of an object: `Jar002.PositionX`, or of a complex one: `Jar002.Shape.Height` (path `Shape.Height`)."""
 
-    of: Name | Variable
+    owner: Name | Variable = field(name="of")
     path: str
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 class Call(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -80,7 +80,7 @@ class Call(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     arguments: tuple[Term, ...]
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 class Arithmetic(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -92,7 +92,7 @@ class Arithmetic(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True)
     right: Term
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 Term = Name | Variable | Number | Text | Truth | Attribute | Call | Arithmetic
@@ -105,7 +105,7 @@ class Relation(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     arguments: tuple[Name | Variable, ...]
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 class Comparison(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -116,7 +116,7 @@ class Comparison(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True)
     right: Term
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 class Not(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -125,7 +125,7 @@ class Not(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     atom: Relation | Comparison
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 class And(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -134,7 +134,7 @@ class And(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     parts: tuple[Formula, ...]
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 class Or(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -143,7 +143,7 @@ class Or(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     parts: tuple[Formula, ...]
 
     def __str__(self) -> str:
-        return show(self, set())
+        return format_node(self, set())
 
 
 Formula = Relation | Comparison | Not | And | Or
@@ -153,7 +153,7 @@ Constant = Name | Number | Text | Truth
 Substitution = Mapping[str, Term]
 
 
-def show(node: Formula | Term, declared: set[str]) -> str:
+def format_node(node: Formula | Term, declared: set[str]) -> str:
     """The text of a node. `declared` are the variables whose type is already written; it grows as they are shown."""
     match node:
         case Name(name):
@@ -172,25 +172,25 @@ def show(node: Formula | Term, declared: set[str]) -> str:
             return json.dumps(text, ensure_ascii=False)
         case Truth(value):
             return "TRUE" if value else "FALSE"
-        case Attribute(of, path):
-            return f"{show(of, declared)}.{path}"
+        case Attribute(owner, path):
+            return f"{format_node(owner, declared)}.{path}"
         case Call(name, arguments):
-            return f"{name}({', '.join(show(argument, declared) for argument in arguments)})"
-        case Arithmetic(left, operator, right):
-            return f"{show(left, declared)} {operator} {show(right, declared)}"
+            return f"{name}({', '.join(format_node(argument, declared) for argument in arguments)})"
+        case Arithmetic(left_term, operator, right_term):
+            return f"{format_node(left_term, declared)} {operator} {format_node(right_term, declared)}"
         case Relation(name, (first, second)):
-            return f"{show(first, declared)} {name} {show(second, declared)}"
+            return f"{format_node(first, declared)} {name} {format_node(second, declared)}"
         case Relation(name, arguments):
-            return f"{name}({', '.join(show(argument, declared) for argument in arguments)})"
-        case Comparison(left, operator, right):
-            return f"{show(left, declared)} {operator} {show(right, declared)}"
+            return f"{name}({', '.join(format_node(argument, declared) for argument in arguments)})"
+        case Comparison(left_term, operator, right_term):
+            return f"{format_node(left_term, declared)} {operator} {format_node(right_term, declared)}"
         case Not(atom):
-            return f"NOT {show(atom, declared)}"
+            return f"NOT {format_node(atom, declared)}"
         case And(parts):
-            shown = (show(part, declared) for part in parts)
-            return " AND ".join(f"({text})" if isinstance(part, Or) else text for part, text in zip(parts, shown, strict=True))
+            texts = (format_node(part, declared) for part in parts)
+            return " AND ".join(f"({text})" if isinstance(part, Or) else text for part, text in zip(parts, texts, strict=True))
         case Or(parts):
-            return " OR ".join(show(part, declared) for part in parts)
+            return " OR ".join(format_node(part, declared) for part in parts)
     raise TypeError(f"not a formula or term: {node!r}")
 
 
@@ -255,20 +255,20 @@ def terms(formula: Formula | Term) -> Iterator[Term]:
             yield from terms(atom)
         case Relation(_, arguments):
             yield from arguments
-        case Comparison(left, _, right):
-            yield from terms(left)
-            yield from terms(right)
-        case Arithmetic(left, _, right):
+        case Comparison(left_term, _, right_term):
+            yield from terms(left_term)
+            yield from terms(right_term)
+        case Arithmetic(left_term, _, right_term):
             yield formula
-            yield from terms(left)
-            yield from terms(right)
+            yield from terms(left_term)
+            yield from terms(right_term)
         case Call(_, inner):
             yield formula
             for argument in inner:
                 yield from terms(argument)
-        case Attribute(of, _):
+        case Attribute(owner, _):
             yield formula
-            yield of
+            yield owner
         case _:
             yield formula
 
@@ -290,14 +290,14 @@ def substitute_term(term: Term, bindings: Substitution) -> Term:
     match term:
         case Variable(name):
             return bindings.get(name, term)
-        case Attribute(of, path):
-            replaced = substitute_term(of, bindings)
-            assert isinstance(replaced, Name | Variable), f"{of} is bound to {replaced}, which has no attributes"
+        case Attribute(owner, path):
+            replaced = substitute_term(owner, bindings)
+            assert isinstance(replaced, Name | Variable), f"{owner} is bound to {replaced}, which has no attributes"
             return Attribute(replaced, path)
         case Call(function, arguments):
             return Call(function, tuple(substitute_term(argument, bindings) for argument in arguments))
-        case Arithmetic(left, operator, right):
-            return Arithmetic(substitute_term(left, bindings), operator, substitute_term(right, bindings))
+        case Arithmetic(left_term, operator, right_term):
+            return Arithmetic(substitute_term(left_term, bindings), operator, substitute_term(right_term, bindings))
         case _:
             return term
 
@@ -317,10 +317,10 @@ def substitute(formula: Formula, bindings: Substitution) -> Formula:
             replaced = tuple(substitute_term(argument, bindings) for argument in arguments)
             assert all(isinstance(argument, Name | Variable) for argument in replaced), formula
             return Relation(relation, replaced)  # type: ignore[arg-type]  # the line above is the proof
-        case Comparison(left, operator, right):
-            return Comparison(substitute_term(left, bindings), operator, substitute_term(right, bindings))
+        case Comparison(left_term, operator, right_term):
+            return Comparison(substitute_term(left_term, bindings), operator, substitute_term(right_term, bindings))
 
 
-def typed(formula: Formula, types: Mapping[str, str]) -> Formula:
+def with_types(formula: Formula, types: Mapping[str, str]) -> Formula:
     """The formula with types given to its variables; names of variables that it does not have are ignored."""
     return substitute(formula, {name: Variable(name, type_name) for name, type_name in types.items()})

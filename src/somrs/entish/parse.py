@@ -104,11 +104,11 @@ EXPECTED = {
 }
 
 
-DEEPEST = 100
+MAX_DEPTH = 100
 """More parentheses within each other are taken for a mistake."""
 
 
-class Reading(Struct, frozen=True):
+class ParsedFormula(Struct, frozen=True):
     """A text and the formula that it says, and where things are written, as offsets in the text: an atom's relation or
     comparison sign (with None), its terms (of an attribute, its name; of a call, the function; of what is calculated, the
     sign), and variables' types."""
@@ -127,26 +127,26 @@ class Reading(Struct, frozen=True):
         return FormulaError(self.text, self.types.get(variable, 0), problem, hint)
 
 
-class _Misplaced(Exception):
+class _MisplacedToken(Exception):
     """Grammatical, but no formula; becomes a FormulaError at the token."""
 
     def __init__(self, token: Token, problem: str, hint: str = "") -> None:
         self.token, self.problem, self.hint = token, problem, hint
 
 
-class _Placed(Struct, frozen=True):
+class _PlacedTerm(Struct, frozen=True):
     """A term, and the places of it and of the terms within it."""
 
     term: Term
     places: tuple[tuple[Term, int], ...]
 
 
-def _at(term: Term, token: Token, *inner: _Placed) -> _Placed:
-    return _Placed(term, ((term, token.start_pos or 0), *(place for placed in inner for place in placed.places)))
+def _place_term(term: Term, token: Token, *inner: _PlacedTerm) -> _PlacedTerm:
+    return _PlacedTerm(term, ((term, token.start_pos or 0), *(place for placed in inner for place in placed.places)))
 
 
 @v_args(inline=True)
-class _Build(Transformer[Token, Any]):
+class _FormulaBuilder(Transformer[Token, Any]):
     """Makes the formula of one text, and notes where its parts are and which types its variables are given."""
 
     def __init__(self) -> None:
@@ -166,77 +166,77 @@ class _Build(Transformer[Token, Any]):
     def negation(self, atom: Atom) -> Formula:
         return Not(atom)
 
-    def infix(self, left: _Placed, relation: Token, right: _Placed) -> Relation:
-        return self._relation(relation, left, right)
+    def infix(self, left_argument: _PlacedTerm, relation: Token, right_argument: _PlacedTerm) -> Relation:
+        return self._relation(relation, left_argument, right_argument)
 
-    def prefix(self, relation: Token, *arguments: _Placed | None) -> Relation:
+    def prefix(self, relation: Token, *arguments: _PlacedTerm | None) -> Relation:
         return self._relation(relation, *(argument for argument in arguments if argument is not None))
 
-    def _relation(self, token: Token, *arguments: _Placed) -> Relation:
+    def _relation(self, token: Token, *arguments: _PlacedTerm) -> Relation:
         relation = Relation(str(token), tuple(_object(argument, token) for argument in arguments))
         self._note(relation, token, *arguments)
         return relation
 
-    def comparison(self, left: _Placed, operator: Token, right: _Placed) -> Comparison:
-        comparison = Comparison(left.term, str(operator), right.term)
-        self._note(comparison, operator, left, right)
+    def comparison(self, left_operand: _PlacedTerm, operator: Token, right_operand: _PlacedTerm) -> Comparison:
+        comparison = Comparison(left_operand.term, str(operator), right_operand.term)
+        self._note(comparison, operator, left_operand, right_operand)
         return comparison
 
-    def _note(self, atom: Atom, token: Token, *arguments: _Placed) -> None:
+    def _note(self, atom: Atom, token: Token, *arguments: _PlacedTerm) -> None:
         self.places.setdefault((atom, None), token.start_pos or 0)
         for argument in arguments:
             for term, place in argument.places:
                 self.places.setdefault((atom, term), place)
 
-    def name(self, token: Token) -> _Placed:
-        return _at(Name(str(token)), token)
+    def name(self, token: Token) -> _PlacedTerm:
+        return _place_term(Name(str(token)), token)
 
     name_of = name
 
-    def variable(self, token: Token, type_name: Token | None) -> _Placed:
+    def variable(self, token: Token, type_name: Token | None) -> _PlacedTerm:
         variable = str(token)[1:]
         if type_name is not None:
             first = self.types.setdefault(variable, type_name)
             if first != type_name:
-                raise _Misplaced(type_name, f"?{variable} cannot be both {first} and {type_name}", "give the type once")
-        return _at(Variable(variable, str(type_name) if type_name is not None else None), token)
+                raise _MisplacedToken(type_name, f"?{variable} cannot be both {first} and {type_name}", "give the type once")
+        return _place_term(Variable(variable, str(type_name) if type_name is not None else None), token)
 
-    def attribute(self, of: _Placed, *path: Token) -> _Placed:
-        assert isinstance(of.term, Name | Variable)
-        return _at(Attribute(of.term, ".".join(path)), path[0], of)
+    def attribute(self, owner: _PlacedTerm, *path: Token) -> _PlacedTerm:
+        assert isinstance(owner.term, Name | Variable)
+        return _place_term(Attribute(owner.term, ".".join(path)), path[0], owner)
 
-    def call(self, function: Token, *arguments: _Placed | None) -> _Placed:
-        given = [argument for argument in arguments if argument is not None]
-        return _at(Call(str(function), tuple(argument.term for argument in given)), function, *given)
+    def call(self, function: Token, *arguments: _PlacedTerm | None) -> _PlacedTerm:
+        placed_arguments = [argument for argument in arguments if argument is not None]
+        return _place_term(Call(str(function), tuple(argument.term for argument in placed_arguments)), function, *placed_arguments)
 
-    def arithmetic(self, left: _Placed, operator: Token, right: _Placed) -> _Placed:
-        for placed in (left, right):
+    def arithmetic(self, left_operand: _PlacedTerm, operator: Token, right_operand: _PlacedTerm) -> _PlacedTerm:
+        for placed in (left_operand, right_operand):
             if isinstance(placed.term, Name | Text | Truth):
-                at = Token(operator.type, operator, start_pos=placed.places[0][1])
-                raise _Misplaced(at, f"{placed.term} is no number", f"{operator} is for numbers")
-        return _at(Arithmetic(left.term, str(operator), right.term), operator, left, right)
+                operand_token = Token(operator.type, operator, start_pos=placed.places[0][1])
+                raise _MisplacedToken(operand_token, f"{placed.term} is no number", f"{operator} is for numbers")
+        return _place_term(Arithmetic(left_operand.term, str(operator), right_operand.term), operator, left_operand, right_operand)
 
-    def number(self, token: Token, unit: Token | None) -> _Placed:
+    def number(self, token: Token, unit: Token | None) -> _PlacedTerm:
         value = float(token)
         if not math.isfinite(value):
-            raise _Misplaced(token, f"{token} is beyond what a number can be", "the largest is about 1.8e308")
-        return _at(Number(value, str(unit) if unit is not None else None), token)
+            raise _MisplacedToken(token, f"{token} is beyond what a number can be", "the largest is about 1.8e308")
+        return _place_term(Number(value, str(unit) if unit is not None else None), token)
 
-    def text(self, token: Token) -> _Placed:
+    def text(self, token: Token) -> _PlacedTerm:
         try:
-            return _at(Text(json.loads(str(token))), token)
+            return _place_term(Text(json.loads(str(token))), token)
         except json.JSONDecodeError as error:
-            raise _Misplaced(token, f"this text cannot be read: {error.msg}", "escapes are those of JSON") from None
+            raise _MisplacedToken(token, f"this text cannot be read: {error.msg}", "escapes are those of JSON") from None
 
-    def truth(self, token: Token) -> _Placed:
-        return _at(Truth(str(token) == "TRUE"), token)
+    def truth(self, token: Token) -> _PlacedTerm:
+        return _place_term(Truth(str(token) == "TRUE"), token)
 
 
-def _object(placed: _Placed, relation: Token) -> Name | Variable:
+def _object(placed: _PlacedTerm, relation: Token) -> Name | Variable:
     if isinstance(placed.term, Name | Variable):
         return placed.term
     token = Token(relation.type, relation, start_pos=placed.places[0][1])
-    raise _Misplaced(token, f"the relation {relation} joins objects, and {placed.term} is not one")
+    raise _MisplacedToken(token, f"the relation {relation} joins objects, and {placed.term} is not one")
 
 
 @lru_cache(maxsize=1)
@@ -249,7 +249,7 @@ def parse(text: str) -> Formula:
     return read(text).formula
 
 
-def beginning(text: str) -> tuple[list[tuple[str, str]], frozenset[str]] | None:
+def parse_beginning(text: str) -> tuple[list[tuple[str, str]], frozenset[str]] | None:
     """What the beginning of a formula is made of, each token with its kind, and the kinds of tokens that can come next (keys of
     `EXPECTED`); None when no formula begins so."""
     _limit_depth(text)
@@ -274,26 +274,26 @@ def parse_term(text: str) -> Term:
 
 
 @lru_cache(maxsize=4096)
-def read(text: str) -> Reading:
+def read(text: str) -> ParsedFormula:
     """The formula that `text` says, with the places of its parts. Raises FormulaError, which shows the place."""
     _limit_depth(text)
-    build = _Build()
+    builder = _FormulaBuilder()
     try:
-        formula: Formula = build.transform(_grammar().parse(text))
+        formula: Formula = builder.transform(_grammar().parse(text))
     except UnexpectedInput as error:
         raise _unexpected(text, error) from None
     except VisitError as error:
-        if isinstance(error.orig_exc, _Misplaced):
+        if isinstance(error.orig_exc, _MisplacedToken):
             raise FormulaError(text, error.orig_exc.token.start_pos or 0, error.orig_exc.problem, error.orig_exc.hint) from None
         raise
     # A type that is written once holds for every occurrence of the variable.
-    types = {name: Variable(name, str(token)) for name, token in build.types.items()}
+    types = {name: Variable(name, str(token)) for name, token in builder.types.items()}
     places: dict[tuple[Atom, Term | None], int] = {}
-    for (atom, term), place in build.places.items():
+    for (atom, term), place in builder.places.items():
         typed = substitute(atom, types)
         assert isinstance(typed, Relation | Comparison)
         places.setdefault((typed, substitute_term(term, types) if term is not None else None), place)
-    return Reading(text, substitute(formula, types), places, {name: token.start_pos or 0 for name, token in build.types.items()})
+    return ParsedFormula(text, substitute(formula, types), places, {name: token.start_pos or 0 for name, token in builder.types.items()})
 
 
 def _limit_depth(text: str) -> None:
@@ -301,41 +301,47 @@ def _limit_depth(text: str) -> None:
     depth = 0
     for match in re.finditer(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|[()]', text):
         depth += {"(": 1, ")": -1}.get(match.group(), 0)
-        if depth > DEEPEST:
-            raise FormulaError(text, match.start(), f"more than {DEEPEST} parentheses within each other", "write it flatter")
+        if depth > MAX_DEPTH:
+            raise FormulaError(text, match.start(), f"more than {MAX_DEPTH} parentheses within each other", "write it flatter")
 
 
 def _unexpected(text: str, error: UnexpectedInput) -> FormulaError:
     """The parser's error in a person's words."""
-    wanted = _expected(error)
+    hint = _expected(error)
     token: object = getattr(error, "token", None)
     if isinstance(token, Token) and token.type == "$END":
         end = len(text.rstrip())
-        return FormulaError(text, end, "the formula ends too early" if end else "there is no formula here", wanted)
+        return FormulaError(text, end, "the formula ends too early" if end else "there is no formula here", hint)
     position = error.pos_in_stream or 0
-    found = str(token) if isinstance(token, Token) else text[position]
-    return FormulaError(text, position, f"{found!r} does not fit here", wanted)
+    unexpected_text = str(token) if isinstance(token, Token) else text[position]
+    return FormulaError(text, position, f"{unexpected_text!r} does not fit here", hint)
 
 
 def _expected(error: UnexpectedInput) -> str:
     """What would have fitted: Lark says it differently of tokens that do not fit and of characters that are no token."""
     tokens = getattr(error, "accepts", None) or getattr(error, "expected", None) or getattr(error, "allowed", None) or ()
-    said = [words for token, words in EXPECTED.items() if token in tokens]
-    *most, last = said or [""]
-    return f"expected {', '.join(most)} or {last}" if most else f"expected {last}" if last else ""
+    descriptions = [words for token, words in EXPECTED.items() if token in tokens]
+    *other_descriptions, last_description = descriptions or [""]
+    return (
+        f"expected {', '.join(other_descriptions)} or {last_description}"
+        if other_descriptions
+        else f"expected {last_description}"
+        if last_description
+        else ""
+    )
 
 
-CLOSEST = 100
+MAX_COMPARED_NAMES = 100
 """Of more names than so many, those are compared that have most pairs of letters in common."""
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, known_names: Iterable[str]) -> str:
     """A hint that names the known names closest to `name`; empty when none is close."""
-    candidates = {candidate.casefold(): candidate for candidate in known}
-    if len(candidates) > CLOSEST:
+    candidates = {candidate.casefold(): candidate for candidate in known_names}
+    if len(candidates) > MAX_COMPARED_NAMES:
         # To compare all letter by letter takes long when there are thousands of names, as on large maps.
-        wanted = _pairs(name.casefold())
-        closest = heapq.nlargest(CLOSEST, candidates, key=lambda candidate: len(wanted & _pairs(candidate)))
+        name_pairs = _pairs(name.casefold())
+        closest = heapq.nlargest(MAX_COMPARED_NAMES, candidates, key=lambda candidate: len(name_pairs & _pairs(candidate)))
         candidates = {candidate: candidates[candidate] for candidate in closest}
     close = difflib.get_close_matches(name.casefold(), candidates, n=3, cutoff=0.6)
     return f"did you mean {' or '.join(candidates[c] for c in close)}?" if close else ""

@@ -25,7 +25,7 @@ from somrs.entish.formula import (
     Truth,
     Variable,
 )
-from somrs.entish.parse import Reading, nearest, read
+from somrs.entish.parse import ParsedFormula, nearest, read
 from somrs.errors import FormulaError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
@@ -75,7 +75,7 @@ def check(formula: Formula | str, ontology: Ontology, map: Map | None = None, va
 
 
 def mistakes(
-    reading: Reading, ontology: Ontology, map: Map | None = None, variables: Mapping[str, str] | None = None
+    reading: ParsedFormula, ontology: Ontology, map: Map | None = None, variables: Mapping[str, str] | None = None
 ) -> list[FormulaError]:
     """What does not fit in a formula that can be read, at most one of each atom; the one that `check` raises is the first."""
     checking = _Checking(reading, ontology, map, variables or {})
@@ -84,7 +84,7 @@ def mistakes(
 
 
 class _Checking:
-    def __init__(self, reading: Reading, ontology: Ontology, map: Map | None, variables: Mapping[str, str]) -> None:
+    def __init__(self, reading: ParsedFormula, ontology: Ontology, map: Map | None, variables: Mapping[str, str]) -> None:
         self.reading, self.ontology, self.map, self.variables = reading, ontology, map, variables
         self.found: list[FormulaError] = []
 
@@ -187,8 +187,8 @@ class _Checking:
     # Values
 
     def _attribute(self, atom: Atom, term: Attribute, scope: _Scope) -> _Meaning:
-        owner = self._object(atom, term.of, ROOT, scope)
-        fixed = isinstance(term.of, Name) and self.map is not None
+        owner = self._object(atom, term.owner, ROOT, scope)
+        fixed = isinstance(term.owner, Name) and self.map is not None
         found: AttributeType | None = None
         known: dict[str, AttributeType] = {}
         for type_name in [owner] if fixed else [owner, *self.ontology.subtypes(owner)]:
@@ -197,7 +197,7 @@ class _Checking:
             if found is not None:
                 break
         if found is None:
-            whose = f"{term.of}, a {owner}," if fixed else f"a {owner}"
+            whose = f"{term.owner}, a {owner}," if fixed else f"a {owner}"
             raise self.reading.error(atom, term, f"{whose} has no attribute {term.path}", nearest(term.path, known))
         if found.kind is Kind.COMPLEX:
             raise self.reading.error(atom, term, f"{term.path} is made of others", f"name one of {', '.join(found.attributes)}")

@@ -278,7 +278,7 @@ def _is_about_itself(text: str) -> bool:
     formula = parse(text)
     atoms = (literal.atom if isinstance(literal, Not) else literal for literal in literals(formula))
     simple = all(isinstance(atom, Comparison) and not any(isinstance(term, Call) for term in terms(atom)) for atom in atoms)
-    of_others = any(isinstance(term, Attribute) and isinstance(term.of, Name) for term in terms(formula))
+    of_others = any(isinstance(term, Attribute) and isinstance(term.owner, Name) for term in terms(formula))
     return simple and not of_others and set(variables(formula)) <= {SELF}
 
 

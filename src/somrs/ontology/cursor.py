@@ -11,7 +11,7 @@ from enum import Enum, auto
 
 from msgspec import Struct, structs
 
-from somrs.entish.parse import beginning
+from somrs.entish.parse import parse_beginning
 from somrs.errors import FormulaError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
@@ -185,7 +185,7 @@ class _Placing:
         if atom.lstrip().startswith(")"):
             return Cursor(spot=Spot.ON, complete=True)
         try:
-            read = beginning(atom)
+            read = parse_beginning(atom)
         except FormulaError:
             read = None
         if read is None:

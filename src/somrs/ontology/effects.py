@@ -162,15 +162,15 @@ class _Making:
         target, source = (part.left, part.right) if isinstance(part.left, Attribute) else (part.right, part.left)
         if part.operator != "=" or not isinstance(target, Attribute):
             raise self.error(part, None, f"{part} does not say what becomes true", "write Object.Attribute = value")
-        self._require_object(part, target.of)
-        assert isinstance(target.of, Name)
+        self._require_object(part, target.owner)
+        assert isinstance(target.owner, Name)
         attribute = self._attribute(part, target)
         value = self._value(part, attribute, source)
         if not holds(part, self.map, self.ontology):
-            yield ValueSet(target.of.name, target.path, value)
+            yield ValueSet(target.owner.name, target.path, value)
 
     def _attribute(self, part: Comparison, target: Attribute) -> AttributeType:
-        type_name = self.map.objects[target.of.name].type
+        type_name = self.map.objects[target.owner.name].type
         known = self.ontology.attributes_of(type_name)
         if target.path not in known:
             raise self.error(part, target, f"a {type_name} has no attribute {target.path}", nearest(target.path, known))

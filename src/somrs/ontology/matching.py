@@ -191,7 +191,7 @@ class _Unifying:
         assert isinstance(attribute, Attribute)
         if target.path != attribute.path:
             return
-        found = self._join(match, target.of, attribute.of)
+        found = self._join(match, target.owner, attribute.owner)
         if found is None:
             return
         value, limit = found.resolve(given.right), found.resolve(asked.right)

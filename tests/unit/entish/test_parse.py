@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from somrs.entish.formula import Comparison, Name, Term
-from somrs.entish.parse import CLOSEST, DEEPEST, beginning, nearest, parse, parse_term, read
+from somrs.entish.parse import MAX_COMPARED_NAMES, MAX_DEPTH, nearest, parse, parse_beginning, parse_term, read
 from somrs.errors import FormulaError
 
 TERM = 'a name, a variable such as ?Shelf, a number, a text in "quotes"'
@@ -68,13 +68,13 @@ def test_what_is_said_of_what_is_no_formula(text: str, position: int, problem: s
     assert refusal(parse, text) == (position, problem, hint)
 
 
-@pytest.mark.parametrize("read_", [parse, beginning])
+@pytest.mark.parametrize("read_", [parse, parse_beginning])
 def test_only_parentheses_that_are_open_and_no_part_of_a_text_count(read_: Callable[[str], object]) -> None:
-    deep = "(" * DEEPEST
-    before = f'{deep}a isOn b{")" * DEEPEST} AND a.L = "((" AND # ((\n'
-    assert read_(f"{before}{deep}a isOn b{')' * DEEPEST}")
-    said = f"more than {DEEPEST} parentheses within each other"
-    assert refusal(read_, f"{before}{deep}(a isOn b") == (len(before) + DEEPEST, said, "write it flatter")
+    deep = "(" * MAX_DEPTH
+    before = f'{deep}a isOn b{")" * MAX_DEPTH} AND a.L = "((" AND # ((\n'
+    assert read_(f"{before}{deep}a isOn b{')' * MAX_DEPTH}")
+    said = f"more than {MAX_DEPTH} parentheses within each other"
+    assert refusal(read_, f"{before}{deep}(a isOn b") == (len(before) + MAX_DEPTH, said, "write it flatter")
 
 
 @pytest.mark.parametrize(
@@ -89,12 +89,12 @@ def test_only_parentheses_that_are_open_and_no_part_of_a_text_count(read_: Calla
 )
 def test_what_can_come_next(text: str, tokens: str, next_ones: str) -> None:
     said = [tuple(token.split(":")) for token in tokens.split()]
-    assert beginning(text) == (said, frozenset(next_ones.split()))
+    assert parse_beginning(text) == (said, frozenset(next_ones.split()))
 
 
 @pytest.mark.parametrize("text", ["a $", "isOn AND", "a isOn b c"])
 def test_no_formula_begins_so(text: str) -> None:
-    assert beginning(text) is None
+    assert parse_beginning(text) is None
 
 
 @pytest.mark.parametrize("text", ["?x.Weight", "range(?P)", "5 kg", "1 + 2 * a.b", "TRUE", "Red", '"t"'])
@@ -161,8 +161,8 @@ def test_what_has_no_place_is_shown_at_the_beginning() -> None:
         ("Jar", ["Jar4", "JAR1", "Jar2", "Jar3"], "did you mean Jar4 or Jar3 or Jar2?"),
         ("abcde", ["abcXX"], "did you mean abcXX?"),  # just like enough
         ("abcde", ["abXXX"], ""),
-        ("Robot", [*(f"Cupboard{n}" for n in range(2 * CLOSEST)), "ROBTO"], "did you mean ROBTO?"),
-        ("Robot", [*(f"Cupboard{n}" for n in range(2 * CLOSEST))], ""),
+        ("Robot", [*(f"Cupboard{n}" for n in range(2 * MAX_COMPARED_NAMES)), "ROBTO"], "did you mean ROBTO?"),
+        ("Robot", [*(f"Cupboard{n}" for n in range(2 * MAX_COMPARED_NAMES))], ""),
     ],
 )
 def test_which_names_are_nearest(name: str, known: list[str], hint: str) -> None:

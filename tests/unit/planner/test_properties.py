@@ -9,7 +9,7 @@ from hypothesis import event, given, note
 from hypothesis import strategies as st
 
 from somrs.entish import Formula, Name, Relation, Term, Truth
-from somrs.entish.formula import conjunction, conjuncts, substitute, typed, variables
+from somrs.entish.formula import conjunction, conjuncts, substitute, variables, with_types
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
@@ -152,7 +152,7 @@ def _wishes(draw: st.DrawFn) -> Formula:
     for name, choices in {"T": ["T1", "T2"], "P": ["P1", "P2", "P3"]}.items():
         if draw(st.booleans()) or name == "P":
             goal = substitute(goal, {name: Name(draw(st.sampled_from(choices)))})
-    return typed(goal, {"T": "Thing", "Q": "Place", "W": "Robot", "X": "Thing", "Y": "Place"})
+    return with_types(goal, {"T": "Thing", "Q": "Place", "W": "Robot", "X": "Thing", "Y": "Place"})
 
 
 @st.composite

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from somrs.entish import Attribute, Comparison, Formula, Name, Not, Number, Relation, Term, Truth, Variable
-from somrs.entish.formula import conjunction, conjuncts, literals, substitute, typed, variables
+from somrs.entish.formula import conjunction, conjuncts, literals, substitute, variables, with_types
 from somrs.entish.parse import parse, parse_term
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
@@ -138,7 +138,7 @@ class SymbolicWorld:
         bound = self._bound(service, inputs, provider)
         kinds = {parameter.name: parameter.type for parameter in service.inputs}
         if service.precondition is not None:
-            precondition = typed(parse(service.precondition), kinds)
+            precondition = with_types(parse(service.precondition), kinds)
             row = next(
                 bindings(precondition, self.map, self.ontology, {k: v for k, v in bound.items() if k in variables(precondition)}), None
             )

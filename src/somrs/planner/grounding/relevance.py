@@ -135,7 +135,7 @@ def _wants(demand: Demand) -> Iterator[Wanted]:
     for literal in demand.operator.counts:
         for term in terms(literal):
             if isinstance(term, Attribute):
-                yield True, "." + term.path, (argument(bare(term.of)), ANYTHING)
+                yield True, "." + term.path, (argument(bare(term.owner)), ANYTHING)
     for forbidden in demand.operator.forbids:
         predicate, arguments = forbidden.pattern
         yield False, predicate, tuple(map(argument, arguments))

@@ -131,7 +131,7 @@ class _Fates:
             case Comparison() as comparison:
                 for term in terms(comparison):
                     if isinstance(term, Attribute):
-                        yield from _about((("attribute", term.path),), (term.of,))
+                        yield from _about((("attribute", term.path),), (term.owner,))
                     elif isinstance(term, Call) and (function := self._ontology.functions.get(term.function)) is not None:
                         yield from _about((("attribute", function.attribute),), term.arguments)
 
@@ -185,10 +185,10 @@ def touches(effect: Formula, condition: Literal, ontology: Ontology) -> bool:
 def _reads(term: object, target: Attribute, ontology: Ontology) -> bool:
     match term:
         case Attribute(of, path):
-            return path == target.path and (of == target.of or isinstance(of, Variable))
+            return path == target.path and (of == target.owner or isinstance(of, Variable))
         case Call(name, arguments):
             function = ontology.functions.get(name)
-            mine = any(argument == target.of or isinstance(argument, Variable) for argument in arguments)
+            mine = any(argument == target.owner or isinstance(argument, Variable) for argument in arguments)
             return function is not None and function.attribute == target.path and mine
     return False
 

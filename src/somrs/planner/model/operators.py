@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from somrs.entish import Arithmetic, Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
-from somrs.entish.formula import Constant, Literal, alternatives, conjuncts, count_alternatives, terms, typed, variables
+from somrs.entish.formula import Constant, Literal, alternatives, conjuncts, count_alternatives, terms, variables, with_types
 from somrs.entish.parse import parse
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.types import Kind, Ontology
@@ -169,8 +169,8 @@ def providers_of(service: str) -> str:
 def operators(service: ServiceType, known: Vocabulary) -> Iterator[Operator]:
     """The operators of a service type. Raises Inexpressible."""
     inputs = {parameter.name: parameter.type for parameter in service.inputs}
-    effect = typed(parse(service.effect), inputs)
-    precondition = typed(parse(service.precondition), inputs) if service.precondition is not None else None
+    effect = with_types(parse(service.effect), inputs)
+    precondition = with_types(parse(service.precondition), inputs) if service.precondition is not None else None
     speaks = {**variables(effect), **(variables(precondition) if precondition is not None else {})}
     for output in service.outputs:
         if output.name in variables(effect) and output.name not in inputs:
@@ -312,7 +312,7 @@ class _Compiler:
             variable = Variable(str(attribute))  # a text with a dot in it is no other variable's name
             known = attribute_at(attribute.path, self.known.ontology)
             hidden[variable.name] = known.tolerance if known else 0.0
-            patterns.append(("." + attribute.path, (bare(attribute.of), variable)))
+            patterns.append(("." + attribute.path, (bare(attribute.owner), variable)))
             return variable
 
         changed = Comparison(hide(comparison.left), comparison.operator, hide(comparison.right))
@@ -350,7 +350,7 @@ class _Compiler:
                 if test is not None:
                     self.needs.update(dict.fromkeys(patterns))
                     source = test.comparison.left
-                self.adds.append(("." + target.path, (bare(target.of), source)))
+                self.adds.append(("." + target.path, (bare(target.owner), source)))
             case Or():
                 raise Inexpressible(part, "an effect with OR does not say what becomes true")
             case _:

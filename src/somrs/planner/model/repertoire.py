@@ -56,7 +56,7 @@ def _brings_about(operator: Operator, known: Vocabulary) -> Iterator[tuple[bool,
             for other in (predicate, *known.excluded_by(predicate)):
                 yield from ((False, pattern) for pattern in _given_up(predicate, other, arguments, known))
     for target, _ in operator.sets:
-        yield True, ("." + target.path, (bare(target.of), Variable("")))
+        yield True, ("." + target.path, (bare(target.owner), Variable("")))
     for predicate, arguments in operator.removes:
         yield False, (predicate, arguments)
         if known.symmetric(predicate):

@@ -167,13 +167,13 @@ class Counters:
         return Variable(str(attribute))
 
     def _counter(self, attribute: Attribute) -> int:
-        assert isinstance(attribute.of, Name), "the action is ground"
-        key = attribute.of.name, attribute.path
+        assert isinstance(attribute.owner, Name), "the action is ground"
+        key = attribute.owner.name, attribute.path
         if key not in self._place:
             self._place[key] = len(self.attributes)
             self.names.append(str(attribute))
             self.attributes.append(attribute_at(attribute.path, self._world.ontology))
-            value = value_of(attribute.of.name, attribute.path, self._world.map, self._world.ontology)
+            value = value_of(attribute.owner.name, attribute.path, self._world.map, self._world.ontology)
             self._initial.append(value if isinstance(value, int | float) and not isinstance(value, bool) else None)
         return self._place[key]
 

@@ -252,7 +252,7 @@ def _rivals(case: _Case) -> Iterator[tuple[Arguments, Arguments]]:
         yield from ((deleted.arguments, added.arguments) for added in case.adds if added.relation == deleted.relation)
     for one, other in combinations(case.values, 2):
         if one.target.path == other.target.path and one.target != other.target:
-            yield (one.target.of,), (other.target.of,)
+            yield (one.target.owner,), (other.target.owner,)
 
 
 def _effect(case: _Case) -> list[Formula]:

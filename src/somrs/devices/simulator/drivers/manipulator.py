@@ -189,7 +189,7 @@ def where(object: str, formula: Formula | None) -> Spot:
         match part:
             case Relation(relation="isOn", arguments=(Name(name=thing), Name(name=support))) if thing == object:
                 on = support
-            case Comparison(left=Attribute(of=Name(name=thing), path=path), operator="=", right=Number(value=value)) if thing == object:
+            case Comparison(left=Attribute(owner=Name(name=thing), path=path), operator="=", right=Number(value=value)) if thing == object:
                 found[path] = value
     at = (found["PositionX"], found["PositionY"]) if {"PositionX", "PositionY"} <= found.keys() else None
     return Spot(on=on, at=at)
