@@ -19,7 +19,7 @@ from somrs.client.client import Addresses, Client
 from somrs.kernel.component import Received, Record
 from somrs.kernel.pending import Journaled
 from somrs.ontology.files.loading import upper
-from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import ValueSet
 from somrs.ontology.types import Constraint, Definition
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -49,7 +49,7 @@ def considered(repository: Repository) -> None:
         "an attribute of all objects": changed(structs.replace(attributes["PositionX"], tolerance=0.1)),
         "a relation with 2,500 facts": changed(structs.replace(ontology.relations["isOn"], joins=("Object", "Object"))),
         "what all objects must have": changed(structs.replace(types["PhysicalObject"], required=("Label",))),
-        "a type with 2,500 objects removed": Define(removed=(Named(section=Section.TYPES, name="Jar"),)),
+        "a type with 2,500 objects removed": Define(removed=(DefinitionKey(section=Section.TYPES, name="Jar"),)),
         "a type with 2,500 objects renamed": Define(renamed=(Renaming(section=Section.TYPES, name="Jar", to="Pot"),)),
         "an object renamed": RenameObject(name="Table7", to="Bench"),
         "an update of the map": UpdateMap(situation="Jar7 isOn Table9"),

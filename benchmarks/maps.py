@@ -92,8 +92,8 @@ def convert() -> None:
     ways = {
         "a multiplication": lambda: next(numbers) * 0.01,
         "pint, cm to m": lambda: registry.convert(float(next(numbers)), "cm", "m"),
-        "units.converted, a new number": lambda: units.converted(float(next(numbers)), "cm", "m"),
-        "units.converted, a number again": lambda: units.converted(150.0, "cm", "m"),
+        "units.converted, a new number": lambda: units.convert_unit(float(next(numbers)), "cm", "m"),
+        "units.converted, a number again": lambda: units.convert_unit(150.0, "cm", "m"),
     }
     side_by_side("converting a number's unit", ways)
 

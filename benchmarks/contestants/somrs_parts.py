@@ -10,7 +10,7 @@ from pathlib import Path
 from contestants.contest import AT_ONCE, BIDDERS
 from somrs.entish.formula import Name, Relation, Term, substitute
 from somrs.entish.parse import parse
-from somrs.ontology.files.loading import Loaded, load_text
+from somrs.ontology.files.loading import LoadedModel, load_text
 from somrs.ontology.objects import Map
 from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.problem import Problem
@@ -51,7 +51,7 @@ facts:
 """
 
 
-def site_loaded() -> Loaded:
+def site_loaded() -> LoadedModel:
     loaded = load_text(site(), "site.yaml")
     assert loaded.map is not None, "there are objects in it"
     return loaded
@@ -139,7 +139,7 @@ class Lines:
         return (await self._ask(Message(header=header, body=body))).body
 
 
-def map_of(loaded: Loaded) -> Map:
+def map_of(loaded: LoadedModel) -> Map:
     assert loaded.map is not None, "there are objects in it"
     return loaded.map
 

@@ -19,7 +19,7 @@ from somrs.client.client import Client, Refused, who
 from somrs.client.refusals import trouble
 from somrs.errors import InputError, ModelError
 from somrs.ontology.files.loading import load, load_text, upper
-from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import ObjectType, RelationType
 from somrs.ports import Reservation
@@ -53,8 +53,8 @@ def test_a_type_is_made_considered_renamed_and_undone(tmp_path: Path) -> None:
         await known(desk, made.version)
         seen = await desk.ontology.read()
         assert "Vat" in [type.name for type in seen.definitions.types]
-        assert Named(section=Section.TYPES, name="Device") in seen.relied
-        assert Named(section=Section.TYPES, name="Vat") not in seen.relied
+        assert DefinitionKey(section=Section.TYPES, name="Device") in seen.relied
+        assert DefinitionKey(section=Section.TYPES, name="Vat") not in seen.relied
         rename = Define(renamed=(Renaming(section=Section.TYPES, name="Vat", to="Tub"),), author="Ben")
         consequences = await desk.ontology.consider(rename)
         assert (consequences.broken, consequences.version) == ((), made.version)
@@ -103,7 +103,7 @@ def test_consequences_name_the_tasks_orders_and_templates_whose_words_would_be_g
         filled = await desk.orders.add_order(OrderSaved(name="Morning", when=daily, template="Bring", values=values))
         whole = await desk.orders.add_order(OrderSaved(name="Evening", when=daily, task=Submit(effect="Jar001 isOn ?P: Platform")))
         await desk.orders.add_order(OrderSaved(name="Night", when=daily, template="Tidy"))
-        platform = Named(section=Section.TYPES, name="Platform")
+        platform = DefinitionKey(section=Section.TYPES, name="Platform")
         rename = Define(renamed=(Renaming(section=Section.TYPES, name="Platform", to="Stand"),))
         found = (await desk.ontology.consider(rename)).affected
         users = {(User.TASK, task), (User.ORDER, filled.id), (User.ORDER, whole.id), (User.TEMPLATE, "Bring")}
@@ -148,7 +148,7 @@ def test_a_dry_run_on_the_command_line_names_them_too(tmp_path: Path, capsys: py
 def test_what_is_refused_says_each_problem_where_it_is(tmp_path: Path) -> None:
     async def use(desk: LiveApi) -> None:
         with pytest.raises(Refused) as refused:
-            await desk.ontology.change(Define(removed=(Named(section=Section.TYPES, name="Jar"),)))
+            await desk.ontology.change(Define(removed=(DefinitionKey(section=Section.TYPES, name="Jar"),)))
         told = trouble(refused.value)
         assert {(rule.section, rule.subject) for rule in told.broken} >= {("objects", "Jar001"), ("objects", "Jar002")}
         assert "Jar001" in told.problem
@@ -165,7 +165,7 @@ def test_who_gave_no_name_is_told_short_and_recorded_whole(tmp_path: Path) -> No
         (event,) = (await desk.ontology.history()).events
         assert event.author == who()
         await known(desk, made.version)
-        late = Define(removed=(Named(section=Section.TYPES, name="Vat"),), author="Ben", expected_version=0)
+        late = Define(removed=(DefinitionKey(section=Section.TYPES, name="Vat"),), author="Ben", expected_version=0)
         with pytest.raises(Refused) as refused:
             await desk.ontology.change(late)
         told = trouble(refused.value).problem
@@ -220,7 +220,7 @@ def test_what_is_exported_is_read_back(tmp_path: Path) -> None:
         await desk.ontology.change(
             Define(
                 definitions=Definitions(types=(VAT, structs.replace(upper().types["Jar"], doc="Ours")), relations=(near,)),
-                removed=(Named(section=Section.TYPES, name="Cup"),),
+                removed=(DefinitionKey(section=Section.TYPES, name="Cup"),),
                 renamed=(Renaming(section=Section.TYPES, name="Bottle", to="Flask"),),
             )
         )

@@ -61,7 +61,7 @@ def test_a_file_is_taken_over_after_its_consequences_were_shown(tmp_path: Path) 
         assert types["Vase"].parent == "Mug"
         assert not {"Cup", "Bottle"} & types.keys()
         assert desk.context.map.objects["Vase1"].values["Shape.Radius"] == 0.1
-        assert desk.context.map.holds("isOn", ("Vase1", "Cupboard001"))
+        assert desk.context.map.has_fact("isOn", ("Vase1", "Cupboard001"))
         assert (await desk.ontology.history()).events[0].author == "Anna"
 
     desk(tmp_path, use)

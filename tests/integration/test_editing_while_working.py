@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.types import Constraint, ObjectType
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -40,7 +40,7 @@ EDITS: list[Alteration] = [
     renamed(Section.TYPES, "PioneerP3DX", "Pioneer"),
     renamed(Section.RELATIONS, "isAt", "standsAt"),
     renamed(Section.ATTRIBUTES, "Texture", "Surface"),
-    Define(removed=(Named(section=Section.TYPES, name="Bottle"), Named(section=Section.FUNCTIONS, name="range"))),
+    Define(removed=(DefinitionKey(section=Section.TYPES, name="Bottle"), DefinitionKey(section=Section.FUNCTIONS, name="range"))),
     Define(
         definitions=Definitions(
             types=(ObjectType(name="Platform", parent="Support", constraints=(Constraint(attribute="Weight", maximum=9),)),)
@@ -60,7 +60,7 @@ def test_a_task_is_accomplished_whatever_is_called_otherwise_meanwhile(edit: Alt
     assert isinstance(alter(system, edit), Defined | Updated)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
-    assert system.map.holds("isOn", ("Jar002", "Platform001"))
+    assert system.map.has_fact("isOn", ("Jar002", "Platform001"))
     assert system.manager.state.replica.version == system.repository.contents.version
     assert set(system.registry.ontology.types) == set(system.repository.contents.ontology.types)
     system.restart_manager()

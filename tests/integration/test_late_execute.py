@@ -97,5 +97,5 @@ def test_what_was_told_too_late_to_be_undone_is_undone_by_another() -> None:
     assert undone == []
     (stranded,) = [m.body for m in system.world.messages if isinstance(m.body, frp.Stranded)]
     assert not stranded.tried
-    assert system.map.holds("isOn", ("Jar002", "Cupboard001"))
-    assert system.map.holds("isOn", ("Jar001", "Cupboard002"))
+    assert system.map.has_fact("isOn", ("Jar002", "Cupboard001"))
+    assert system.map.has_fact("isOn", ("Jar001", "Cupboard002"))

@@ -117,7 +117,7 @@ def test_a_jar_is_carried_and_it_says_where_it_is_to_the_millimetre() -> None:
             map = await at.perform(order())
             truth = await at.operator.seen("Jar1")
             assert truth.on == "Platform1"
-            assert map.holds("isOn", ("Jar1", "Platform1"))
+            assert map.has_fact("isOn", ("Jar1", "Platform1"))
             values = map.objects["Jar1"].values
             assert [values[f"Position{axis}"] for axis in "XYZ"] == [round(v, 3) for v in (truth.x, truth.y, truth.z)]
             robot = (await at.operator.robots())["Robot1"]
@@ -213,7 +213,7 @@ def test_a_drive_that_dies_in_mid_transport_is_told_exactly_and_another_robot_go
             for axis, real in zip("XYZ", (truth.x, truth.y, truth.z), strict=True):
                 assert values[f"Position{axis}"] == pytest.approx(real, abs=0.002)
             assert values["PositionZ"] == 0
-            assert map.holds("isOn", ("Jar1", "Floor1"))
+            assert map.has_fact("isOn", ("Jar1", "Floor1"))
             robot = map.objects["Robot1"].values
             assert robot["Working"] is False
             assert math.dist((float(robot["PositionX"]), float(robot["PositionY"])), (truth.x, truth.y)) < 0.8
@@ -224,7 +224,7 @@ def test_a_drive_that_dies_in_mid_transport_is_told_exactly_and_another_robot_go
             other = Desk(second, at.operator, at.repository)
             at_floor = " AND ".join(first[:3])
             assert isinstance(await other.do(Quote(order(precondition=at_floor))), Quoted)
-            assert (await other.perform(order(precondition=at_floor))).holds("isOn", ("Jar1", "Platform1"))
+            assert (await other.perform(order(precondition=at_floor))).has_fact("isOn", ("Jar1", "Platform1"))
             assert (await at.operator.seen("Jar1")).on == "Platform1"
             await second.close()
 
@@ -238,8 +238,8 @@ def test_a_gripper_that_sticks_keeps_hold_of_the_jar_and_says_so() -> None:
             with pytest.raises(ServiceFailed) as failed:
                 await at.do(Perform(order()))
             map = after(failed.value.situation)
-            assert map.holds("isHeldBy", ("Jar1", "Robot1"))
-            assert not map.holds("isOn", ("Jar1", "Table1"))
+            assert map.has_fact("isHeldBy", ("Jar1", "Robot1"))
+            assert not map.has_fact("isOn", ("Jar1", "Table1"))
             assert map.objects["Robot1"].values["Working"] is False
 
     run(test())
@@ -252,7 +252,7 @@ def test_a_link_that_is_lost_fails_with_what_was_known_last() -> None:
             with pytest.raises(ServiceFailed, match="lost") as failed:
                 await at.do(Perform(order()))
             map = after(failed.value.situation)
-            assert map.holds("isHeldBy", ("Jar1", "Robot1"))
+            assert map.has_fact("isHeldBy", ("Jar1", "Robot1"))
             assert map.objects["Robot1"].values["Working"] is False
 
     run(test())
@@ -270,7 +270,7 @@ def test_a_link_that_is_lost_for_a_moment_does_not_end_the_work(after: float | N
             assert not working.done()
             await at.operator.repair("Robot1", Fault.LINK)
             map = await working
-            assert map.holds("isOn", ("Jar1", "Platform1"))
+            assert map.has_fact("isOn", ("Jar1", "Platform1"))
             assert (await at.operator.seen("Jar1")).on == "Platform1"
 
     run(test())
@@ -318,7 +318,7 @@ def test_stopped_in_the_middle_it_puts_the_jar_down_and_says_where() -> None:
             truth = await at.operator.seen("Jar1")
             assert truth.on == "Floor1"
             map = after(done.situation)
-            assert map.holds("isOn", ("Jar1", "Floor1"))
+            assert map.has_fact("isOn", ("Jar1", "Floor1"))
             assert map.objects["Jar1"].values["PositionX"] == pytest.approx(truth.x, abs=0.002)
             assert (await at.operator.robots())["Robot1"].holding is None
 
@@ -331,7 +331,7 @@ def test_stopped_before_it_gripped_it_leaves_the_jar_alone() -> None:
             done = await at.do(Halt(order()))
             assert isinstance(done, Done)
             assert (await at.operator.seen("Jar1")).on == "Table1"
-            assert after(done.situation).holds("isOn", ("Jar1", "Table1"))
+            assert after(done.situation).has_fact("isOn", ("Jar1", "Table1"))
 
     run(test())
 
@@ -343,7 +343,7 @@ def test_what_was_done_is_undone() -> None:
             was = "Jar1 isOn Table1 AND Jar1.PositionX = 1.15 AND Jar1.PositionY = 4"
             done = await at.do(Undo(order(), was))
             assert isinstance(done, Done)
-            assert after(done.situation).holds("isOn", ("Jar1", "Table1"))
+            assert after(done.situation).has_fact("isOn", ("Jar1", "Table1"))
             truth = await at.operator.seen("Jar1")
             assert math.dist((truth.x, truth.y), (1.15, 4)) < 0.02
             with pytest.raises(ServiceFailed, match="does not say on what"):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 
 from somrs.ontology.conformance import violations
-from somrs.ontology.files.loading import Loaded, load_text, upper
+from somrs.ontology.files.loading import LoadedModel, load_text, upper
 from somrs.ontology.objects import Change, Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.owl import to_graph
 from somrs.ontology.types import Ontology
@@ -48,9 +48,9 @@ relations:
 """
 
 
-def house(extra: str = "", *changes: Change) -> Loaded:
+def house(extra: str = "", *changes: Change) -> LoadedModel:
     loaded = load_text(WORDS + HOUSE + extra)
-    return Loaded(loaded.ontology, the_map(loaded).changed(changes))
+    return LoadedModel(loaded.ontology, the_map(loaded).changed(changes))
 
 
 def thing(name: str, type: str, **values: float | str | bool) -> ObjectAdded:

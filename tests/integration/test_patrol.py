@@ -26,7 +26,7 @@ def test_a_patrol_finds_a_jar_that_stands_where_it_was_and_measures_it() -> None
             situation = await at.found(patrol, "Jar1")
             truth = await at.operator.seen("Jar1")
             map = after(situation)
-            assert map.holds("isOn", ("Jar1", "Table1"))
+            assert map.has_fact("isOn", ("Jar1", "Table1"))
             values = map.objects["Jar1"].values
             assert values["Unknown"] is False
             assert [values[f"Position{axis}"] for axis in "XYZ"] == [round(v, 3) for v in (truth.x, truth.y, truth.z)]
@@ -56,8 +56,8 @@ def test_a_patrol_finds_a_jar_that_was_taken_elsewhere(x: float, y: float, z: fl
             patrol = await at.open("Patrol1")
             await at.operator.move("Jar1", x, y, z)
             map = after(await at.found(patrol, "Jar1"))
-            assert map.holds("isOn", ("Jar1", on))
-            assert not map.holds("isOn", ("Jar1", "Table1"))
+            assert map.has_fact("isOn", ("Jar1", on))
+            assert not map.has_fact("isOn", ("Jar1", "Table1"))
             assert map.objects["Jar1"].values["PositionX"] == pytest.approx(x, abs=0.01)
 
     run(test())
@@ -72,13 +72,13 @@ def test_a_jar_in_the_hand_of_a_silent_robot_is_found_there() -> None:
                 await at.do(robot, Perform(carrying("Jar1", "Platform1")))
             truth = (await at.operator.robots())["Robot1"]
             map = after(await at.found(patrol, "Jar1"))
-            assert map.holds("isHeldBy", ("Jar1", "Robot1"))
-            assert not map.holds("isOn", ("Jar1", "Table1"))
+            assert map.has_fact("isHeldBy", ("Jar1", "Robot1"))
+            assert not map.has_fact("isOn", ("Jar1", "Table1"))
             robot_now = map.objects["Robot1"].values
             assert (robot_now["PositionX"], robot_now["PositionY"]) == pytest.approx((truth.x, truth.y), abs=0.002)
             assert math.dist((truth.x, truth.y), (2, 1.5)) > 1, "and that is not where the map had it"
             of_robot = after(await at.found(patrol, "Robot1"))
-            assert of_robot.holds("isHeldBy", ("Jar1", "Robot1")), "who looks at the robot sees what it holds"
+            assert of_robot.has_fact("isHeldBy", ("Jar1", "Robot1")), "who looks at the robot sees what it holds"
             assert of_robot.objects["Robot1"].values["Unknown"] is False
 
     run(test())
@@ -172,7 +172,7 @@ def test_a_camera_says_where_a_thing_is_that_it_sees_and_refuses_what_it_does_no
             assert isinstance(quoted, Quoted)
             assert quoted.price == 1
             map = after(await at.found(camera, "Jar1"))
-            assert map.holds("isOn", ("Jar1", "Platform1"))
+            assert map.has_fact("isOn", ("Jar1", "Platform1"))
             assert map.objects["Jar1"].values["PositionX"] == pytest.approx(10.4, abs=0.01)
             await at.operator.move("Jar1", 1.1, 4, 0.7)
             with pytest.raises(ServiceFailed, match="not see Jar1 any more"):
@@ -209,7 +209,7 @@ def test_the_documentation_shows_how_to_offer_it_oneself() -> None:
         async with lab() as at:
             device = kind("Reader1")
             assert await at.do(device, Quote(looking("Jar1"))) == Quoted(price=1.0, duration=1.0)
-            assert after(await at.found(device, "Jar1")).holds("isOn", ("Jar1", "Table1"))
+            assert after(await at.found(device, "Jar1")).has_fact("isOn", ("Jar1", "Table1"))
             with pytest.raises(Refusal, match="does not read the label of Jar2"):
                 await at.do(device, Quote(looking("Jar2")))
 

@@ -59,8 +59,8 @@ def test_what_was_done_is_undone_when_the_client_cancels() -> None:
     (view,) = system.finish(task)
     assert view.outcome is Outcome.CANCELLED
     assert [kind for kind, _ in system.said(task)][-6:] == ["Stop", "Stopped", "Compensate", "Compensated", "End", "End"]
-    assert system.map.holds("isOn", ("Jar001", "Cupboard002"))
-    assert system.map.holds("isOn", ("Jar002", "Cupboard001"))
+    assert system.map.has_fact("isOn", ("Jar001", "Cupboard002"))
+    assert system.map.has_fact("isOn", ("Jar002", "Cupboard001"))
     assert "was undone" in view.explanation
 
 
@@ -87,8 +87,8 @@ def test_what_its_robot_cannot_undo_others_restore() -> None:
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)
     assert view.outcome is Outcome.CANCELLED
-    assert system.map.holds("isOn", ("Jar001", "Cupboard002"))
-    assert system.map.holds("isOn", ("Jar002", "Cupboard001"))
+    assert system.map.has_fact("isOn", ("Jar001", "Cupboard002"))
+    assert system.map.has_fact("isOn", ("Jar002", "Cupboard001"))
     assert State.STRANDED not in {work.state for work in view.work}
 
 
@@ -166,7 +166,7 @@ def test_what_a_failed_undoing_left_is_looked_at() -> None:
     until_one_is_done(system, task)
     jar = next(step.inputs["Object"] for step in system.view(task).steps if step.state is State.COMPLETED)
     system.ask(CancelTask(task=task))
-    assert system.world.run(600, lambda: system.map.holds("isOn", (jar, "Floor001")))
+    assert system.world.run(600, lambda: system.map.has_fact("isOn", (jar, "Floor001")))
     (view,) = system.finish(task)
     assert view.outcome is Outcome.CANCELLED
 
@@ -181,8 +181,8 @@ def test_who_cannot_undo_says_nothing_of_where_things_are_by_now() -> None:
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)
     assert jar in [work.inputs["Object"] for work in view.work if work.state is State.STRANDED]
-    assert system.map.holds("isHeldBy", (jar, "Robot4"))
-    assert not system.map.holds("isOn", (jar, "Platform001"))
+    assert system.map.has_fact("isHeldBy", (jar, "Robot4"))
+    assert not system.map.has_fact("isOn", (jar, "Platform001"))
 
 
 def test_a_robot_that_falls_silent_while_it_undoes_holds_nobody_up() -> None:
@@ -310,7 +310,7 @@ def test_who_cancels_while_somebody_looks_is_not_told_that_all_is_undone() -> No
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)
     assert view.outcome is Outcome.CANCELLED
-    assert system.map.holds("isOn", ("Jar002", "Floor001")), "somebody looked after all"
+    assert system.map.has_fact("isOn", ("Jar002", "Floor001")), "somebody looked after all"
     assert only(view, State.STRANDED) == ["Robot1"]
     assert "Jar002 isOn Floor001" in view.explanation
 
@@ -406,7 +406,7 @@ def test_a_procedure_for_undoing_goes_before_restoring() -> None:
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)
     assert view.outcome is Outcome.CANCELLED
-    assert system.map.holds("isOn", (done_first, "Floor001"))
+    assert system.map.has_fact("isOn", (done_first, "Floor001"))
     assert not [m for m in system.world.messages if isinstance(m.body, frp.Compensate) and done_first in m.body.situation]
 
 
@@ -459,14 +459,14 @@ def test_what_a_robot_lays_down_that_comes_back_when_all_is_over_comes_to_the_ma
     robot = Robot("Robot1", 10, 60, works=carries, lays_down="Jar002 isOn Floor001")
     system = VirtualSystem(robot)
     task = system.submit(WISH)
-    assert system.world.run(60, lambda: system.map.holds("isHeldBy", ("Jar002", "Robot1")))
+    assert system.world.run(60, lambda: system.map.has_fact("isHeldBy", ("Jar002", "Robot1")))
     system.world.kill("devices/Robot1")
     (view,) = system.finish(task)
     assert view.outcome is Outcome.FAILED
     system.restart(robot)
     system.world.run(30)
     assert system.device("Robot1").state_of(task, "Robot1.TransferObject#step1") is State.ENDED
-    assert system.map.holds("isOn", ("Jar002", "Floor001"))
+    assert system.map.has_fact("isOn", ("Jar002", "Floor001"))
 
 
 def test_what_contradicts_an_assumption_is_known_before_anything_is_planned_on_it() -> None:

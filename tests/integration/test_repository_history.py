@@ -174,7 +174,7 @@ def test_what_has_nothing_to_do_with_it_does_not_stand_in_the_way(keeper: Keeper
     update(keeper, situation="Jar1 isOn Table2 AND Jar1.PositionX = 8")
     keeper.say(Undo(version=1), Updated)
     assert "Color" not in keeper.contents.map.objects["Jar1"].values
-    assert keeper.contents.map.holds("isOn", ("Jar1", "Table2"))
+    assert keeper.contents.map.has_fact("isOn", ("Jar1", "Table2"))
 
 
 @pytest.mark.parametrize(
@@ -218,7 +218,7 @@ def test_an_object_is_renamed_with_everything_that_is_said_of_it(keeper: Keeper)
     map = keeper.contents.map
     assert "Table1" not in map.objects
     assert map.objects["Bench"].values == lab()[1].objects["Table1"].values
-    assert map.holds("isOn", ("Jar1", "Bench"))
+    assert map.has_fact("isOn", ("Jar1", "Bench"))
     assert keeper.events()[0].renamed == (Renaming(section=Section.OBJECTS, name="Table1", to="Bench"),)
 
 
@@ -257,7 +257,7 @@ def test_undoing_a_new_name_takes_along_what_came_since(keeper: Keeper) -> None:
     keeper.say(RenameObject(name="Jar1", to="Krug"), Updated)
     update(keeper, situation="Krug isOn Table2")
     keeper.say(Undo(version=1), Updated)
-    assert keeper.contents.map.holds("isOn", ("Jar1", "Table2"))
+    assert keeper.contents.map.has_fact("isOn", ("Jar1", "Table2"))
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,7 @@ def test_the_later_of_two_tasks_that_want_one_thing_waits_and_says_so() -> None:
     views = system.finish(first, second)
     assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 2
     assert views[1].explanation == ""
-    assert system.map.holds("isOn", ("Jar002", "Cupboard002"))
+    assert system.map.has_fact("isOn", ("Jar002", "Cupboard002"))
     assert views[0].ended_at is not None
     assert min(work.began for work in views[1].work) >= views[0].ended_at
     assert not hands.twice
@@ -197,7 +197,7 @@ def test_three_tasks_that_want_one_thing_get_it_in_the_order_in_which_they_came(
     assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 3
     ends = [view.ended_at or 0.0 for view in views]
     assert ends == sorted(ends)
-    assert system.map.holds("isOn", ("Jar002", "Cupboard001"))
+    assert system.map.has_fact("isOn", ("Jar002", "Cupboard001"))
 
 
 def test_a_wish_that_nobody_can_fulfil_does_not_wait() -> None:

@@ -29,7 +29,7 @@ def test_scenario_1_has_the_papers_messages_and_the_cheaper_service_does_it() ->
     assert sorted(said[2:4]) == [("Terms", "Robot1"), ("Terms", "Robot2")]
     assert sorted(said[4:6]) == [("Accept", "Robot1"), ("Cancel", "Robot2")]
     assert said[6:] == [("Execute", "Robot1"), ("Completed", "Robot1"), ("End", "Robot1")]
-    assert system.map.holds("isOn", ("Jar002", "Platform001"))
+    assert system.map.has_fact("isOn", ("Jar002", "Platform001"))
 
 
 def test_scenario_1b_replaces_the_broken_robot_from_where_the_jar_lies() -> None:
@@ -47,8 +47,8 @@ def test_scenario_1b_replaces_the_broken_robot_from_where_the_jar_lies() -> None
         assert part in arranges[-1].precondition
     assert "Robot1" not in arranges[-1].precondition, "the next service need not know of the broken robot"
     assert system.map.objects["Robot1"].values["Working"] is False
-    assert system.map.holds("isOn", ("Jar002", "Platform001"))
-    assert not system.map.holds("isHeldBy", ("Jar002", "Robot1"))
+    assert system.map.has_fact("isOn", ("Jar002", "Platform001"))
+    assert not system.map.has_fact("isHeldBy", ("Jar002", "Robot1"))
 
 
 def test_the_reported_situation_is_on_the_map_before_anyone_is_asked_again() -> None:
@@ -61,7 +61,7 @@ def test_the_reported_situation_is_on_the_map_before_anyone_is_asked_again() -> 
         failed = any(isinstance(m.body, Failed) for m in system.world.messages)
         asked = sum(isinstance(m.body, Arrange) for m in system.world.messages) > 2
         if asked:
-            seen.append(system.map.holds("isOn", ("Jar002", "Floor001")))
+            seen.append(system.map.has_fact("isOn", ("Jar002", "Floor001")))
         return failed and asked
 
     assert system.world.run(600, asked_again)

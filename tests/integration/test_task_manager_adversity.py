@@ -89,7 +89,7 @@ def test_the_repository_may_be_away_when_the_work_is_done() -> None:
     system.world.reconnect("repository")
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
-    assert system.map.holds("isOn", ("Jar002", "Platform001"))
+    assert system.map.has_fact("isOn", ("Jar002", "Platform001"))
 
 
 def holds_the_jar(order: Order) -> Work:
@@ -110,7 +110,7 @@ def test_what_a_robot_did_that_had_been_given_up_comes_to_the_map() -> None:
     assert system.map.objects["Jar002"].values["Unknown"] is True
     system.world.reconnect(ROBOT1)
     system.world.run(60)
-    assert system.map.holds("isHeldBy", ("Jar002", "Robot1"))
+    assert system.map.has_fact("isHeldBy", ("Jar002", "Robot1"))
     assert "Unknown" not in system.map.objects["Jar002"].values
     assert system.device("Robot1").idle
 
@@ -131,7 +131,7 @@ def test_a_late_report_counts_for_what_nobody_spoke_of_since(meanwhile: str, the
     update(system, UpdateMap(situation=meanwhile, author="a person"))
     system.world.reconnect(ROBOT1)
     system.world.run(60)
-    assert system.map.holds(*then)
+    assert system.map.has_fact(*then)
 
 
 def test_what_the_task_speaks_of_may_go() -> None:

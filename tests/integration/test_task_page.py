@@ -119,7 +119,7 @@ def test_before_a_task_is_cancelled_it_is_said_what_will_be_undone() -> None:
     assert said[-1].startswith("What Robot1.TransferObject did is undone: again Jar001 isOn Cupboard002")
     system.ask(CancelTask(task=task))
     system.finish(task)
-    assert system.map.holds("isOn", ("Jar001", "Cupboard002"))
+    assert system.map.has_fact("isOn", ("Jar001", "Cupboard002"))
     assert [chapter.title for chapter in told(system)][-2:] == ["Undoing what was done", "Cancelled"]
 
 

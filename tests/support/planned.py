@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.planner.model.plan import Plan, linearisations
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.validation import after, validate
@@ -17,7 +17,7 @@ def sound(asked: Problem) -> Plan:
     for order in linearisations(found):
         map = asked.map
         for step in order:
-            assert step.precondition is None or holds(step.precondition, map, asked.ontology), (step, order)
+            assert step.precondition is None or formula_holds(step.precondition, map, asked.ontology), (step, order)
             map = after(step, map, asked)
-        assert holds(asked.goal, map, asked.ontology)
+        assert formula_holds(asked.goal, map, asked.ontology)
     return found

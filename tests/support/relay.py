@@ -11,7 +11,7 @@ from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import load_text
 from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import Ontology
 from somrs.planner.model.causal import linked
 from somrs.planner.model.plan import Plan, Step
@@ -162,7 +162,7 @@ class Relay(VirtualSystem):
 
     def _look(self, order: Order) -> None:
         assert order.precondition is not None
-        if not holds(parse(order.precondition), self._truth, self._ontology):
+        if not formula_holds(parse(order.precondition), self._truth, self._ontology):
             self.wrong.append(f"{order.participant}: {order.precondition}")
 
     def _plan(self, task: object) -> Work:

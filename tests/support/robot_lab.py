@@ -11,9 +11,9 @@ from somrs.devices.simulator.server.simulation import Simulation
 from somrs.entish.parse import parse
 from somrs.ontology.check import check
 from somrs.ontology.effects import changes
-from somrs.ontology.files.loading import Loaded, load_text, upper
+from somrs.ontology.files.loading import LoadedModel, load_text, upper
 from somrs.ontology.objects import Map
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 
 SITE = """
 map: Lab
@@ -38,7 +38,7 @@ facts:
 """
 
 
-def site(text: str = SITE) -> tuple[Loaded, Map]:
+def site(text: str = SITE) -> tuple[LoadedModel, Map]:
     loaded = load_text(text, base=upper())
     assert loaded.map is not None
     return loaded, loaded.map
@@ -50,7 +50,7 @@ def after(situation: str | None, text: str = SITE) -> Map:
     loaded, map = site(text)
     formula = check(parse(situation), loaded.ontology, map)
     changed = map.changed(changes(formula, map, loaded.ontology))
-    assert holds(formula, changed, loaded.ontology)
+    assert formula_holds(formula, changed, loaded.ontology)
     return changed
 
 

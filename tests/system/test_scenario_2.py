@@ -6,14 +6,14 @@ from importlib import resources
 
 from somrs.deployment.system import devices
 from somrs.devices.simulator.link.commands import Done, Gave, Grip, LookAround, Place, Sense, Stop
-from somrs.ontology.files.loading import Loaded, load
+from somrs.ontology.files.loading import LoadedModel, load
 from somrs.ontology.objects import Map, ValueSet
 from tests.support.simulator_room import Run
 
 THINGS = ("Jar002", "Jar003", "Carton001")
 
 
-def site() -> tuple[Loaded, Map]:
+def site() -> tuple[LoadedModel, Map]:
     with resources.as_file(resources.files("somrs.demo") / "data" / "scenario-2.yaml") as file:
         loaded = load([file])
     assert loaded.map is not None

@@ -20,7 +20,7 @@ from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Change, Fact, FactAdded
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
@@ -73,16 +73,16 @@ def test_what_cannot_be_done_changes_nothing_and_is_told_why(
 
 def test_what_is_done_holds(world: SymbolicWorld) -> None:
     assert world.perform("load", {"x": "letter", "p": "mill"}, "van1") is None
-    assert world.map.holds("in", ("letter", "van1"))
-    assert not world.map.holds("lies", ("letter", "mill"))
+    assert world.map.has_fact("in", ("letter", "van1"))
+    assert not world.map.has_fact("lies", ("letter", "mill"))
     assert [(deed.service, deed.provider) for deed in world.deeds] == [("load", "van1")]
     assert world.refusal("load", {"x": "letter", "p": "mill"}, "van1") == "letter lies mill does not hold"
 
 
 def test_what_fails_on_the_way_leaves_a_part_and_says_which(world: SymbolicWorld) -> None:
     assert world.partly("load", {"x": "letter", "p": "mill"}, "van1") == "letter in van1 AND letter lies mill"
-    assert world.map.holds("in", ("letter", "van1"))
-    assert world.map.holds("lies", ("letter", "mill"))
+    assert world.map.has_fact("in", ("letter", "van1"))
+    assert world.map.has_fact("lies", ("letter", "mill"))
     assert not world.deeds[0].whole
 
 
@@ -120,7 +120,7 @@ def test_a_team_does_an_imported_task(parcels: Imported) -> None:
     system, world, _ = system_of(parcels, lambda order: None)
     (view,) = system.finish(system.submit(parcels.task))
     assert view.outcome is Outcome.ACCOMPLISHED
-    assert holds(parcels.goal, world.map, parcels.ontology)
+    assert formula_holds(parcels.goal, world.map, parcels.ontology)
     assert len(world.deeds) == 12
     assert not world.rejected
 
@@ -136,7 +136,7 @@ def test_a_team_recovers_from_works_that_fail_with_a_part_of_their_effect(parcel
     assert not mishaps
     assert not world.rejected
     assert view.outcome is Outcome.ACCOMPLISHED, view
-    assert holds(parcels.goal, world.map, parcels.ontology)
+    assert formula_holds(parcels.goal, world.map, parcels.ontology)
 
 
 def order(method: str, **inputs: str) -> Order:

@@ -12,7 +12,7 @@ from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.errors import SomrsError
 from somrs.kernel.component import Effect, Input, Received
 from somrs.ontology.objects import Fact, FactAdded, ObjectAdded
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import PART_OF
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import Available, Problem
@@ -178,7 +178,7 @@ def _trouble(result: Result, stage: Play, transaction: TaskState | None, place: 
         return f"{twice} was executed by two"
     if not stage.faults.share and stage.truth.rejected:
         return f"the world rejected {stage.truth.rejected[0]}"
-    reached = holds(stage.imported.goal, stage.truth.map, stage.imported.ontology)
+    reached = formula_holds(stage.imported.goal, stage.truth.map, stage.imported.ontology)
     if result.accomplished:
         return "" if reached else "it is called accomplished, and the goal does not hold in the world"
     if not stage.faults.share:

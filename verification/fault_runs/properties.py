@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from somrs.entish.parse import parse
 from somrs.kernel.component import Input, Received
 from somrs.kernel.replica import ReplicaDue
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.planner.model.problem import Problem
 from somrs.protocol.frp.session import service_of
 from somrs.protocol.messages import frp
@@ -231,7 +231,7 @@ class Witness:
         if decided is not None and decided is not seen.outcome:
             raise Violation(Property.RESTART, f"{task.id} was to end {decided}, and ended {seen.outcome}")
         if seen.outcome is Outcome.ACCOMPLISHED:
-            if not holds(parse(seen.effect), manager.state.replica.map, manager.state.replica.ontology):
+            if not formula_holds(parse(seen.effect), manager.state.replica.map, manager.state.replica.ontology):
                 raise Violation(Property.MAP, f"{task.id} ended accomplished, and {seen.effect} is not so on the map")
             return
         if not seen.reasons:
@@ -357,7 +357,7 @@ class Witness:
                 continue
             said = parse(stage.reality.said(deed.object))
             known = contents.map.objects[deed.object].values.get("Unknown") is not True
-            if known and not holds(said, contents.map, contents.ontology):
+            if known and not formula_holds(said, contents.map, contents.ontology):
                 raise Violation(Property.MAP, f"{deed.who} had {deed.object} {deed.after}, and when all is over the map does not know it")
 
 

@@ -13,7 +13,7 @@ import msgspec
 from somrs.entish import Formula
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
-from somrs.ontology.naming import Named, Renaming, Section, named
+from somrs.ontology.naming import DefinitionKey, Renaming, Section, key_of
 from somrs.ontology.renaming import speaks_of
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.clients import Submit, TaskView
@@ -40,7 +40,7 @@ class Affected(msgspec.Struct, frozen=True, kw_only=True):
     user: User
     id: str
     name: str
-    what: Named
+    what: DefinitionKey
     to: str = ""
 
     @property
@@ -52,17 +52,17 @@ class Affected(msgspec.Struct, frozen=True, kw_only=True):
         return f"it uses {self.what}, which would be {f'called {self.to}' if self.to else 'removed'}"
 
 
-def gone(revision: Revision | None, renamed: Iterable[Renaming]) -> dict[Named, str]:
+def gone(revision: Revision | None, renamed: Iterable[Renaming]) -> dict[DefinitionKey, str]:
     """The words that a change takes away, each with what it is called then."""
-    words = {Named(section=one.section, name=one.name): one.to for one in renamed}
+    words = {DefinitionKey(section=one.section, name=one.name): one.to for one in renamed}
     if revision is None:
         return words
-    there = set(map(named, revision.after.each()))
-    return words | {what: "" for what in map(named, revision.before.each()) if what not in there and what not in words}
+    there = set(map(key_of, revision.after.each()))
+    return words | {what: "" for what in map(key_of, revision.before.each()) if what not in there and what not in words}
 
 
 def affected(
-    words: Mapping[Named, str],
+    words: Mapping[DefinitionKey, str],
     ontology: Ontology,
     tasks: Iterable[TaskView],
     orders: Iterable[StandingOrder],
@@ -70,7 +70,7 @@ def affected(
 ) -> Iterator[Affected]:
     """Who uses the words, in the ontology as it is before they go."""
 
-    def used(by: _Words) -> Iterator[tuple[Named, str]]:
+    def used(by: _Words) -> Iterator[tuple[DefinitionKey, str]]:
         return ((what, to) for what, to in words.items() if by.have(what, ontology))
 
     for task in tasks:
@@ -96,7 +96,7 @@ class _Words:
             services |= {step.service_type for step in task.steps if step.state is not State.COMPLETED}
         self._named: dict[Section, set[str | None]] = {Section.TYPES: set(types), Section.SERVICES: services}
 
-    def have(self, what: Named, ontology: Ontology) -> bool:
+    def have(self, what: DefinitionKey, ontology: Ontology) -> bool:
         named = what.name in self._named.get(what.section, ())
         return named or any(speaks_of(formula, what, ontology) for formula in self._formulas)
 

@@ -142,14 +142,14 @@ def _body(object: Object, solid: Solid, map: Map, ontology: Ontology) -> Body:
 def _room(floor: str, map: Map, ontology: Ontology) -> Value | None:
     """What the room is called that a floor is part of."""
     room = map.objects.get(map.whole(floor) or "")
-    return room.values.get("Label", room.name) if room is not None and ontology.is_a(room.type, "Space") else None
+    return room.values.get("Label", room.name) if room is not None and ontology.is_subtype(room.type, "Space") else None
 
 
 def _storey(floor: str, map: Map, ontology: Ontology) -> str | None:
     """What the storey is called that a floor is part of, whatever is in between."""
     seen, whole = {floor}, map.whole(floor)
     while whole is not None and whole in map.objects and whole not in seen:
-        if ontology.is_a(map.objects[whole].type, "Storey"):
+        if ontology.is_subtype(map.objects[whole].type, "Storey"):
             return str(map.objects[whole].values.get("Label", whole))
         seen.add(whole)
         whole = map.whole(whole)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from somrs.entish.formula import Name, Relation
-from somrs.ontology.completion import brought_about, fitting, units_of
+from somrs.ontology.completion import fitting_objects, service_effects, units_of
 from somrs.ontology.cursor import Slot
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.truth import value_of
@@ -86,7 +86,7 @@ class Placings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def thing(object: Object, ontology: Ontology, map: Map) -> Thing:
-    symbol = next((icon for type_name, icon in SYMBOLS if ontology.is_a(object.type, type_name)), "category")
+    symbol = next((icon for type_name, icon in SYMBOLS if ontology.is_subtype(object.type, type_name)), "category")
     label = object.values.get("Label")
     around = (next(iter(map.facts_with(relation, 0, object.name)), None) for relation in ("isOn", "isIn", "isHeldBy", "isAt", PART_OF))
     where = next((fact[1] for fact in around if fact is not None), "")
@@ -94,16 +94,16 @@ def thing(object: Object, ontology: Ontology, map: Map) -> Thing:
 
 
 def things(ontology: Ontology, map: Map, *, typed: str, type_name: str, relation: str | None, place: int, limit: int) -> Things:
-    found = fitting(ontology, map, Slot(relation=relation, place=place, type=type_name), typed)
+    found = fitting_objects(ontology, map, Slot(relation=relation, place=place, type=type_name), typed)
     return Things(things=tuple(thing(one, ontology, map) for one in found[:limit]), more=len(found) > limit)
 
 
 def sayable(object: Object, ontology: Ontology, map: Map) -> Sayable:
-    wished = brought_about(ontology)
+    wished = service_effects(ontology)
     relations = [
         SayableRelation(name=one.name, joins=one.joins[1], wished=one.name in wished, doc=one.doc)
         for one in ontology.relations.values()
-        if len(one.joins) == 2 and ontology.is_a(object.type, one.joins[0])
+        if len(one.joins) == 2 and ontology.is_subtype(object.type, one.joins[0])
     ]
     attributes = [
         SayableAttribute(
@@ -127,15 +127,15 @@ def sayable(object: Object, ontology: Ontology, map: Map) -> Sayable:
 
 def placings(object: Object, target: Object, ontology: Ontology) -> Placings:
     """By the relations that say where something is: those of which it is in one at a time."""
-    wished = brought_about(ontology)
+    wished = service_effects(ontology)
     found = [
         one
         for one in ontology.relations.values()
         if len(one.joins) == 2
         and (one.excludes is not None or one.functional)
         and one.name != PART_OF
-        and ontology.is_a(object.type, one.joins[0])
-        and ontology.is_a(target.type, one.joins[1])
+        and ontology.is_subtype(object.type, one.joins[0])
+        and ontology.is_subtype(target.type, one.joins[1])
     ]
     # A robot is at a place rather than on it: what is said of some targets only means more than what is said of all.
     found.sort(key=lambda one: (one.joins[1] == ROOT, one.name not in wished))

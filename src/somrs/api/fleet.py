@@ -242,7 +242,7 @@ class FleetDesk:
         map, ontology = self._context.map, self._context.ontology
         above, seen = map.whole(name), set[str]()
         while above is not None and above in map.objects and above not in seen:
-            if ontology.is_a(map.objects[above].type, STOREY):
+            if ontology.is_subtype(map.objects[above].type, STOREY):
                 return above
             seen.add(above)
             above = map.whole(above)

@@ -11,10 +11,10 @@ from somrs.api.context import Context
 from somrs.api.orders import OrdersDesk
 from somrs.client.operations import Document, operation
 from somrs.ontology.consistency import ontology_violations
-from somrs.ontology.dependency_index import relied
+from somrs.ontology.dependency_index import required_definitions
 from somrs.ontology.files.dump import dump_ontology
 from somrs.ontology.files.loading import load_definitions, upper
-from somrs.ontology.naming import Named, Renaming
+from somrs.ontology.naming import DefinitionKey, Renaming
 from somrs.ontology.objects import Change
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.directory import Offer
@@ -31,7 +31,7 @@ class OntologySeen(msgspec.Struct, frozen=True, kw_only=True):
 
     version: int
     definitions: Definitions
-    relied: tuple[Named, ...] = ()
+    relied: tuple[DefinitionKey, ...] = ()
 
 
 class OfferBroken(msgspec.Struct, frozen=True, kw_only=True):
@@ -88,7 +88,7 @@ class OntologyDesk:
         ontology, now = self._context.ontology, self._context.version
         if version is not None and version != now:
             ontology, now = await self._context.client.ontology(version), version
-        return OntologySeen(version=now, definitions=by_kind(ontology), relied=relied(ontology))
+        return OntologySeen(version=now, definitions=by_kind(ontology), relied=required_definitions(ontology))
 
     @operation("POST", "/ontology/changes")
     async def change(self, body: Define) -> Defined:

@@ -82,7 +82,7 @@ class SystemDesk:
         if addresses.api is not None:
             parts.append(PartSeen(name="API", address=addresses.api, milliseconds=0.0))  # this is its answer
         map, ontology = context.map, context.ontology
-        site = next((name for name in map.roots() if ontology.is_a(map.objects[name].type, ABSTRACT)), "")
+        site = next((name for name in map.roots() if ontology.is_subtype(map.objects[name].type, ABSTRACT)), "")
         return SystemSeen(
             version=__version__,
             site=str(map.objects[site].values.get("Label", site)) if site else "",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.errors import RemoteError, UsageError
-from somrs.ontology.naming import SINGULAR, Named, Renaming, Section, named
+from somrs.ontology.naming import SINGULAR, DefinitionKey, Renaming, Section, key_of
 from somrs.protocol.messages.knowledge import Alteration, Considered, Define, Event, ReadEvents, RenameObject, Revision, Undo
 from somrs.protocol.messages.people import person
 from somrs.repository.ontology_diff import leading_to
@@ -68,7 +68,7 @@ def told(event: Event) -> Iterator[str]:
 
 def revised(revision: Revision, known: set[tuple[Section, str]]) -> Iterator[str]:
     """What became of definitions, but for those of which it is `known`."""
-    before, after = ({named(one): one for one in side.each()} for side in (revision.before, revision.after))
+    before, after = ({key_of(one): one for one in side.each()} for side in (revision.before, revision.after))
     for what in dict.fromkeys((*before, *after)):
         if (what.section, what.name) in known:
             continue
@@ -157,7 +157,7 @@ def renaming(section: str, name: str, to: str, author: str) -> Define:
 
 def removing(section: str, names: Sequence[str], author: str) -> Define:
     of = section_called(section)
-    return Define(removed=tuple(Named(section=of, name=name) for name in names), author=author)
+    return Define(removed=tuple(DefinitionKey(section=of, name=name) for name in names), author=author)
 
 
 # Files

@@ -5,7 +5,7 @@ from __future__ import annotations
 from somrs.errors import ModelError, Problem
 from somrs.ontology import owl
 from somrs.ontology.conformance import violations_of
-from somrs.ontology.naming import find, revised
+from somrs.ontology.naming import find_definition, revise_ontology
 from somrs.ontology.objects import Change, Map, differences, objects_of
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Ontology
@@ -16,11 +16,11 @@ from somrs.repository.outcome import revision
 class OwlChange:
     """What a file that was read changes in an ontology: `define` leads to it."""
 
-    def __init__(self, found: owl.Read, ontology: Ontology, author: str, expected_version: int | None = None) -> None:
+    def __init__(self, found: owl.OwlImport, ontology: Ontology, author: str, expected_version: int | None = None) -> None:
         self._found = found
         self._renamer = Renamer(found.renamings, ontology.extended(found.ontology))
-        removed = tuple(what for what in found.removed if find(ontology, what) is not None)
-        before = self._renamer.ontology(revised(ontology, removed, ()))
+        removed = tuple(what for what in found.removed if find_definition(ontology, what) is not None)
+        before = self._renamer.ontology(revise_ontology(ontology, removed, ()))
         self._after = before.extended(self._renamer.definition(one) for one in found.ontology)
         self.define = Define(
             definitions=(revision(before, self._after) or Revision()).after,

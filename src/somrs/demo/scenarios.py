@@ -37,7 +37,7 @@ from somrs.errors import SimulationError, UsageError
 from somrs.ontology.files.loading import load
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Change, Map, ValueSet
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
@@ -171,7 +171,7 @@ async def perform(scenario: str, system: System, out: Path, distance: float, con
         (out / "messages.svg").write_text(chart(lines, f"Scenario {scenario}: {WISH.effect}"), encoding="utf-8")
         checks = {
             "the task was accomplished": last.outcome is Outcome.ACCOMPLISHED,
-            "the wish holds in the Repository": holds(parse(WISH.effect), map, ontology),
+            "the wish holds in the Repository": formula_holds(parse(WISH.effect), map, ontology),
             "the wish holds in the physics": seen.on == GOAL,
             "the messages are the paper's": unlike_the_paper(scenario, lines) == [],
         }

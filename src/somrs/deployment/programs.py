@@ -28,7 +28,7 @@ from somrs.runtime.node import Report, Watch
 
 if TYPE_CHECKING:
     from somrs.devices.simulator.server.simulation import Simulation
-    from somrs.ontology.files.loading import Loaded
+    from somrs.ontology.files.loading import LoadedModel
     from somrs.storage.journal import Journal
 
 MAP_TIME = 60.0
@@ -70,7 +70,7 @@ def say_ready(name: str, at: str) -> None:
     print(msgspec.json.encode(Ready(ready=name, at=at)).decode(), flush=True)
 
 
-def load_site(site: Sequence[Path]) -> Loaded:
+def load_site(site: Sequence[Path]) -> LoadedModel:
     """What is in the files of a site. Raises ModelError or UsageError; there is a map in what is returned."""
     from somrs.ontology.files.loading import load
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from msgspec import Struct, field
 
 from somrs.kernel.component import Effect, Input, Rang, Received, Send, Undelivered, Wake
-from somrs.ontology.naming import Named, Renaming, revised
+from somrs.ontology.naming import DefinitionKey, Renaming, revise_ontology
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages.bodies import Body
@@ -49,7 +49,7 @@ class News:
     effects: list[Effect]
     changes: tuple[Change, ...] = ()
     definitions: tuple[Definition, ...] = ()
-    removed: tuple[Named, ...] = ()
+    removed: tuple[DefinitionKey, ...] = ()
     renamed: tuple[Renaming, ...] = ()
     read: bool = False
 
@@ -241,7 +241,7 @@ class Replica(Struct):
         read = self._adopt()
         changes: list[Change] = []
         definitions: list[Definition] = []
-        removed: list[Named] = []
+        removed: list[DefinitionKey] = []
         renamed: list[Renaming] = []
         while self.ready and (event := self.events.get(self.version + 1)) is not None:
             self.version += 1
@@ -254,7 +254,7 @@ class Replica(Struct):
             if isinstance(event, OntologyChanged):
                 definitions += event.definitions.each()
                 removed += event.removed
-                self.ontology = revised(self.ontology, event.removed, event.definitions.each())
+                self.ontology = revise_ontology(self.ontology, event.removed, event.definitions.each())
         self._forget()
         self._watch_gap(self.version != before, now)
         return News(

@@ -29,7 +29,7 @@ from somrs.entish.parse import ParsedFormula, nearest, read
 from somrs.errors import FormulaError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
-from somrs.ontology.units import converted
+from somrs.ontology.units import convert_unit
 
 
 class _Sort(StrEnum):
@@ -78,30 +78,32 @@ def mistakes(
     reading: ParsedFormula, ontology: Ontology, map: Map | None = None, variables: Mapping[str, str] | None = None
 ) -> list[FormulaError]:
     """What does not fit in a formula that can be read, at most one of each atom; the one that `check` raises is the first."""
-    checking = _Checking(reading, ontology, map, variables or {})
-    checking.formula(reading.formula, checking.declared())
-    return checking.found
+    checker = _FormulaChecker(reading, ontology, map, variables or {})
+    checker.formula(reading.formula, checker.declared())
+    return checker.errors
 
 
-class _Checking:
+class _FormulaChecker:
     def __init__(self, reading: ParsedFormula, ontology: Ontology, map: Map | None, variables: Mapping[str, str]) -> None:
         self.reading, self.ontology, self.map, self.variables = reading, ontology, map, variables
-        self.found: list[FormulaError] = []
+        self.errors: list[FormulaError] = []
 
     def declared(self) -> _Scope:
         """What the formula itself and its author say of the variables."""
         scope: _Scope = {}
-        seen: dict[str, tuple[Atom, Variable]] = {}
+        first_occurrences: dict[str, tuple[Atom, Variable]] = {}
         for atom, term in self.reading.places:
             if isinstance(term, Variable):
-                seen.setdefault(term.name, (atom, term))
-        for name, (atom, variable) in seen.items():
+                first_occurrences.setdefault(term.name, (atom, term))
+        for name, (atom, variable) in first_occurrences.items():
             for type_name in (self.variables.get(name), variable.type):
                 if type_name is not None:
                     try:
-                        scope[name] = self._both(atom, variable, scope.get(name, _OPEN), self._declared(atom, variable, type_name))
+                        scope[name] = self._merge_meanings(
+                            atom, variable, scope.get(name, _OPEN), self._declared(atom, variable, type_name)
+                        )
                     except FormulaError as error:
-                        self.found.append(error)
+                        self.errors.append(error)
         return scope
 
     def _declared(self, atom: Atom, variable: Variable, type_name: str) -> _Meaning:
@@ -130,7 +132,7 @@ class _Checking:
                 try:
                     self._atom(formula, scope)
                 except FormulaError as error:
-                    self.found.append(error)
+                    self.errors.append(error)
 
     def _atom(self, atom: Atom, scope: _Scope) -> None:
         match atom:
@@ -154,54 +156,56 @@ class _Checking:
 
     def _object(self, atom: Atom, term: Term, type_name: str, scope: _Scope) -> str:
         """The type of the object that a term must be, as far as it is known."""
-        wanted = _Meaning(_Sort.OBJECT, type_name)
+        expected_meaning = _Meaning(_Sort.OBJECT, type_name)
         match term:
             case Variable(name):
-                scope[name] = self._both(atom, term, scope.get(name, _OPEN), wanted)
+                scope[name] = self._merge_meanings(atom, term, scope.get(name, _OPEN), expected_meaning)
                 return scope[name].type
             case Name(name):
                 if self.map is None:
                     return type_name
                 if name not in self.map.objects:
                     raise self.reading.error(atom, term, f"there is no object {name} on the map", nearest(name, self.map.objects))
-                own = self.map.objects[name].type
-                self._both(atom, term, _Meaning(_Sort.OBJECT, own), wanted, narrowing=False)
-                return own
+                object_type = self.map.objects[name].type
+                self._merge_meanings(atom, term, _Meaning(_Sort.OBJECT, object_type), expected_meaning, narrowing=False)
+                return object_type
         raise self.reading.error(atom, term, f"{term} is not an object", "write the name of an object, or a variable")
 
-    def _both(self, atom: Atom, term: Term, one: _Meaning, other: _Meaning, narrowing: bool = True) -> _Meaning:
+    def _merge_meanings(
+        self, atom: Atom, term: Term, actual_meaning: _Meaning, expected_meaning: _Meaning, narrowing: bool = True
+    ) -> _Meaning:
         """What a term is of which both are said; `narrowing` when an object of the first may also be one of the second."""
-        if _Sort.OPEN in (one.sort, other.sort):
-            return other if one.sort is _Sort.OPEN else one
-        if one.sort is not other.sort:
-            raise self.reading.error(atom, term, f"{term} is {one.sort}, and here {other.sort} is meant")
-        if one.sort is _Sort.OBJECT:
-            if self.ontology.is_a(one.type, other.type):
-                return one
-            if narrowing and self.ontology.is_a(other.type, one.type):
-                return other
-            raise self.reading.error(atom, term, f"{_plain(term)} is a {one.type}, and here a {other.type} is meant")
-        self._units(atom, term, one.unit, other.unit)
-        return one if one.unit is not None else other
+        if _Sort.OPEN in (actual_meaning.sort, expected_meaning.sort):
+            return expected_meaning if actual_meaning.sort is _Sort.OPEN else actual_meaning
+        if actual_meaning.sort is not expected_meaning.sort:
+            raise self.reading.error(atom, term, f"{term} is {actual_meaning.sort}, and here {expected_meaning.sort} is meant")
+        if actual_meaning.sort is _Sort.OBJECT:
+            if self.ontology.is_subtype(actual_meaning.type, expected_meaning.type):
+                return actual_meaning
+            if narrowing and self.ontology.is_subtype(expected_meaning.type, actual_meaning.type):
+                return expected_meaning
+            raise self.reading.error(atom, term, f"{_plain(term)} is a {actual_meaning.type}, and here a {expected_meaning.type} is meant")
+        self._units(atom, term, actual_meaning.unit, expected_meaning.unit)
+        return actual_meaning if actual_meaning.unit is not None else expected_meaning
 
     # Values
 
     def _attribute(self, atom: Atom, term: Attribute, scope: _Scope) -> _Meaning:
         owner = self._object(atom, term.owner, ROOT, scope)
         fixed = isinstance(term.owner, Name) and self.map is not None
-        found: AttributeType | None = None
-        known: dict[str, AttributeType] = {}
+        attribute: AttributeType | None = None
+        attributes: dict[str, AttributeType] = {}
         for type_name in [owner] if fixed else [owner, *self.ontology.subtypes(owner)]:
-            known.update(self.ontology.attributes_of(type_name))
-            found = known.get(term.path)
-            if found is not None:
+            attributes.update(self.ontology.attributes_of(type_name))
+            attribute = attributes.get(term.path)
+            if attribute is not None:
                 break
-        if found is None:
-            whose = f"{term.owner}, a {owner}," if fixed else f"a {owner}"
-            raise self.reading.error(atom, term, f"{whose} has no attribute {term.path}", nearest(term.path, known))
-        if found.kind is Kind.COMPLEX:
-            raise self.reading.error(atom, term, f"{term.path} is made of others", f"name one of {', '.join(found.attributes)}")
-        return _Meaning(_KINDS[found.kind], unit=found.unit, attribute=found)
+        if attribute is None:
+            subject = f"{term.owner}, a {owner}," if fixed else f"a {owner}"
+            raise self.reading.error(atom, term, f"{subject} has no attribute {term.path}", nearest(term.path, attributes))
+        if attribute.kind is Kind.COMPLEX:
+            raise self.reading.error(atom, term, f"{term.path} is made of others", f"name one of {', '.join(attribute.attributes)}")
+        return _Meaning(_KINDS[attribute.kind], unit=attribute.unit, attribute=attribute)
 
     def _call(self, atom: Atom, term: Call, scope: _Scope) -> _Meaning:
         function = self.ontology.functions.get(term.function)
@@ -252,40 +256,43 @@ class _Checking:
     # Comparisons
 
     def _comparison(self, atom: Comparison, scope: _Scope) -> None:
-        left, right = self._meaning(atom, atom.left, scope), self._meaning(atom, atom.right, scope)
-        left, right = self._learned(atom, atom.left, left, right, scope), self._learned(atom, atom.right, right, left, scope)
+        left_meaning, right_meaning = self._meaning(atom, atom.left, scope), self._meaning(atom, atom.right, scope)
+        left_meaning, right_meaning = (
+            self._infer_meaning(atom, atom.left, left_meaning, right_meaning, scope),
+            self._infer_meaning(atom, atom.right, right_meaning, left_meaning, scope),
+        )
         if atom.operator not in ("=", "!="):
-            for term, meaning in ((atom.left, left), (atom.right, right)):
+            for term, meaning in ((atom.left, left_meaning), (atom.right, right_meaning)):
                 if meaning.sort not in (_Sort.NUMBER, _Sort.OPEN):
                     problem = f"{atom.operator} compares numbers, and {_plain(term)} is {meaning.sort}"
                     raise self.reading.error(atom, None, problem, "use = or !=")
-        if left.sort is _Sort.OPEN or right.sort is _Sort.OPEN:
+        if left_meaning.sort is _Sort.OPEN or right_meaning.sort is _Sort.OPEN:
             return
-        if left.sort is not right.sort:
-            raise self._mismatch(atom, left, right)
-        if left.sort is _Sort.OBJECT:
-            self._both(atom, atom.right, right, left)
-        self._units(atom, atom.right if isinstance(atom.right, Number) else atom.left, left.unit, right.unit)
+        if left_meaning.sort is not right_meaning.sort:
+            raise self._mismatch(atom, left_meaning, right_meaning)
+        if left_meaning.sort is _Sort.OBJECT:
+            self._merge_meanings(atom, atom.right, right_meaning, left_meaning)
+        self._units(atom, atom.right if isinstance(atom.right, Number) else atom.left, left_meaning.unit, right_meaning.unit)
 
-    def _learned(self, atom: Comparison, term: Term, own: _Meaning, other: _Meaning, scope: _Scope) -> _Meaning:
+    def _infer_meaning(self, atom: Comparison, term: Term, meaning: _Meaning, other_meaning: _Meaning, scope: _Scope) -> _Meaning:
         """What a term means beside the other side of the comparison."""
-        if isinstance(term, Variable) and own.sort is _Sort.OPEN and other.sort not in (_Sort.OPEN, _Sort.NAME):
-            scope[term.name] = other
-            return other
+        if isinstance(term, Variable) and meaning.sort is _Sort.OPEN and other_meaning.sort not in (_Sort.OPEN, _Sort.NAME):
+            scope[term.name] = other_meaning
+            return other_meaning
         if not isinstance(term, Name):
-            return own
-        match other.sort:
+            return meaning
+        match other_meaning.sort:
             case _Sort.WORD:
-                values = other.attribute.values if other.attribute else ()
+                values = other_meaning.attribute.values if other_meaning.attribute else ()
                 if values and term.name not in values:
-                    problem = f"{term} is no {other.attribute.name if other.attribute else 'value'}"
+                    problem = f"{term} is no {other_meaning.attribute.name if other_meaning.attribute else 'value'}"
                     raise self.reading.error(atom, term, problem, nearest(term.name, values) or f"one of {', '.join(values)}")
-                return other
+                return other_meaning
             case _Sort.OBJECT:
-                return _Meaning(_Sort.OBJECT, self._object(atom, term, other.type, {}))
+                return _Meaning(_Sort.OBJECT, self._object(atom, term, other_meaning.type, {}))
             case _Sort.OPEN | _Sort.NAME:
                 self._known_name(atom, term)
-        return own
+        return meaning
 
     def _known_name(self, atom: Comparison, term: Name) -> None:
         words = {word for attribute in self.ontology.attributes.values() for word in attribute.values}
@@ -293,19 +300,19 @@ class _Checking:
             problem = f"{term} is neither an object on the map nor a value of an attribute"
             raise self.reading.error(atom, term, problem, nearest(term.name, [*self.map.objects, *words]))
 
-    def _mismatch(self, atom: Comparison, left: _Meaning, right: _Meaning) -> FormulaError:
+    def _mismatch(self, atom: Comparison, left_meaning: _Meaning, right_meaning: _Meaning) -> FormulaError:
         hint = ""
-        for term, other in ((atom.left, right), (atom.right, left)):
-            if isinstance(term, Name) and other.sort is _Sort.TEXT:
+        for term, other_meaning in ((atom.left, right_meaning), (atom.right, left_meaning)):
+            if isinstance(term, Name) and other_meaning.sort is _Sort.TEXT:
                 hint = f'a text is written in quotes: "{term}"'
-            if isinstance(term, Text) and other.sort is _Sort.WORD:
+            if isinstance(term, Text) and other_meaning.sort is _Sort.WORD:
                 hint = f"a value of a list is written without quotes: {term.value}"
-        problem = f"{_plain(atom.left)} is {left.sort}, and {_plain(atom.right)} is {right.sort}"
+        problem = f"{_plain(atom.left)} is {left_meaning.sort}, and {_plain(atom.right)} is {right_meaning.sort}"
         return self.reading.error(atom, atom.right, problem, hint)
 
-    def _units(self, atom: Atom, term: Term, one: str | None, other: str | None) -> None:
-        if one is not None and other is not None and converted(1.0, one, other) is None:
-            raise self.reading.error(atom, term, f"{one} and {other} do not measure the same thing")
+    def _units(self, atom: Atom, term: Term, unit: str | None, other_unit: str | None) -> None:
+        if unit is not None and other_unit is not None and convert_unit(1.0, unit, other_unit) is None:
+            raise self.reading.error(atom, term, f"{unit} and {other_unit} do not measure the same thing")
 
 
 def _says_little(part: Formula) -> bool:

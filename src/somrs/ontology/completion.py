@@ -7,22 +7,22 @@ from functools import lru_cache
 from heapq import nsmallest
 from operator import itemgetter
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from somrs.entish.formula import Attribute, Comparison, Not, Relation, Text, Variable, literals
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
-from somrs.ontology.cursor import Cursor, Slot, Spot, spot
+from somrs.ontology.cursor import Cursor, Slot, Spot, locate_cursor
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.truth import value_of
 from somrs.ontology.types import ABSTRACT, PHYSICAL, ROOT, AttributeType, Kind, Ontology, Value
-from somrs.ontology.units import convertible
+from somrs.ontology.units import is_convertible
 from somrs.ontology.values import constant
 
-MOST = 60
+MAX_COMPLETIONS = 60
 """So many are offered; whoever wants another one types more of it."""
 
-FEW = 3
+MAX_NEW_VARIABLES = 3
 """Variables that are offered where none was begun."""
 
 VALUE_TYPES = {"number": "any number", "text": "any text", "truth": "TRUE or FALSE"}
@@ -37,7 +37,7 @@ class Completion(Struct, frozen=True, kw_only=True):
     text: str
     kind: str
     detail: str = ""
-    after: str = ""
+    suffix: str = field(default="", name="after")
 
 
 class Completions(Struct, frozen=True, kw_only=True):
@@ -57,32 +57,34 @@ class _Ranked(Struct, frozen=True):
     preference: int = 0
 
 
-def complete(text: str, at: int, ontology: Ontology, map: Map, variables: Mapping[str, str] | None = None) -> Completions:
+def complete(text: str, position: int, ontology: Ontology, map: Map, variables: Mapping[str, str] | None = None) -> Completions:
     """What can come at the place in the text. `variables`: types of variables, beside those that the text says."""
-    cursor = spot(text, min(max(at, 0), len(text)), ontology, map, variables or {})
+    cursor = locate_cursor(text, min(max(position, 0), len(text)), ontology, map, variables or {})
     if cursor.spot is Spot.NOWHERE:
         return Completions(start=cursor.start, end=cursor.end)
-    found = sorted(_Offering(cursor, ontology, map).all(), key=lambda ranked: (ranked.match, ranked.group, ranked.preference))
-    items = tuple({ranked.item.text: ranked.item for ranked in found}.values())[:MOST]
+    candidates = sorted(
+        _Completer(cursor, ontology, map).ranked_items(), key=lambda ranked: (ranked.match, ranked.group, ranked.preference)
+    )
+    items = tuple({ranked.item.text: ranked.item for ranked in candidates}.values())[:MAX_COMPLETIONS]
     if len(items) == 1 and items[0].text == text[cursor.start : cursor.end]:
         items = ()
     return Completions(start=cursor.start, end=cursor.end, items=items)
 
 
-def fitting(ontology: Ontology, map: Map, slot: Slot, typed: str = "") -> list[Object]:
+def fitting_objects(ontology: Ontology, map: Map, slot: Slot, typed: str = "") -> list[Object]:
     """The objects that may stand there, the likeliest first; with `typed`, those whose name or label has it in it."""
-    found = sorted(_objects(typed.casefold(), ontology, map, slot), key=itemgetter(0, 1))
-    return [map.objects[name] for _, _, name in found]
+    candidates = sorted(_objects(typed.casefold(), ontology, map, slot), key=itemgetter(0, 1))
+    return [map.objects[name] for _, _, name in candidates]
 
 
-class _Offering:
+class _Completer:
     """What may be offered at one cursor."""
 
     def __init__(self, cursor: Cursor, ontology: Ontology, map: Map) -> None:
         self.cursor, self.ontology, self.map = cursor, ontology, map
         self.typed = cursor.typed.casefold()
 
-    def all(self) -> Iterator[_Ranked]:
+    def ranked_items(self) -> Iterator[_Ranked]:
         match self.cursor.spot:
             case Spot.ATOM:
                 yield from self.objects(Slot(), 0)
@@ -105,30 +107,32 @@ class _Offering:
             case Spot.RELATION:
                 yield from self.relations()
                 yield from self.operators(2)
-                yield from self.ways_on(3)
+                yield from self.connectives(3)
             case Spot.VALUE:
                 yield from self.values()
             case Spot.UNIT:
                 yield from self.units()
-                yield from self.ways_on(1)
-            case Spot.ON:
+                yield from self.connectives(1)
+            case Spot.CONTINUATION:
                 yield from self.operators(0)
-                yield from self.ways_on(1)
+                yield from self.connectives(1)
             case Spot.VARIABLE:
                 yield from self.known_variables(0)
                 yield from self.typed_variables(1)
 
-    def words(self, words: Mapping[str, str], kind: str, group: int, after: str = " ") -> Iterator[_Ranked]:
+    def words(self, words: Mapping[str, str], kind: str, group: int, suffix: str = " ") -> Iterator[_Ranked]:
         for word, detail in words.items():
             if (match := _match(self.typed, word)) is not None:
-                yield _Ranked(Completion(text=word, kind=kind, detail=detail, after=after), match, group)
+                yield _Ranked(Completion(text=word, kind=kind, detail=detail, suffix=suffix), match, group)
 
     # Objects
 
     def objects(self, slot: Slot, group: int) -> Iterator[_Ranked]:
-        after = "" if self.cursor.inside else " "
-        for match, preference, name in nsmallest(MOST, _objects(self.typed, self.ontology, self.map, slot), key=itemgetter(0, 1)):
-            item = Completion(text=name, kind="object", detail=described(self.map.objects[name]), after=after)
+        suffix = "" if self.cursor.enclosure else " "
+        for match, preference, name in nsmallest(
+            MAX_COMPLETIONS, _objects(self.typed, self.ontology, self.map, slot), key=itemgetter(0, 1)
+        ):
+            item = Completion(text=name, kind="object", detail=describe_object(self.map.objects[name]), suffix=suffix)
             yield _Ranked(item, match, group + preference, preference)
 
     def known_variables(self, group: int) -> Iterator[_Ranked]:
@@ -136,16 +140,21 @@ class _Offering:
         for name, type_name in self.cursor.variables.items():
             if type_name in VALUE_TYPES and objects:
                 continue
-            if type_name is None or type_name in VALUE_TYPES or self.ontology.is_a(type_name, fits) or self.ontology.is_a(fits, type_name):
-                yield from self.words({f"?{name}": type_name or "a variable"}, "variable", group, "" if self.cursor.inside else " ")
+            if (
+                type_name is None
+                or type_name in VALUE_TYPES
+                or self.ontology.is_subtype(type_name, fits)
+                or self.ontology.is_subtype(fits, type_name)
+            ):
+                yield from self.words({f"?{name}": type_name or "a variable"}, "variable", group, "" if self.cursor.enclosure else " ")
 
     def typed_variables(self, group: int) -> Iterator[_Ranked]:
         """Variables with the types that may stand here: for any such object."""
         likely = _likely(self.cursor.slot, self.ontology, self.map)
         ordered = sorted(self.ontology.subtypes(self.cursor.slot.type), key=lambda name: (not likely(name), not self.map.of_type(name)))
-        for name in ordered if self.typed.startswith("?") else [] if self.typed else ordered[:FEW]:
-            variable = _free(name, self.cursor.variables)
-            yield from self.words({f"?{variable}: {name}": f"any {name}"}, "variable", group, "" if self.cursor.inside else " ")
+        for name in ordered if self.typed.startswith("?") else [] if self.typed else ordered[:MAX_NEW_VARIABLES]:
+            variable = _free_name(name, self.cursor.variables)
+            yield from self.words({f"?{variable}: {name}": f"any {name}"}, "variable", group, "" if self.cursor.enclosure else " ")
 
     # Relations and functions
 
@@ -154,36 +163,36 @@ class _Offering:
         for relation in self.ontology.relations.values():
             if len(relation.joins) != 2 or (match := _match(self.typed, relation.name)) is None:
                 continue
-            if _may_be(self.cursor.owner, relation.joins[0], self.ontology):
+            if _types_overlap(self.cursor.owner, relation.joins[0], self.ontology):
                 detail = relation.doc or f"joins it with: {relation.joins[1]}"
-                wished = 0 if relation.name in brought_about(self.ontology) else 1
-                yield _Ranked(Completion(text=relation.name, kind="relation", detail=detail, after=" "), match, 0, wished)
+                preference = 0 if relation.name in service_effects(self.ontology) else 1
+                yield _Ranked(Completion(text=relation.name, kind="relation", detail=detail, suffix=" "), match, 0, preference)
 
     def prefixed_relations(self, group: int) -> Iterator[_Ranked]:
         """Those that stand before what they join."""
-        several = {
+        signatures = {
             relation.name: f"({', '.join(relation.joins)})" for relation in self.ontology.relations.values() if len(relation.joins) != 2
         }
-        yield from self.words(several, "relation", group, "(")
+        yield from self.words(signatures, "relation", group, "(")
 
     def functions(self, group: int) -> Iterator[_Ranked]:
-        known = {
+        signatures = {
             function.name: f"({', '.join(function.parameters)})" + (f" in {function.unit}" if function.unit else "")
             for function in self.ontology.functions.values()
         }
-        yield from self.words(known, "function", group, "(")
+        yield from self.words(signatures, "function", group, "(")
 
     # Attributes and their values
 
     def attributes(self) -> Iterator[_Ranked]:
-        above = f"{self.cursor.path}." if self.cursor.path else ""
+        prefix = f"{self.cursor.path}." if self.cursor.path else ""
         for level, type_name in enumerate([self.cursor.owner, *(() if self.cursor.object else self.ontology.subtypes(self.cursor.owner))]):
             for path, attribute in self.ontology.attributes_of(type_name).items():
-                name = path.removeprefix(above)
-                if not path.startswith(above) or (match := _match(self.typed, name)) is None:
+                name = path.removeprefix(prefix)
+                if not path.startswith(prefix) or (match := _match(self.typed, name)) is None:
                     continue
-                after = "." if attribute.kind is Kind.COMPLEX else " "
-                item = Completion(text=name, kind="attribute", detail=self._attribute_detail(path, attribute), after=after)
+                suffix = "." if attribute.kind is Kind.COMPLEX else " "
+                item = Completion(text=name, kind="attribute", detail=self._attribute_detail(path, attribute), suffix=suffix)
                 yield _Ranked(item, match, min(level, 1), name.count("."))
 
     def _attribute_detail(self, path: str, attribute: AttributeType) -> str:
@@ -191,7 +200,7 @@ class _Offering:
             return f"{attribute.name}: {', '.join(attribute.attributes)}"
         now = value_of(self.cursor.object, path, self.map, self.ontology) if self.cursor.object else None
         if now is not None:
-            return f"is {written(now, attribute)}"
+            return f"is {format_value(now, attribute)}"
         return (attribute.unit or attribute.kind.value) + (f", {attribute.doc}" if attribute.doc else "")
 
     def values(self) -> Iterator[_Ranked]:
@@ -207,7 +216,7 @@ class _Offering:
                 texts = {value for object in self.map.objects.values() if isinstance(value := object.values.get(path), str)}
                 yield from self.words({str(Text(text)): "a text" for text in sorted(texts)}, "value", 0)
         yield from self.known_variables(1)
-        if self.cursor.inside != '"':
+        if self.cursor.enclosure != '"':
             of_values = attribute is not None
             if not of_values or self.typed:
                 yield from self.objects(self.cursor.slot, 2)
@@ -215,8 +224,8 @@ class _Offering:
                 yield from self.functions(3)
 
     def units(self) -> Iterator[_Ranked]:
-        own = self.cursor.attribute.unit if self.cursor.attribute is not None else None
-        if own is None:
+        own_unit = self.cursor.attribute.unit if self.cursor.attribute is not None else None
+        if own_unit is None:
             yield from self.words(dict.fromkeys(UNITS, "a unit"), "unit", 0)
         for number, unit in enumerate(units_of(self.cursor.attribute)):
             yield from self.words({unit: "a unit" if number else "its own unit"}, "unit", min(number, 1))
@@ -224,10 +233,10 @@ class _Offering:
     def types(self) -> Iterator[_Ranked]:
         for name in self.ontology.types:
             if (match := _match(self.typed, name)) is not None:
-                fits = _may_be(name, self.cursor.slot.type, self.ontology)
+                fits = _types_overlap(name, self.cursor.slot.type, self.ontology)
                 parent = self.ontology.types[name].parent
                 detail = self.ontology.types[name].doc or (f"a kind of {parent}" if parent else "")
-                item = Completion(text=name, kind="type", detail=detail, after="" if self.cursor.inside else " ")
+                item = Completion(text=name, kind="type", detail=detail, suffix="" if self.cursor.enclosure else " ")
                 yield _Ranked(item, match, 0 if fits else 1, 0 if self.map.of_type(name) else 1)
         yield from self.words(VALUE_TYPES, "type", 2)
 
@@ -242,7 +251,7 @@ class _Offering:
             signs |= {"<": "is less than", "<=": "is at most", ">": "is more than", ">=": "is at least"}
         yield from self.words(signs, "operator", group)
 
-    def ways_on(self, group: int) -> Iterator[_Ranked]:
+    def connectives(self, group: int) -> Iterator[_Ranked]:
         if self.cursor.complete:
             yield from self.words({"AND": "both hold", "OR": "one of them holds"}, "keyword", group)
 
@@ -253,7 +262,7 @@ def _objects(typed: str, ontology: Ontology, map: Map, slot: Slot) -> Iterator[t
     likely = _likely(slot, ontology, map)
     for name, object in map.objects.items():
         if object.type not in fits:
-            fits[object.type] = int(not likely(object.type)) if ontology.is_a(object.type, slot.type) else None
+            fits[object.type] = int(not likely(object.type)) if ontology.is_subtype(object.type, slot.type) else None
         preference = fits[object.type]
         if preference is None:
             continue
@@ -271,26 +280,26 @@ class _Likely:
         self.types, self.ontology = frozenset(types) - {ROOT, PHYSICAL, ABSTRACT}, ontology
 
     def __call__(self, type_name: str) -> bool:
-        return any(self.ontology.is_a(type_name, one) for one in self.types)
+        return any(self.ontology.is_subtype(type_name, likely_type) for likely_type in self.types)
 
 
 def _likely(slot: Slot, ontology: Ontology, map: Map) -> _Likely:
-    acted_on = brought_about(ontology)
+    acted_on = service_effects(ontology)
     if slot.relation is None:
         return _Likely({types[0] for types in acted_on.values()}, ontology)
     named = acted_on.get(slot.relation, ())
-    wished = {named[slot.place]} if slot.place < len(named) else set()
-    if wished - {ROOT, PHYSICAL, ABSTRACT}:
-        return _Likely(wished, ontology)
-    standing = {map.objects[name].type for name in map.standing(slot.relation, slot.place) if name in map.objects}
-    above = {ontology.types[name].parent or ROOT for name in standing if name in ontology.types}
-    return _Likely(standing | above, ontology)
+    expected_types = {named[slot.place]} if slot.place < len(named) else set()
+    if expected_types - {ROOT, PHYSICAL, ABSTRACT}:
+        return _Likely(expected_types, ontology)
+    standing = {map.objects[name].type for name in map.objects_at(slot.relation, slot.place) if name in map.objects}
+    parent_types = {ontology.types[name].parent or ROOT for name in standing if name in ontology.types}
+    return _Likely(standing | parent_types, ontology)
 
 
 @lru_cache(maxsize=8)
-def brought_about(ontology: Ontology) -> Mapping[str, tuple[str, ...]]:
+def service_effects(ontology: Ontology) -> Mapping[str, tuple[str, ...]]:
     """The relations and attributes that services change, and the types of what they are about."""
-    found: dict[str, tuple[str, ...]] = {}
+    types_by_effect: dict[str, tuple[str, ...]] = {}
     for service in ontology.services.values():
         types = {parameter.name: parameter.type for parameter in service.inputs}
         try:
@@ -300,24 +309,24 @@ def brought_about(ontology: Ontology) -> Mapping[str, tuple[str, ...]]:
         for literal in changed:
             match literal:
                 case Relation(relation, arguments) | Not(Relation(relation, arguments)):
-                    found.setdefault(relation, tuple(types.get(one.name, ROOT) for one in arguments))
+                    types_by_effect.setdefault(relation, tuple(types.get(argument.name, ROOT) for argument in arguments))
                 case Comparison(Attribute(Variable(name), path)):
-                    found.setdefault(path, (types.get(name, ROOT),))
-    return found
+                    types_by_effect.setdefault(path, (types.get(name, ROOT),))
+    return types_by_effect
 
 
 def units_of(attribute: AttributeType | None) -> tuple[str, ...]:
     """The units in which people write values of the attribute, its own first."""
-    own = attribute.unit if attribute is not None else None
-    if own is None:
+    own_unit = attribute.unit if attribute is not None else None
+    if own_unit is None:
         return ()
-    others = [unit for unit in UNITS if unit != own and convertible(unit, own)]
-    return tuple(dict.fromkeys("%" if unit == "percent" else unit for unit in [own, *others]))
+    other_units = [unit for unit in UNITS if unit != own_unit and is_convertible(unit, own_unit)]
+    return tuple(dict.fromkeys("%" if unit == "percent" else unit for unit in [own_unit, *other_units]))
 
 
-def _may_be(one: str, other: str, ontology: Ontology) -> bool:
+def _types_overlap(type_name: str, other_type: str, ontology: Ontology) -> bool:
     """Whether an object of the one type may be one of the other."""
-    return ontology.is_a(one, other) or ontology.is_a(other, one)
+    return ontology.is_subtype(type_name, other_type) or ontology.is_subtype(other_type, type_name)
 
 
 def _match(typed: str, word: str) -> int | None:
@@ -327,22 +336,24 @@ def _match(typed: str, word: str) -> int | None:
     folded = word.casefold()
     if folded.startswith(typed):
         return 0
-    found = folded.find(typed)
-    if found < 0:
+    index = folded.find(typed)
+    if index < 0:
         return None
-    return 1 if word[found].isupper() or not word[found - 1].isalnum() else 2
+    return 1 if word[index].isupper() or not word[index - 1].isalnum() else 2
 
 
-def _free(type_name: str, taken: Mapping[str, str | None]) -> str:
-    return next(name for number in range(1, len(taken) + 2) if (name := f"{type_name}{number if number > 1 else ''}") not in taken)
+def _free_name(type_name: str, taken_names: Mapping[str, str | None]) -> str:
+    return next(
+        name for number in range(1, len(taken_names) + 2) if (name := f"{type_name}{number if number > 1 else ''}") not in taken_names
+    )
 
 
-def described(object: Object) -> str:
+def describe_object(object: Object) -> str:
     """What people are told of an object beside its name."""
     label = object.values.get("Label")
     return f"{object.type}, {label}" if label else object.type
 
 
-def written(value: Value, attribute: AttributeType | None) -> str:
+def format_value(value: Value, attribute: AttributeType | None) -> str:
     """A value as a formula has it."""
     return str(constant(value, attribute))

@@ -8,50 +8,50 @@ from collections.abc import Iterable, Iterator
 from msgspec import structs
 
 from somrs.ontology.conformance import Violation, violations, violations_of
-from somrs.ontology.naming import Named, Section, find
+from somrs.ontology.naming import DefinitionKey, Section, find_definition
 from somrs.ontology.objects import Map
 from somrs.ontology.types import ABSTRACT, ObjectType, Ontology
 
 _WORD = re.compile(r"\w+(?:-\w+)*")
 
 
-def violations_after(map: Map, before: Ontology, after: Ontology, changed: Iterable[Named]) -> list[Violation]:
+def violations_after(map: Map, ontology_before: Ontology, ontology_after: Ontology, changed: Iterable[DefinitionKey]) -> list[Violation]:
     """What is wrong with a map that obeyed the ontology `before`, now that the `changed` definitions of it are as in `after`."""
     names: dict[Section, set[str]] = {section: set() for section in Section}
-    for what in changed:
-        if not _same(before, after, what):
-            names[what.section].add(what.name)
-    types = _types(before, after, names)
-    if any(_was_abstract(name, before, after) and map.of_type(name) for name in types):
-        return violations(map, after)  # it may be the root, which is nobody's part
+    for definition_key in changed:
+        if not _only_doc_differs(ontology_before, ontology_after, definition_key):
+            names[definition_key.section].add(definition_key.name)
+    types = _types(ontology_before, ontology_after, names)
+    if any(_was_abstract(name, ontology_before, ontology_after) and map.of_type(name) for name in types):
+        return violations(map, ontology_after)  # it may be the root, which is nobody's part
     objects = {object for name in types for object in map.of_type(name)}
     objects.update(name for relation in names[Section.RELATIONS] for fact in map.facts(relation) for name in fact.arguments)
-    return violations_of(map, after, objects) if objects else []
+    return violations_of(map, ontology_after, objects) if objects else []
 
 
-def _same(before: Ontology, after: Ontology, what: Named) -> bool:
+def _only_doc_differs(ontology_before: Ontology, ontology_after: Ontology, definition_key: DefinitionKey) -> bool:
     """Whether nothing is different but what people read."""
-    old, new = find(before, what), find(after, what)
+    old, new = find_definition(ontology_before, definition_key), find_definition(ontology_after, definition_key)
     return old is not None and new is not None and structs.replace(old, doc="") == structs.replace(new, doc="")
 
 
-def _was_abstract(name: str, before: Ontology, after: Ontology) -> bool:
+def _was_abstract(name: str, ontology_before: Ontology, ontology_after: Ontology) -> bool:
     """Whether objects of the type became physical ones, or the other way round, or have lost their type."""
-    return before.is_a(name, ABSTRACT) != after.is_a(name, ABSTRACT)
+    return ontology_before.is_subtype(name, ABSTRACT) != ontology_after.is_subtype(name, ABSTRACT)
 
 
-def _types(before: Ontology, after: Ontology, changed: dict[Section, set[str]]) -> set[str]:
+def _types(ontology_before: Ontology, ontology_after: Ontology, changed: dict[Section, set[str]]) -> set[str]:
     """The types of which objects have other rules than they had."""
     attributes = changed[Section.ATTRIBUTES]
     words = attributes | changed[Section.RELATIONS] | changed[Section.FUNCTIONS]
-    moved = any(_parent(before, name) != _parent(after, name) for name in changed[Section.TYPES])
-    found = set(changed[Section.TYPES])
-    for ontology in (before, after):
+    moved = any(_parent(ontology_before, name) != _parent(ontology_after, name) for name in changed[Section.TYPES])
+    affected_types = set(changed[Section.TYPES])
+    for ontology in (ontology_before, ontology_after):
         for type in ontology.types.values():
             paths = ontology.attributes_of(type.name) if attributes else ()
             if any(not attributes.isdisjoint(path.split(".")) for path in paths) or _speaks_of(type, words, moved):
-                found.add(type.name)
-    return {name for ontology in (before, after) for name in _below(ontology, found)}
+                affected_types.add(type.name)
+    return {name for ontology in (ontology_before, ontology_after) for name in _with_subtypes(ontology, affected_types)}
 
 
 def _speaks_of(type: ObjectType, words: set[str], moved: bool) -> bool:
@@ -65,6 +65,6 @@ def _parent(ontology: Ontology, name: str) -> str | None:
     return type.parent if type is not None else None
 
 
-def _below(ontology: Ontology, types: set[str]) -> Iterator[str]:
+def _with_subtypes(ontology: Ontology, types: set[str]) -> Iterator[str]:
     yield from types
     yield from (name for name in ontology.types if not types.isdisjoint(ontology.ancestors(name)))

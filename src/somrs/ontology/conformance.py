@@ -15,11 +15,11 @@ from somrs.entish import Name
 from somrs.entish.formula import And, Attribute, Call, Comparison, Formula, Not, Or, Term, literals, substitute, terms, variables
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectRemoved, objects_of
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, ObjectType, Ontology, Value
 from somrs.ontology.values import compare, measure
 
-SELF = "Self"
+SELF_VARIABLE = "Self"
 """In the formulas of a type's constraints, `?Self` is the object of that type."""
 
 
@@ -41,39 +41,39 @@ class Violation:
 def violations(map: Map, ontology: Ontology) -> list[Violation]:
     """Everything that is wrong with the map."""
     checker = _Checker(map, ontology, None)
-    return [*checker.rootless(), *checker.all()]
+    return [*checker.rootless(), *checker.all_violations()]
 
 
-def violations_of(map: Map, ontology: Ontology, objects: Iterable[str], before: Map | None = None) -> list[Violation]:
+def violations_of(map: Map, ontology: Ontology, objects: Iterable[str], map_before: Map | None = None) -> list[Violation]:
     """What is wrong with these objects, the facts about them, and what they are part of: what an update of them may have broken.
 
     `touched` tells which objects changes concern. With the map `before`, which was in order, an object whose values are as they were
     there is not looked at for its values again.
     """
-    return [*_Checker(map, ontology, set(objects), before).all()]
+    return [*_Checker(map, ontology, set(objects), map_before).all_violations()]
 
 
-def touched(before: Map, changes: Iterable[Change]) -> set[str]:
+def touched_objects(map_before: Map, changes: Iterable[Change]) -> set[str]:
     """The objects whose rules the changes may break: those that they name, and the neighbours of those that go."""
     names: set[str] = set()
     for change in changes:
         names.update(objects_of(change))
         if isinstance(change, ObjectRemoved):
-            names.update(name for fact in before.facts_about(change.name) for name in fact.arguments)
+            names.update(name for fact in map_before.facts_about(change.name) for name in fact.arguments)
     return names
 
 
 class _Checker:
     """One pass over the map, or over what the `touched` objects concern."""
 
-    def __init__(self, map: Map, ontology: Ontology, touched: set[str] | None, before: Map | None = None) -> None:
-        self.map, self.ontology, self.touched, self.before = map, ontology, touched, before
+    def __init__(self, map: Map, ontology: Ontology, touched: set[str] | None, map_before: Map | None = None) -> None:
+        self.map, self.ontology, self.touched, self.map_before = map, ontology, touched, map_before
         self.by_first: dict[str, list[Fact]] = {}
         self.facts: list[Fact] = []
         self.parts: dict[str, list[str]] = {}
         self.wholes: dict[str, str] = {}
         self.schemas: dict[str, _Schema] = {}
-        self._known: dict[tuple[object, ...], bool] = {}
+        self._rule_results: dict[tuple[object, ...], bool] = {}
         """Whether rules about an object's own values hold, by its type and those values."""
         self._index()
 
@@ -84,44 +84,44 @@ class _Checker:
                 self.parts.setdefault(fact.arguments[1], []).append(fact.arguments[0])
         if self.touched is not None:
             # A whole is checked when one of its parts changes: its counts and its formulas speak of the parts.
-            self.touched = {above for name in self.touched for above in (name, *self._above(name))}
+            self.touched = {whole for name in self.touched for whole in (name, *self._enclosing_wholes(name))}
         touched = self.touched
         self.facts = [fact for fact in self.map.facts() if touched is None or not touched.isdisjoint(fact.arguments)]
         for fact in self.facts:
             if fact.arguments:
                 self.by_first.setdefault(fact.arguments[0], []).append(fact)
 
-    def _above(self, name: str) -> Iterator[str]:
-        seen: set[str] = set()
-        while name in self.wholes and name not in seen:
-            seen.add(name)
+    def _enclosing_wholes(self, name: str) -> Iterator[str]:
+        visited_names: set[str] = set()
+        while name in self.wholes and name not in visited_names:
+            visited_names.add(name)
             name = self.wholes[name]
             yield name
 
-    def _below(self, whole: str) -> Iterator[str]:
+    def _nested_parts(self, whole: str) -> Iterator[str]:
         """Parts, and parts of parts: a floor of a room is a floor of the storey."""
-        seen: set[str] = set()
+        visited_names: set[str] = set()
         waiting = [whole]
         while waiting:
             for part in self.parts.get(waiting.pop(), ()):
-                if part not in seen:
-                    seen.add(part)
+                if part not in visited_names:
+                    visited_names.add(part)
                     waiting.append(part)
                     yield part
 
-    def all(self) -> Iterator[Violation]:
+    def all_violations(self) -> Iterator[Violation]:
         for name, object in self.map.objects.items() if self.touched is None else self._touched_objects():
             if object.type not in self.ontology.types:
                 message = _unknown("type", object.type, self.ontology.types)
                 yield Violation(subject=name, rule="unknown-type", message=message, path="type")
                 continue
             schema = self._schema(object.type)
-            same = self.before is not None and self.before.objects.get(name) is object
-            wrong = [*self._values(object, schema)] if not same else []
+            is_unchanged = self.map_before is not None and self.map_before.objects.get(name) is object
+            wrong = [*self._values(object, schema)] if not is_unchanged else []
             yield from wrong
             yield from self._parts(object, schema)
             yield from self._place(object, schema)
-            constraints = schema.constraints if not same else schema.about_others
+            constraints = schema.constraints if not is_unchanged else schema.external_constraints
             yield from self._constraints(object, constraints, schema, {violation.path for violation in wrong})
         for fact in self.facts:
             yield from self._fact(fact)
@@ -151,17 +151,17 @@ class _Checker:
                 yield Violation(subject=object.name, rule="required", message=message)
 
     def _not_of_type(self, object: Object, path: str, schema: _Schema) -> str:
-        known = self.ontology.attributes
-        if path.split(".")[0] not in known:
-            return _unknown("attribute", path, {*schema.attributes, *known})
+        attributes = self.ontology.attributes
+        if path.split(".")[0] not in attributes:
+            return _unknown("attribute", path, {*schema.attributes, *attributes})
         return f"a {object.type} has no attribute {path}; it has {', '.join(sorted({p.split('.')[0] for p in schema.attributes}))}"
 
     def _parts(self, object: Object, schema: _Schema) -> Iterator[Violation]:
         if not schema.parts:
             return
-        types = Counter(self.map.objects[part].type for part in self._below(object.name) if part in self.map.objects)
+        types = Counter(self.map.objects[part].type for part in self._nested_parts(object.name) if part in self.map.objects)
         for part in schema.parts:
-            count = sum(number for type_name, number in types.items() if self.ontology.is_a(type_name, part.type))
+            count = sum(number for type_name, number in types.items() if self.ontology.is_subtype(type_name, part.type))
             if count < part.minimum or (part.maximum is not None and count > part.maximum):
                 limits = f"at least {part.minimum}" if part.maximum is None else f"{part.minimum} to {part.maximum}"
                 if part.minimum == part.maximum:
@@ -172,21 +172,21 @@ class _Checker:
     def rootless(self) -> Iterator[Violation]:
         unknown = any(object.type not in self.ontology.types for object in self.map.objects.values())  # one of these may be the root
         if not unknown and not self._roots():
-            what = "no AbstractObject (a building, a site, a room) that is part of nothing" if self.map.objects else "no object"
-            yield Violation(subject="map", rule="root", message=f"the map has {what}; one must hold all others")
+            missing_root = "no AbstractObject (a building, a site, a room) that is part of nothing" if self.map.objects else "no object"
+            yield Violation(subject="map", rule="root", message=f"the map has {missing_root}; one must hold all others")
 
     def _roots(self) -> list[str]:
-        abstract = {name for name in self.ontology.types if self.ontology.is_a(name, ABSTRACT)}
+        abstract = {name for name in self.ontology.types if self.ontology.is_subtype(name, ABSTRACT)}
         return [name for name, object in self.map.objects.items() if object.type in abstract and name not in self.wholes]
 
     def _place(self, object: Object, schema: _Schema) -> Iterator[Violation]:
         """What is part of nothing is the root, or stands somewhere: a position, or a relation that says where."""
-        above = [*self._above(object.name)]
-        if object.name in above and object.name == min(above):  # said once for the whole cycle
-            message = f"is a part of itself: {' isPartOf '.join([object.name, *above])}"
+        wholes = [*self._enclosing_wholes(object.name)]
+        if object.name in wholes and object.name == min(wholes):  # said once for the whole cycle
+            message = f"is a part of itself: {' isPartOf '.join([object.name, *wholes])}"
             yield Violation(subject=object.name, rule="cycle", message=message)
-        if self.ontology.is_a(object.type, ABSTRACT):
-            if not above and (first := self._roots()[0]) != object.name:
+        if self.ontology.is_subtype(object.type, ABSTRACT):
+            if not wholes and (first := self._roots()[0]) != object.name:
                 message = f"{first} is the map's root already; make {object.name} a part of it, or of one of its parts"
                 yield Violation(subject=object.name, rule="root", message=message)
             return
@@ -204,7 +204,7 @@ class _Checker:
         """Constraints on values that are `wrong` already are left out, and formulas as soon as any value is."""
         for owner, constraint in constraints:
             if constraint.formula is not None:
-                if not wrong and not self._holds(object, constraint.formula):
+                if not wrong and not self._constraint_holds(object, constraint.formula):
                     message = f"{constraint.doc or f'every {owner} obeys {constraint.formula}'}; this one does not"
                     yield Violation(subject=object.name, rule="constraint", message=message)
             elif constraint.attribute is not None and constraint.attribute not in wrong:
@@ -213,31 +213,31 @@ class _Checker:
                 if message:
                     yield Violation(subject=object.name, rule="constraint", message=f"for a {owner}, {message}", path=constraint.attribute)
 
-    def _holds(self, object: Object, text: str) -> bool:
+    def _constraint_holds(self, object: Object, text: str) -> bool:
         if not _is_about_itself(text):
-            return self._asked(object, text)
+            return self._holds_on_map(object, text)
         # Of many things of a kind, most are alike in what a rule speaks of.
         key = object.type, text, *((value := object.values.get(path), type(value)) for path in _paths(text))
-        if key not in self._known:
-            self._known[key] = self._true(parse(text), {SELF: Name(object.name)})
-        return self._known[key]
+        if key not in self._rule_results:
+            self._rule_results[key] = self._is_true(parse(text), {SELF_VARIABLE: Name(object.name)})
+        return self._rule_results[key]
 
-    def _true(self, formula: Formula, bound: Mapping[str, Term]) -> bool:
+    def _is_true(self, formula: Formula, bound: Mapping[str, Term]) -> bool:
         """Whether a formula holds that speaks of nothing but an object's own values: what `holds` says, without looking for anything."""
         match formula:
             case And(parts):
-                return all(self._true(part, bound) for part in parts)
+                return all(self._is_true(part, bound) for part in parts)
             case Or(parts):
-                return any(self._true(part, bound) for part in parts)
+                return any(self._is_true(part, bound) for part in parts)
             case Not(atom):
-                return not self._true(atom, bound)
-            case Comparison(left, operator, right):
-                one, other = (measure(term, self.map, self.ontology, bound) for term in (left, right))
-                return one is not None and other is not None and compare(one, operator, other)
+                return not self._is_true(atom, bound)
+            case Comparison(left_term, operator, right_term):
+                left_value, right_value = (measure(term, self.map, self.ontology, bound) for term in (left_term, right_term))
+                return left_value is not None and right_value is not None and compare(left_value, operator, right_value)
         raise TypeError(f"{formula} speaks of others")
 
-    def _asked(self, object: Object, text: str) -> bool:
-        return holds(substitute(parse(text), {SELF: Name(object.name)}), self.map, self.ontology)
+    def _holds_on_map(self, object: Object, text: str) -> bool:
+        return formula_holds(substitute(parse(text), {SELF_VARIABLE: Name(object.name)}), self.map, self.ontology)
 
     def _fact(self, fact: Fact) -> Iterator[Violation]:
         relation = self.ontology.relations.get(fact.relation)
@@ -249,12 +249,12 @@ class _Checker:
             message = f"{fact.relation} joins {len(relation.joins)} objects ({', '.join(relation.joins)}), not {len(fact.arguments)}"
             yield Violation(subject=str(fact), rule="relation-types", message=message)
             return
-        for name, wanted in zip(fact.arguments, relation.joins, strict=True):
+        for name, expected_type in zip(fact.arguments, relation.joins, strict=True):
             object = self.map.objects.get(name)
             if object is None:
                 yield Violation(subject=str(fact), rule="unknown-object", message=_unknown("object", name, self.map.objects))
-            elif object.type in self.ontology.types and not self.ontology.is_a(object.type, wanted):
-                message = f"{fact.relation} needs a {wanted} where {name} stands, which is a {object.type}"
+            elif object.type in self.ontology.types and not self.ontology.is_subtype(object.type, expected_type):
+                message = f"{fact.relation} needs a {expected_type} where {name} stands, which is a {object.type}"
                 yield Violation(subject=str(fact), rule="relation-types", message=message)
 
     def _exclusive(self, name: str, facts: list[Fact]) -> Iterator[Violation]:
@@ -265,10 +265,10 @@ class _Checker:
             if relation is None:
                 continue
             for group in ((relation.name,) if relation.functional else ()) + ((f"group {relation.excludes}",) if relation.excludes else ()):
-                other = first.setdefault(group, fact)
-                if other is not fact and (group == relation.name or other.relation != fact.relation):
+                earlier_fact = first.setdefault(group, fact)
+                if earlier_fact is not fact and (group == relation.name or earlier_fact.relation != fact.relation):
                     rule = "functional" if group == relation.name else "exclusive"
-                    message = f"cannot hold together with {other}; keep one of the two"
+                    message = f"cannot hold together with {earlier_fact}; keep one of the two"
                     yield Violation(subject=str(fact), rule=rule, message=message)
 
 
@@ -278,8 +278,8 @@ def _is_about_itself(text: str) -> bool:
     formula = parse(text)
     atoms = (literal.atom if isinstance(literal, Not) else literal for literal in literals(formula))
     simple = all(isinstance(atom, Comparison) and not any(isinstance(term, Call) for term in terms(atom)) for atom in atoms)
-    of_others = any(isinstance(term, Attribute) and isinstance(term.owner, Name) for term in terms(formula))
-    return simple and not of_others and set(variables(formula)) <= {SELF}
+    has_named_objects = any(isinstance(term, Attribute) and isinstance(term.owner, Name) for term in terms(formula))
+    return simple and not has_named_objects and set(variables(formula)) <= {SELF_VARIABLE}
 
 
 @lru_cache(maxsize=1024)
@@ -297,7 +297,9 @@ class _Schema:
         self.required = tuple(dict.fromkeys(name for type in reversed(types) for name in type.required))
         self.parts = tuple(part for type in types for part in type.parts)
         self.constraints: tuple[tuple[str, Constraint], ...] = tuple((type.name, c) for type in reversed(types) for c in type.constraints)
-        self.about_others = tuple((owner, c) for owner, c in self.constraints if c.formula is not None and not _is_about_itself(c.formula))
+        self.external_constraints = tuple(
+            (owner, c) for owner, c in self.constraints if c.formula is not None and not _is_about_itself(c.formula)
+        )
         """Those that may be broken by what happens to other objects."""
         self.defaults: dict[str, Value] = {}
         for type in reversed(types):
@@ -340,6 +342,6 @@ def _limit_problem(constraint: Constraint, value: Value) -> str:
     return ""
 
 
-def _unknown(what: str, name: str, known: Iterable[str]) -> str:
-    hint = nearest(name, known)
-    return f"no {what} is called {name}" + (f"; {hint}" if hint else f"; define it, or use one of the {what}s there are")
+def _unknown(kind: str, name: str, known_names: Iterable[str]) -> str:
+    hint = nearest(name, known_names)
+    return f"no {kind} is called {name}" + (f"; {hint}" if hint else f"; define it, or use one of the {kind}s there are")

@@ -10,7 +10,7 @@ from somrs.entish.formula import variables
 from somrs.entish.parse import nearest, parse_term
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
-from somrs.ontology.conformance import SELF, Violation, value_problem
+from somrs.ontology.conformance import SELF_VARIABLE, Violation, value_problem
 from somrs.ontology.schema import RESERVED
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.types import (
@@ -25,9 +25,9 @@ from somrs.ontology.types import (
     RelationType,
 )
 from somrs.ontology.units import COMMON as COMMON_UNITS
-from somrs.ontology.units import known as unit_known
+from somrs.ontology.units import is_known_unit as unit_known
 
-UNSAID = AttributeType(name="", kind=Kind.TEXT)
+UNSPECIFIED_ATTRIBUTE = AttributeType(name="", kind=Kind.TEXT)
 """An attribute of which nothing is said; a limit of 0 is something."""
 
 VALUES = ("number", "text", "truth")
@@ -36,14 +36,14 @@ VALUES = ("number", "text", "truth")
 
 def ontology_violations(ontology: Ontology, definitions: Iterable[Definition] | None = None) -> list[Violation]:
     """Everything that is wrong with the ontology, or with these definitions of it, definition by definition."""
-    found: list[Violation] = []
+    all_violations: list[Violation] = []
     for definition in ontology if definitions is None else definitions:
-        section, violations = _of(definition, ontology)
-        found.extend(replace(violation, section=section) for violation in violations)
-    return found
+        section, violations = _definition_violations(definition, ontology)
+        all_violations.extend(replace(violation, section=section) for violation in violations)
+    return all_violations
 
 
-def _of(definition: Definition, ontology: Ontology) -> tuple[str, Iterator[Violation]]:
+def _definition_violations(definition: Definition, ontology: Ontology) -> tuple[str, Iterator[Violation]]:
     match definition:
         case AttributeType():
             return "attributes", _attribute(definition, ontology)
@@ -68,15 +68,15 @@ def _attribute(attribute: AttributeType, ontology: Ontology) -> Iterator[Violati
     if attribute.name in RESERVED:
         message = f"objects have a key {attribute.name} of their own; give the attribute another name"
         yield Violation(subject=attribute.name, rule="reserved", message=message)
-    number, wanted = attribute.kind is Kind.NUMBER, {Kind.ENUMERATION: "values", Kind.COMPLEX: "attributes"}.get(attribute.kind)
+    number, required_key = attribute.kind is Kind.NUMBER, {Kind.ENUMERATION: "values", Kind.COMPLEX: "attributes"}.get(attribute.kind)
     for key in ("unit", "minimum", "maximum", "tolerance"):
-        if not number and getattr(attribute, key) != getattr(UNSAID, key):
+        if not number and getattr(attribute, key) != getattr(UNSPECIFIED_ATTRIBUTE, key):
             message = f"only a number has a {key}; leave it out, or write kind: number"
             yield Violation(subject=attribute.name, rule="kind", message=message, path=key)
     for key, kind in (("values", "an enumeration"), ("attributes", "a complex attribute")):
-        if key == wanted and not getattr(attribute, key):
+        if key == required_key and not getattr(attribute, key):
             yield Violation(subject=attribute.name, rule="kind", message=f"{kind} needs {key}; list them", path="kind")
-        elif key != wanted and getattr(attribute, key):
+        elif key != required_key and getattr(attribute, key):
             yield Violation(
                 subject=attribute.name, rule="kind", message=f"only {kind} has {key}; this one's kind is {attribute.kind}", path=key
             )
@@ -85,22 +85,22 @@ def _attribute(attribute: AttributeType, ontology: Ontology) -> Iterator[Violati
     for index, inner in enumerate(attribute.attributes):
         if inner not in ontology.attributes:
             yield _unknown(attribute.name, "attribute", inner, ontology.attributes, f"attributes.{index}")
-        elif attribute.name in (inner, *_inside(ontology, inner)):
+        elif attribute.name in (inner, *_nested_attributes(ontology, inner)):
             message = f"is made of itself, through {inner}; leave it out there"
             yield Violation(subject=attribute.name, rule="cycle", message=message, path=f"attributes.{index}")
 
 
-def _inside(ontology: Ontology, name: str) -> set[str]:
+def _nested_attributes(ontology: Ontology, name: str) -> set[str]:
     """All attributes that a complex one is made of, at any depth."""
-    found: set[str] = set()
+    inner_names: set[str] = set()
     waiting = [name]
     while waiting:
         attribute = ontology.attributes.get(waiting.pop())
         for inner in attribute.attributes if attribute is not None else ():
-            if inner not in found:
-                found.add(inner)
+            if inner not in inner_names:
+                inner_names.add(inner)
                 waiting.append(inner)
-    return found
+    return inner_names
 
 
 def _unit(subject: str, unit: str) -> Iterator[Violation]:
@@ -160,7 +160,7 @@ def _constraint(
         message = "a constraint has either an attribute with limits, or a formula"
         yield Violation(subject=type.name, rule="constraint", message=message, path=path)
     elif constraint.formula is not None:
-        yield from _formula(type.name, constraint.formula, ontology, {SELF: type.name}, f"{path}.formula")
+        yield from _formula(type.name, constraint.formula, ontology, {SELF_VARIABLE: type.name}, f"{path}.formula")
     elif constraint.attribute is None or constraint.attribute not in attributes:
         yield _unknown(type.name, "attribute of this type", str(constraint.attribute), attributes, f"{path}.attribute")
     elif constraint.minimum is None and constraint.maximum is None and not constraint.values:
@@ -182,15 +182,15 @@ def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
                 message = f"?{parameter.name} is there twice; give one of them another name"
                 yield Violation(subject=service.name, rule="duplicate", message=message, path=f"{side}.{parameter.name}")
             typed[parameter.name] = parameter.type
-    known = all(type in ontology.types or type in VALUES for type in typed.values())
+    are_types_known = all(type in ontology.types or type in VALUES for type in typed.values())
     for key, text in (("precondition", service.precondition), ("effect", service.effect)):
-        if text is not None and known:
+        if text is not None and are_types_known:
             yield from _formula(service.name, text, ontology, typed, key)
-    if service.cost is not None and known:
+    if service.cost is not None and are_types_known:
         yield from _cost(service, service.cost, ontology, typed)
     for index, handler in enumerate(service.handlers):
         for key, text in (("when", handler.when), ("effect", handler.effect)):
-            if text is not None and known:
+            if text is not None and are_types_known:
                 yield from _formula(service.name, text, ontology, typed, f"handlers.{index}.{key}")
 
 
@@ -215,14 +215,16 @@ def _cost(service: ServiceType, text: str, ontology: Ontology, typed: dict[str, 
             yield Violation(subject=service.name, rule="formula", message=message, path="cost")
 
 
-def _parent(subject: str, parent: str | None, what: str, known: dict[str, ObjectType] | dict[str, ServiceType]) -> Iterator[Violation]:
+def _parent(
+    subject: str, parent: str | None, kind: str, definitions: dict[str, ObjectType] | dict[str, ServiceType]
+) -> Iterator[Violation]:
     if parent is None:
         return
-    if parent not in known:
-        yield _unknown(subject, what, parent, known, "parent")
+    if parent not in definitions:
+        yield _unknown(subject, kind, parent, definitions, "parent")
         return
     chain = [subject]
-    while parent is not None and parent in known:
+    while parent is not None and parent in definitions:
         chain.append(parent)
         if parent == subject:
             message = f"is its own ancestor ({' below '.join(chain)}); give one of them another parent"
@@ -230,7 +232,7 @@ def _parent(subject: str, parent: str | None, what: str, known: dict[str, Object
             return
         if parent in chain[:-1]:
             return  # a cycle above; said of those in it
-        parent = known[parent].parent
+        parent = definitions[parent].parent
 
 
 def _types_known(subject: str, key: str, types: Iterable[str], ontology: Ontology) -> Iterator[Violation]:
@@ -239,6 +241,6 @@ def _types_known(subject: str, key: str, types: Iterable[str], ontology: Ontolog
             yield _unknown(subject, "type", name, ontology.types, f"{key}.{index}")
 
 
-def _unknown(subject: str, what: str, name: str, known: Iterable[str], path: str) -> Violation:
-    hint = nearest(name, known) or "define it, or use one that is there"
-    return Violation(subject=subject, rule="unknown-name", message=f"no {what} is called {name}; {hint}", path=path)
+def _unknown(subject: str, kind: str, name: str, known_names: Iterable[str], path: str) -> Violation:
+    hint = nearest(name, known_names) or "define it, or use one that is there"
+    return Violation(subject=subject, rule="unknown-name", message=f"no {kind} is called {name}; {hint}", path=path)

@@ -52,7 +52,7 @@ class Spot(Enum):
     """Behind a variable and a colon."""
     VARIABLE = auto()
     """Behind a question mark, where more than objects can be."""
-    ON = auto()
+    CONTINUATION = auto()
     """Behind what needs nothing more."""
 
 
@@ -83,151 +83,151 @@ class Cursor(Struct, frozen=True, kw_only=True):
     compared: str = ""
     attribute: AttributeType | None = None
     variables: Mapping[str, str | None] = {}
-    inside: str = ""
+    enclosure: str = ""
     comparable: bool = False
     complete: bool = False
     negated: bool = False
 
 
-def spot(text: str, at: int, ontology: Ontology, map: Map, variables: Mapping[str, str]) -> Cursor:
+def locate_cursor(text: str, position: int, ontology: Ontology, map: Map, variables: Mapping[str, str]) -> Cursor:
     """Where `at` is in the text."""
-    before = text[:at]
-    lexemes = [*_LEXEME.finditer(before)]
-    last = lexemes[-1] if lexemes else None
-    if last is not None and last.lastgroup == "comment" and last.end() == at:
-        return Cursor(spot=Spot.NOWHERE, start=at, end=at)
-    opened = next((one for one in lexemes if one.lastgroup == "open" and "\n" not in before[one.start() :]), None)
-    unit = _UNIT.search(before)
+    text_before = text[:position]
+    lexemes = [*_LEXEME.finditer(text_before)]
+    last_lexeme = lexemes[-1] if lexemes else None
+    if last_lexeme is not None and last_lexeme.lastgroup == "comment" and last_lexeme.end() == position:
+        return Cursor(spot=Spot.NOWHERE, start=position, end=position)
+    opened = next((lexeme for lexeme in lexemes if lexeme.lastgroup == "open" and "\n" not in text_before[lexeme.start() :]), None)
+    unit = _UNIT.search(text_before)
     if opened is not None:
         start = opened.start()
     elif unit is not None:
         start = unit.start("unit")
     else:
-        word = _WORD.search(before)
-        start = word.start() if word is not None else at
-    rest = _REST.match(text, at)
-    end = rest.end() if rest is not None and (start < at or at == 0 or not before[-1].isdigit()) else at
+        word = _WORD.search(text_before)
+        start = word.start() if word is not None else position
+    rest = _REST.match(text, position)
+    end = rest.end() if rest is not None and (start < position or position == 0 or not text_before[-1].isdigit()) else position
     # Only a word at the cursor is replaced: `|isOn` completes what is before it.
-    end = end if start < at else at
-    known = {**dict.fromkeys(_named(text, start, end)), **variables, **_declared(text, start, ontology)}
-    placing = _Placing(ontology, map, {**known, **_inferred(text, known, ontology)})
-    begin = _atom(before, start)
-    found = _with(placing.at(before[begin:start]), negated=_NEGATED.search(before[:begin]) is not None)
-    typed = before[start:]
-    if typed.startswith("?") and found.spot in (Spot.ATOM, Spot.VALUE, Spot.TERM):
-        found = _with(found, spot=Spot.VARIABLE)
+    end = end if start < position else position
+    variable_types = {**dict.fromkeys(_named(text, start, end)), **variables, **_declared(text, start, ontology)}
+    placer = _CursorPlacer(ontology, map, {**variable_types, **_inferred(text, variable_types, ontology)})
+    begin = _atom(text_before, start)
+    cursor = _replace_fields(placer.cursor_after(text_before[begin:start]), negated=_NEGATED.search(text_before[:begin]) is not None)
+    typed = text_before[start:]
+    if typed.startswith("?") and cursor.spot in (Spot.ATOM, Spot.VALUE, Spot.TERM):
+        cursor = _replace_fields(cursor, spot=Spot.VARIABLE)
     if opened is not None:
-        found = _with(found, inside='"') if found.spot is Spot.VALUE else _with(found, spot=Spot.NOWHERE)
-        end = at
-    return _with(found, start=start, end=end, typed=typed, variables=placing.variables)
+        cursor = _replace_fields(cursor, inside='"') if cursor.spot is Spot.VALUE else _replace_fields(cursor, spot=Spot.NOWHERE)
+        end = position
+    return _replace_fields(cursor, start=start, end=end, typed=typed, variables=placer.variables)
 
 
-def _with(cursor: Cursor, **changes: object) -> Cursor:
+def _replace_fields(cursor: Cursor, **changes: object) -> Cursor:
     return structs.replace(cursor, **changes)
 
 
-def _atom(before: str, start: int) -> int:
+def _atom(text: str, start: int) -> int:
     """Where the atom begins in which `start` is: behind the last AND, OR, NOT or parenthesis that groups."""
-    found = 0
+    atom_start = 0
     groups: list[bool] = []
     named = False
-    for one in _LEXEME.finditer(before, 0, start):
-        if one["word"] in _KEYWORDS:
-            found, named = one.end(), False
-        elif one["sign"] == "(":
+    for lexeme in _LEXEME.finditer(text, 0, start):
+        if lexeme["word"] in _KEYWORDS:
+            atom_start, named = lexeme.end(), False
+        elif lexeme["sign"] == "(":
             groups.append(not named)
             if not named:
-                found = one.end()
+                atom_start = lexeme.end()
             named = False
-        elif one["sign"] == ")":
+        elif lexeme["sign"] == ")":
             if groups and groups.pop():
-                found = one.start()
+                atom_start = lexeme.start()
             named = False
         else:
             # A name that a parenthesis follows is applied to what is in it.
-            named = one["word"] is not None and not one["word"].startswith("?")
-    return found
+            named = lexeme["word"] is not None and not lexeme["word"].startswith("?")
+    return atom_start
 
 
 def _named(text: str, start: int, end: int) -> list[str]:
     """The variables of the text, but for what is being written."""
-    found = [one for one in _LEXEME.finditer(text) if (one["word"] or "").startswith("?") and len(one["word"]) > 1]
-    return [one["word"][1:] for one in found if not (one.start() == start and one.end() <= end)]
+    lexemes = [lexeme for lexeme in _LEXEME.finditer(text) if (lexeme["word"] or "").startswith("?") and len(lexeme["word"]) > 1]
+    return [lexeme["word"][1:] for lexeme in lexemes if not (lexeme.start() == start and lexeme.end() <= end)]
 
 
-def _declared(text: str, at: int, ontology: Ontology) -> dict[str, str]:
-    found = re.finditer(r"\?([^\W\d][\w-]*)\s*:\s*([^\W\d][\w-]*)", text)
-    return {one[1]: one[2] for one in found if one[2] in ontology.types or one[2] in ("number", "text", "truth")}
+def _declared(text: str, position: int, ontology: Ontology) -> dict[str, str]:
+    matches = re.finditer(r"\?([^\W\d][\w-]*)\s*:\s*([^\W\d][\w-]*)", text)
+    return {match[1]: match[2] for match in matches if match[2] in ontology.types or match[2] in ("number", "text", "truth")}
 
 
-def _inferred(text: str, known: Mapping[str, str | None], ontology: Ontology) -> dict[str, str]:
+def _inferred(text: str, variable_types: Mapping[str, str | None], ontology: Ontology) -> dict[str, str]:
     """What relations say of variables that have no type."""
-    found: dict[str, str] = {}
-    words = [one["word"] or one["sign"] or "" for one in _LEXEME.finditer(text)]
+    inferred_types: dict[str, str] = {}
+    words = [lexeme["word"] or lexeme["sign"] or "" for lexeme in _LEXEME.finditer(text)]
     for index, word in enumerate(words):
         relation = ontology.relations.get(word)
         if relation is None or len(relation.joins) != 2 or not 0 < index < len(words) - 1:
             continue
-        for other, joined in ((words[index - 1], relation.joins[0]), (words[index + 1], relation.joins[1])):
-            if other.startswith("?") and known.get(other[1:], "being written") is None and joined != ROOT:
-                found.setdefault(other[1:], joined)
-    return found
+        for neighbour, joined in ((words[index - 1], relation.joins[0]), (words[index + 1], relation.joins[1])):
+            if neighbour.startswith("?") and variable_types.get(neighbour[1:], "being written") is None and joined != ROOT:
+                inferred_types.setdefault(neighbour[1:], joined)
+    return inferred_types
 
 
-class _Placing:
+class _CursorPlacer:
     """What the beginning of an atom says of what comes next."""
 
     def __init__(self, ontology: Ontology, map: Map, variables: Mapping[str, str | None]) -> None:
         self.ontology, self.map, self.variables = ontology, map, variables
 
-    def at(self, atom: str) -> Cursor:
+    def cursor_after(self, atom: str) -> Cursor:
         """The cursor behind the beginning of an atom; its place in the text is not known here."""
         if atom.lstrip().startswith(")"):
-            return Cursor(spot=Spot.ON, complete=True)
+            return Cursor(spot=Spot.CONTINUATION, complete=True)
         try:
             read = parse_beginning(atom)
         except FormulaError:
             read = None
         if read is None:
             return Cursor(spot=Spot.NOWHERE)
-        tokens, wanted = read
-        found = self._spot(tokens, wanted)
-        return _with(found, comparable="OPERATOR" in wanted, complete="$END" in wanted and bool(tokens))
+        tokens, next_kinds = read
+        cursor = self._spot(tokens, next_kinds)
+        return _replace_fields(cursor, comparable="OPERATOR" in next_kinds, complete="$END" in next_kinds and bool(tokens))
 
-    def _spot(self, tokens: Tokens, wanted: frozenset[str]) -> Cursor:
+    def _spot(self, tokens: Tokens, next_kinds: frozenset[str]) -> Cursor:
         if not tokens:
             return Cursor(spot=Spot.ATOM)
-        last = tokens[-1][0]
+        last_kind = tokens[-1][0]
         call = self._call(tokens)
-        inside = "(" if call is not None else ""
-        if last == "DOT":
-            return _with(self._attribute(tokens), inside=inside)
-        if last == "COLON":
-            return Cursor(spot=Spot.TYPE, slot=call or Slot(), inside=inside)
-        if last in ("LPAR", "COMMA"):
-            return Cursor(spot=Spot.OBJECT, slot=call or Slot(), inside="(")
+        enclosure = "(" if call is not None else ""
+        if last_kind == "DOT":
+            return _replace_fields(self._attribute(tokens), inside=enclosure)
+        if last_kind == "COLON":
+            return Cursor(spot=Spot.TYPE, slot=call or Slot(), enclosure=enclosure)
+        if last_kind in ("LPAR", "COMMA"):
+            return Cursor(spot=Spot.OBJECT, slot=call or Slot(), enclosure="(")
         sides = _split(tokens, "OPERATOR")
         path, attribute = self._value_of(sides[0]) if len(sides) == 2 else ("", None)
-        if "UNIT" in wanted:
+        if "UNIT" in next_kinds:
             return Cursor(spot=Spot.UNIT, attribute=attribute, compared=path)
-        if last in ("OPERATOR", "SIGN", "TIMES"):
-            if last != "OPERATOR":
+        if last_kind in ("OPERATOR", "SIGN", "TIMES"):
+            if last_kind != "OPERATOR":
                 return Cursor(spot=Spot.TERM, attribute=attribute, compared=path)
             slot = Slot(relation="", type=self._type(sides[0]) or ROOT) if attribute is None else Slot()
             return Cursor(spot=Spot.VALUE, attribute=attribute, compared=path, slot=slot)
-        if "NAME" not in wanted and "OPERATOR" not in wanted:
-            return Cursor(spot=Spot.ON, attribute=attribute)
+        if "NAME" not in next_kinds and "OPERATOR" not in next_kinds:
+            return Cursor(spot=Spot.CONTINUATION, attribute=attribute)
         term, rest = _term(tokens)
         if rest and rest[0][0] == "NAME" and (relation := self.ontology.relations.get(rest[0][1])) is not None and len(rest) == 1:
             type_name = relation.joins[1] if len(relation.joins) == 2 else ROOT
             return Cursor(spot=Spot.OBJECT, slot=Slot(relation=relation.name, place=1, type=type_name))
         if rest and rest[0][0] == "NAME":
-            return Cursor(spot=Spot.OBJECT if len(rest) == 1 else Spot.ON)
+            return Cursor(spot=Spot.OBJECT if len(rest) == 1 else Spot.CONTINUATION)
         owner = self._type(term)
         if owner is not None and not rest:
             return Cursor(spot=Spot.RELATION, owner=owner)
         _, attribute = self._value_of(term)
-        return Cursor(spot=Spot.ON, attribute=attribute)
+        return Cursor(spot=Spot.CONTINUATION, attribute=attribute)
 
     def _call(self, tokens: Tokens) -> Slot | None:
         """The parenthesis that is open at the end: whose arguments stand in it, and which comes."""
@@ -307,5 +307,5 @@ def _term(tokens: Tokens) -> tuple[Tokens, Tokens]:
 
 def _split(tokens: Tokens, kind: str) -> list[Tokens]:
     """The tokens before and behind the first of a kind."""
-    at = next((index for index, token in enumerate(tokens) if token[0] == kind), None)
-    return [tokens] if at is None else [tokens[:at], tokens[at + 1 :]]
+    split_index = next((index for index, token in enumerate(tokens) if token[0] == kind), None)
+    return [tokens] if split_index is None else [tokens[:split_index], tokens[split_index + 1 :]]

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from somrs.ontology.conformance import Violation
-from somrs.ontology.naming import Named, Section, find
+from somrs.ontology.naming import DefinitionKey, Section, find_definition
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, Ontology, RelationType
 
-RELIED: Mapping[Section, frozenset[str]] = {
+REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
     Section.ATTRIBUTES: frozenset(
         (
             "PositionX", "PositionY", "PositionZ", "RotationY", "RotationZ",
@@ -35,28 +35,28 @@ RELIED: Mapping[Section, frozenset[str]] = {
 }  # fmt: skip
 
 
-def relied(ontology: Ontology) -> tuple[Named, ...]:
+def required_definitions(ontology: Ontology) -> tuple[DefinitionKey, ...]:
     """The definitions of the ontology that SO-MRS relies on."""
-    every = (Named(section=section, name=name) for section, names in RELIED.items() for name in sorted(names))
-    return tuple(what for what in every if find(ontology, what) is not None)
+    definition_keys = (DefinitionKey(section=section, name=name) for section, names in REQUIRED_NAMES.items() for name in sorted(names))
+    return tuple(definition_key for definition_key in definition_keys if find_definition(ontology, definition_key) is not None)
 
 
-def lost(before: Ontology, after: Ontology) -> Iterator[Violation]:
+def lost_dependencies(ontology_before: Ontology, ontology_after: Ontology) -> Iterator[Violation]:
     """What SO-MRS could rely on before a change of the ontology, and could not after it."""
-    for what in relied(before):
-        old, new = find(before, what), find(after, what)
+    for definition_key in required_definitions(ontology_before):
+        old, new = find_definition(ontology_before, definition_key), find_definition(ontology_after, definition_key)
         if new is None:
             message = (
                 "SO-MRS itself relies on it, so it can be neither removed nor renamed; leave it as it is, and define another beside it"
             )
-            yield Violation(subject=what.name, rule="relied", message=message, section=what.section)
+            yield Violation(subject=definition_key.name, rule="relied", message=message, section=definition_key.section)
         elif old is not None and old != new:
-            for path, shown in _other(old, new, before, after):
-                message = f"SO-MRS itself relies on what it is, so {path} stays {shown}; define another beside it"
-                yield Violation(subject=what.name, rule="relied", message=message, path=path, section=what.section)
+            for path, required_value in _changed_keys(old, new, ontology_before, ontology_after):
+                message = f"SO-MRS itself relies on what it is, so {path} stays {required_value}; define another beside it"
+                yield Violation(subject=definition_key.name, rule="relied", message=message, path=path, section=definition_key.section)
 
 
-def _other(old: Definition, new: Definition, before: Ontology, after: Ontology) -> Iterator[tuple[str, str]]:
+def _changed_keys(old: Definition, new: Definition, ontology_before: Ontology, ontology_after: Ontology) -> Iterator[tuple[str, str]]:
     """The keys in which a definition is not what it was, and what they have to be."""
     match old, new:
         case AttributeType(), AttributeType():
@@ -75,6 +75,6 @@ def _other(old: Definition, new: Definition, before: Ontology, after: Ontology) 
                 yield "parameters", f"a list of {len(old.parameters)} types"
         case ObjectType(), ObjectType():
             # It may come to be below something new, as long as it stays below what SO-MRS relies on.
-            above = [name for name in before.ancestors(old.name)[1:] if name in RELIED[Section.TYPES]]
-            if gone := [name for name in above if not after.is_a(new.name, name)]:
-                yield "parent", f"{gone[0]}, or a type below it"
+            required_ancestors = [name for name in ontology_before.ancestors(old.name)[1:] if name in REQUIRED_NAMES[Section.TYPES]]
+            if lost_ancestors := [name for name in required_ancestors if not ontology_after.is_subtype(new.name, name)]:
+                yield "parent", f"{lost_ancestors[0]}, or a type below it"

@@ -25,9 +25,9 @@ from somrs.entish.formula import (
 from somrs.entish.parse import nearest, read
 from somrs.errors import FormulaError
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import AttributeType, Kind, Ontology, RelationType, Value
-from somrs.ontology.units import converted
+from somrs.ontology.units import convert_unit
 from somrs.ontology.values import measure
 
 
@@ -37,20 +37,20 @@ def changes(effect: Formula, map: Map, ontology: Ontology) -> list[Change]:
     A functional relation gives up the old tuple with the same first argument, and so do the other relations that it
     excludes. Attributes that follow from a relation (where a thing stands that is put on another) are not invented.
     """
-    return _made(effect, map, ontology)[0]
+    return _make_changes(effect, map, ontology)[0]
 
 
-def applied(effect: Formula, map: Map, ontology: Ontology) -> Map:
+def apply_effect(effect: Formula, map: Map, ontology: Ontology) -> Map:
     """The map after an effect without variables: `map` with its `changes`."""
-    return _made(effect, map, ontology)[1]
+    return _make_changes(effect, map, ontology)[1]
 
 
-def settled(effect: Formula, map: Map, ontology: Ontology) -> Formula:
+def evaluate_effect(effect: Formula, map: Map, ontology: Ontology) -> Formula:
     """The effect with what is calculated in it from values on the map: `?A.Charge = ?A.Charge - 5` says what is so after it."""
-    return conjunction(*(_settled(part, map, ontology) for part in conjuncts(effect)))
+    return conjunction(*(_evaluate_part(part, map, ontology) for part in conjuncts(effect)))
 
 
-def _settled(part: Formula, map: Map, ontology: Ontology) -> Formula:
+def _evaluate_part(part: Formula, map: Map, ontology: Ontology) -> Formula:
     if isinstance(part, Comparison) and part.operator == "=":
         target, source = (part.left, part.right) if isinstance(part.left, Attribute) else (part.right, part.left)
         measured = measure(source, map, ontology) if isinstance(source, Arithmetic) else None
@@ -59,20 +59,20 @@ def _settled(part: Formula, map: Map, ontology: Ontology) -> Formula:
     return part
 
 
-def _made(effect: Formula, map: Map, ontology: Ontology) -> tuple[list[Change], Map]:
-    effect = settled(effect, map, ontology)
-    making = _Making(effect, map, ontology)
+def _make_changes(effect: Formula, map: Map, ontology: Ontology) -> tuple[list[Change], Map]:
+    effect = evaluate_effect(effect, map, ontology)
+    builder = _ChangeBuilder(effect, map, ontology)
     parts = conjuncts(effect)
-    needed = [change for part in parts for change in making.changes_for(part)]
-    wanted = [*dict.fromkeys(_key(change) for change in needed)]
-    last = {_key(change): change for change in needed}
-    found = [last[key] for key in wanted]
-    after = map.changed(found) if found else map
-    made = _Making(effect, after, ontology)
+    needed_changes = [change for part in parts for change in builder.changes_for(part)]
+    change_keys = [*dict.fromkeys(_key(change) for change in needed_changes)]
+    change_by_key = {_key(change): change for change in needed_changes}
+    final_changes = [change_by_key[key] for key in change_keys]
+    map_after = map.changed(final_changes) if final_changes else map
+    builder_after = _ChangeBuilder(effect, map_after, ontology)
     for part in parts:
-        if any(made.changes_for(part)):
-            raise making.error(part, None, "this contradicts the rest of the effect", "an effect says what holds at one moment")
-    return found, after
+        if any(builder_after.changes_for(part)):
+            raise builder.error(part, None, "this contradicts the rest of the effect", "an effect says what holds at one moment")
+    return final_changes, map_after
 
 
 def _key(change: Change) -> object:
@@ -85,7 +85,7 @@ def _key(change: Change) -> object:
     return change
 
 
-class _Making:
+class _ChangeBuilder:
     """One effect, and the map and ontology in which it is to be made true."""
 
     def __init__(self, effect: Formula, map: Map, ontology: Ontology) -> None:
@@ -137,23 +137,25 @@ class _Making:
             for rival in self._rivals(relation, arguments[0]):
                 if not (rival.relation == relation.name and rival.arguments in orders):
                     yield FactRemoved(rival)
-        if not any(self.map.holds(relation.name, arguments) for arguments in orders):
+        if not any(self.map.has_fact(relation.name, arguments) for arguments in orders):
             yield FactAdded(fact)
 
     def _rivals(self, relation: RelationType, first: str) -> Iterator[Fact]:
         """The facts about `first` that cannot stay when it enters into the relation."""
-        for other in self.ontology.relations.values():
-            if (other.name == relation.name and relation.functional) or (
-                other.name != relation.name and relation.excludes is not None and other.excludes == relation.excludes
+        for other_relation in self.ontology.relations.values():
+            if (other_relation.name == relation.name and relation.functional) or (
+                other_relation.name != relation.name and relation.excludes is not None and other_relation.excludes == relation.excludes
             ):
-                places = (0, 1) if other.symmetric else (0,)
+                places = (0, 1) if other_relation.symmetric else (0,)
                 for place in places:
-                    yield from (Fact(other.name, arguments) for arguments in self.map.facts_with(other.name, place, first))
+                    yield from (
+                        Fact(other_relation.name, arguments) for arguments in self.map.facts_with(other_relation.name, place, first)
+                    )
 
     def _relation_removed(self, atom: Relation) -> Iterator[Change]:
         relation, fact = self._fact(atom)
         for arguments in dict.fromkeys(self._orders(relation, fact.arguments)):
-            if self.map.holds(relation.name, arguments):
+            if self.map.has_fact(relation.name, arguments):
                 yield FactRemoved(Fact(relation.name, arguments))
 
     # Values
@@ -166,15 +168,15 @@ class _Making:
         assert isinstance(target.owner, Name)
         attribute = self._attribute(part, target)
         value = self._value(part, attribute, source)
-        if not holds(part, self.map, self.ontology):
+        if not formula_holds(part, self.map, self.ontology):
             yield ValueSet(target.owner.name, target.path, value)
 
     def _attribute(self, part: Comparison, target: Attribute) -> AttributeType:
         type_name = self.map.objects[target.owner.name].type
-        known = self.ontology.attributes_of(type_name)
-        if target.path not in known:
-            raise self.error(part, target, f"a {type_name} has no attribute {target.path}", nearest(target.path, known))
-        return known[target.path]
+        attributes = self.ontology.attributes_of(type_name)
+        if target.path not in attributes:
+            raise self.error(part, target, f"a {type_name} has no attribute {target.path}", nearest(target.path, attributes))
+        return attributes[target.path]
 
     def _value(self, part: Comparison, attribute: AttributeType, source: Term) -> Value:
         """What the source stands for now, as a value of the attribute."""
@@ -185,7 +187,7 @@ class _Making:
             case Kind.NUMBER, Number(value, unit):
                 if unit is None or attribute.unit is None:
                     return value
-                number = converted(value, unit, attribute.unit)
+                number = convert_unit(value, unit, attribute.unit)
                 if number is None:
                     raise self.error(part, source, f"{unit} cannot be converted to {attribute.unit}, the unit of {attribute.name}")
                 return number

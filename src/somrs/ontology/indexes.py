@@ -9,7 +9,7 @@ K = TypeVar("K", bound=Hashable)
 T = TypeVar("T", bound=Hashable)
 
 
-MANY = 256
+MAX_OWN_KEYS = 256
 """With more keys than this of their own, copies put them together with what they share."""
 
 
@@ -24,11 +24,11 @@ class Index(Generic[K, T]):
     def __init__(self, pairs: Iterable[tuple[K, T]] = ()) -> None:
         self._shared: dict[K, dict[T, None]] = {}
         self._changed: dict[K, dict[T, None]] = {}
-        self._own: set[K] = set()
+        self._own_keys: set[K] = set()
         for key, thing in pairs:
             self._shared.setdefault(key, {})[thing] = None
 
-    def under(self, key: K) -> Collection[T]:
+    def values_for(self, key: K) -> Collection[T]:
         changed = self._changed.get(key)
         return changed if changed is not None else self._shared.get(key, ())
 
@@ -38,13 +38,13 @@ class Index(Generic[K, T]):
 
     def copy(self) -> Index[K, T]:
         """Another one, which may be changed while this one stays."""
-        made: Index[K, T] = Index()
-        if len(self._changed) > MANY:
-            together = {**self._shared, **self._changed}
-            made._shared = {key: things for key, things in together.items() if things}
+        new_index: Index[K, T] = Index()
+        if len(self._changed) > MAX_OWN_KEYS:
+            merged_things = {**self._shared, **self._changed}
+            new_index._shared = {key: things for key, things in merged_things.items() if things}
         else:
-            made._shared, made._changed = self._shared, dict(self._changed)
-        return made
+            new_index._shared, new_index._changed = self._shared, dict(self._changed)
+        return new_index
 
     def add(self, key: K, thing: T) -> None:
         self._to_change(key)[thing] = None
@@ -53,7 +53,7 @@ class Index(Generic[K, T]):
         self._to_change(key).pop(thing, None)
 
     def _to_change(self, key: K) -> dict[T, None]:
-        if key not in self._own:
-            self._changed[key] = dict.fromkeys(self.under(key))
-            self._own.add(key)
+        if key not in self._own_keys:
+            self._changed[key] = dict.fromkeys(self.values_for(key))
+            self._own_keys.add(key)
         return self._changed[key]

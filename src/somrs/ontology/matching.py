@@ -32,12 +32,12 @@ from somrs.entish.parse import parse
 from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.types import Ontology, RelationType
-from somrs.ontology.values import Measured, attribute_at, compare
+from somrs.ontology.values import MeasuredValue, attribute_at, compare
 
 DEVICE = "Device"
 """The type of `?Provider`."""
 
-_WANTED = "wanted "
+_GOAL_PREFIX = "wanted "
 """Before the names of the wanted formula's variables, which are not those of the same names in the effect. Entish has
 no blanks in names."""
 
@@ -47,25 +47,25 @@ _VALUE_TYPES: Mapping[str, type[Number] | type[Text] | type[Truth]] = {"number":
 
 
 def unifiers(
-    offered: Formula, wanted: Literal, ontology: Ontology, types: Mapping[str, str], map: Map | None = None
+    offered: Formula, goal: Literal, ontology: Ontology, types: Mapping[str, str], map: Map | None = None
 ) -> Iterator[dict[str, Term]]:
     """The ways in which making `offered` true may make `wanted` true: for variables of `offered`, constants or variables
     of `wanted`. `types` are those of the variables of `offered`; with a map, constants must be of them.
 
     May: where a value is still open on one side, or a thing is put somewhere else only if that is another place.
     """
-    unifying = _Unifying(offered, ontology, map, certain=False)
-    for match in unifying.ways(unifying.start(types, wanted), unifying.renamed(wanted)):
-        yield unifying.result(match)
+    unifier = _Unifier(offered, ontology, map, certain=False)
+    for match in unifier.ways(unifier.start(types, goal), unifier.rename_variables(goal)):
+        yield unifier.result(match)
 
 
-def can_bring_about(service: ServiceType, wanted: Formula, ontology: Ontology, map: Map | None = None) -> bool:
+def can_achieve(service: ServiceType, goal: Formula, ontology: Ontology, map: Map | None = None) -> bool:
     """Whether the effect of the service can make some atom of the wanted formula true."""
     effect, types = parse(service.effect), types_of(service, ontology)
-    return any(next(unifiers(effect, literal, ontology, types, map), None) is not None for literal in literals(wanted))
+    return any(next(unifiers(effect, literal, ontology, types, map), None) is not None for literal in literals(goal))
 
 
-def bring_about_all(service: ServiceType, wanted: Formula, ontology: Ontology, map: Map | None = None) -> Iterator[dict[str, Term]]:
+def achieving_bindings(service: ServiceType, goal: Formula, ontology: Ontology, map: Map | None = None) -> Iterator[dict[str, Term]]:
     """The bindings of the service's variables with which its effect is sure to make every conjunct of the wanted formula
     true (of an OR: every conjunct of one alternative), each once. Variables that do not matter are left out.
 
@@ -74,16 +74,16 @@ def bring_about_all(service: ServiceType, wanted: Formula, ontology: Ontology, m
     """
     effect, types = parse(service.effect), types_of(service, ontology)
     outputs = {output.name for output in service.outputs}
-    unifying = _Unifying(effect, ontology, map, certain=True)
-    seen: list[dict[str, Term]] = []
-    for branch in alternatives(wanted):
-        matches = iter([unifying.start(types, wanted)])
+    unifier = _Unifier(effect, ontology, map, certain=True)
+    results: list[dict[str, Term]] = []
+    for branch in alternatives(goal):
+        matches = iter([unifier.start(types, goal)])
         for literal in branch:
-            matches = unifying.each(matches, unifying.renamed(literal))
+            matches = unifier.extend_matches(matches, unifier.rename_variables(literal))
         for match in matches:
-            result = unifying.result(match)
-            if result not in seen and not any(isinstance(result.get(name), Constant) for name in outputs):
-                seen.append(result)
+            result = unifier.result(match)
+            if result not in results and not any(isinstance(result.get(name), Constant) for name in outputs):
+                results.append(result)
                 yield result
 
 
@@ -105,128 +105,151 @@ class _Match(Struct, frozen=True):
         return term
 
 
-class _Unifying:
+class _Unifier:
     """An effect to be matched; `certain`: only ways that make the wanted true whatever the open variables are."""
 
     def __init__(self, effect: Formula, ontology: Ontology, map: Map | None, certain: bool) -> None:
         self.effect, self.ontology, self.map, self.certain = conjuncts(effect), ontology, map, certain
         self.variables = {name: variable for part in self.effect for name, variable in variables(part).items()}
 
-    def start(self, types: Mapping[str, str], wanted: Formula) -> _Match:
+    def start(self, types: Mapping[str, str], goal: Formula) -> _Match:
         declared = {name: variable.type for name, variable in self.variables.items() if variable.type is not None}
-        asked = {_WANTED + name: variable.type for name, variable in variables(wanted).items() if variable.type is not None}
-        return _Match({}, declared | {name: type_name for name, type_name in types.items() if name in self.variables} | asked)
+        goal_types = {_GOAL_PREFIX + name: variable.type for name, variable in variables(goal).items() if variable.type is not None}
+        return _Match({}, declared | {name: type_name for name, type_name in types.items() if name in self.variables} | goal_types)
 
-    def renamed(self, wanted: Literal) -> Literal:
-        renamed = substitute(wanted, {name: Variable(_WANTED + name) for name in variables(wanted)})
+    def rename_variables(self, goal: Literal) -> Literal:
+        renamed = substitute(goal, {name: Variable(_GOAL_PREFIX + name) for name in variables(goal)})
         assert isinstance(renamed, Relation | Comparison | Not)
         return renamed
 
     def result(self, match: _Match) -> dict[str, Term]:
-        found: dict[str, Term] = {}
+        terms: dict[str, Term] = {}
         for name in self.variables:
             term = match.resolve(Variable(name))
             if isinstance(term, Variable):
-                if not term.name.startswith(_WANTED):
+                if not term.name.startswith(_GOAL_PREFIX):
                     continue
-                term = Variable(term.name.removeprefix(_WANTED), match.types.get(term.name))
-            found[name] = term
-        return found
+                term = Variable(term.name.removeprefix(_GOAL_PREFIX), match.types.get(term.name))
+            terms[name] = term
+        return terms
 
-    def each(self, matches: Iterator[_Match], wanted: Literal) -> Iterator[_Match]:
+    def extend_matches(self, matches: Iterator[_Match], goal: Literal) -> Iterator[_Match]:
         for match in matches:
-            yield from self.ways(match, wanted)
+            yield from self.ways(match, goal)
 
-    def ways(self, match: _Match, wanted: Literal) -> Iterator[_Match]:
+    def ways(self, match: _Match, goal: Literal) -> Iterator[_Match]:
         """Every way in which one conjunct of the effect makes the wanted literal true."""
         for part in self.effect:
-            match part, wanted:
-                case (Relation() as made, Relation() as asked) | (Not(Relation() as made), Not(Relation() as asked)):
-                    yield from self._same(match, made, asked)
+            match part, goal:
+                case (Relation() as effect_atom, Relation() as goal_atom) | (Not(Relation() as effect_atom), Not(Relation() as goal_atom)):
+                    yield from self._unify_relations(match, effect_atom, goal_atom)
                 case Relation(), Not(Relation() as atom):
                     yield from self._displaced(match, part, atom)
-                case Comparison(), Not(Comparison(left, operator, right)):
-                    yield from self._value(match, part, Comparison(left, _OPPOSITE[operator], right))
+                case Comparison(), Not(Comparison(left_term, operator, right_term)):
+                    yield from self._value(match, part, Comparison(left_term, _OPPOSITE[operator], right_term))
                 case Comparison(), Comparison():
-                    yield from self._value(match, part, wanted)
+                    yield from self._value(match, part, goal)
 
-    def _same(self, match: _Match, offered: Relation, wanted: Relation) -> Iterator[_Match]:
-        if offered.relation != wanted.relation or len(offered.arguments) != len(wanted.arguments):
+    def _unify_relations(self, match: _Match, offered: Relation, goal: Relation) -> Iterator[_Match]:
+        if offered.relation != goal.relation or len(offered.arguments) != len(goal.arguments):
             return
         relation = self.ontology.relations.get(offered.relation)
-        for arguments in _orders(wanted, relation):
-            found: _Match | None = match
-            for place, (one, other) in enumerate(zip(offered.arguments, arguments, strict=True)):
-                found = self._join(found, one, other) if found is not None else None
-                if found is not None and relation is not None and place < len(relation.joins):
-                    found = self._of_type(found, one, relation.joins[place])
-            if found is not None:
-                yield found
+        for arguments in _orders(goal, relation):
+            extended_match: _Match | None = match
+            for place, (offered_argument, goal_argument) in enumerate(zip(offered.arguments, arguments, strict=True)):
+                extended_match = self._join(extended_match, offered_argument, goal_argument) if extended_match is not None else None
+                if extended_match is not None and relation is not None and place < len(relation.joins):
+                    extended_match = self._of_type(extended_match, offered_argument, relation.joins[place])
+            if extended_match is not None:
+                yield extended_match
 
-    def _displaced(self, match: _Match, offered: Relation, wanted: Relation) -> Iterator[_Match]:
+    def _displaced(self, match: _Match, offered: Relation, goal: Relation) -> Iterator[_Match]:
         """NOT wanted, because its first argument enters a relation that it excludes, or another tuple of its own. Each argument of a
         symmetric relation is its first."""
-        one, other = (self.ontology.relations.get(relation) for relation in (offered.relation, wanted.relation))
-        if one is None or other is None or not offered.arguments or not wanted.arguments:
+        offered_relation, goal_relation = (self.ontology.relations.get(relation) for relation in (offered.relation, goal.relation))
+        if offered_relation is None or goal_relation is None or not offered.arguments or not goal.arguments:
             return
-        if one.name == other.name and not one.functional:
+        if offered_relation.name == goal_relation.name and not offered_relation.functional:
             return
-        if one.name != other.name and (one.excludes is None or one.excludes != other.excludes):
+        if offered_relation.name != goal_relation.name and (
+            offered_relation.excludes is None or offered_relation.excludes != goal_relation.excludes
+        ):
             return
-        for mine, theirs in product(_orders(offered, one), _orders(wanted, other)):
-            found = self._join(match, mine[0], theirs[0])
-            if found is None:
+        for mine, theirs in product(_orders(offered, offered_relation), _orders(goal, goal_relation)):
+            extended_match = self._join(match, mine[0], theirs[0])
+            if extended_match is None:
                 continue
-            rest = [(found.resolve(a), found.resolve(b)) for a, b in zip(mine[1:], theirs[1:], strict=False)]
-            differs = any(isinstance(a, Name) and isinstance(b, Name) and a != b for a, b in rest)
-            if one.name != other.name or differs or (not self.certain and any(a != b for a, b in rest)):
-                yield found
+            rest = [
+                (extended_match.resolve(offered_term), extended_match.resolve(goal_term))
+                for offered_term, goal_term in zip(mine[1:], theirs[1:], strict=False)
+            ]
+            differs = any(
+                isinstance(offered_term, Name) and isinstance(goal_term, Name) and offered_term != goal_term
+                for offered_term, goal_term in rest
+            )
+            if (
+                offered_relation.name != goal_relation.name
+                or differs
+                or (not self.certain and any(offered_term != goal_term for offered_term, goal_term in rest))
+            ):
+                yield extended_match
 
-    def _value(self, match: _Match, offered: Comparison, wanted: Comparison) -> Iterator[_Match]:
-        given, asked = _about_attribute(offered), _about_attribute(wanted)
-        if given is None or asked is None or given.operator != "=":
+    def _value(self, match: _Match, offered: Comparison, goal: Comparison) -> Iterator[_Match]:
+        effect_equation, goal_comparison = _about_attribute(offered), _about_attribute(goal)
+        if effect_equation is None or goal_comparison is None or effect_equation.operator != "=":
             return
-        target, attribute = given.left, asked.left
+        target, attribute = effect_equation.left, goal_comparison.left
         assert isinstance(target, Attribute)
         assert isinstance(attribute, Attribute)
         if target.path != attribute.path:
             return
-        found = self._join(match, target.owner, attribute.owner)
-        if found is None:
+        extended_match = self._join(match, target.owner, attribute.owner)
+        if extended_match is None:
             return
-        value, limit = found.resolve(given.right), found.resolve(asked.right)
+        value, limit = extended_match.resolve(effect_equation.right), extended_match.resolve(goal_comparison.right)
         if not isinstance(value, Constant | Variable) or not isinstance(limit, Constant | Variable):
-            same = substitute_term(value, found.bound) == substitute_term(limit, found.bound)
-            if not self.certain or (same and asked.operator == "="):
-                yield found
-        elif asked.operator == "=":
-            joined = self._join(found, value, limit, target.path)
+            is_equal = substitute_term(value, extended_match.bound) == substitute_term(limit, extended_match.bound)
+            if not self.certain or (is_equal and goal_comparison.operator == "="):
+                yield extended_match
+        elif goal_comparison.operator == "=":
+            joined = self._join(extended_match, value, limit, target.path)
             if joined is not None:
                 yield joined
         elif isinstance(value, Constant) and isinstance(limit, Constant):
-            if self._compare(value, asked.operator, limit, target.path):
-                yield found
+            if self._compare(value, goal_comparison.operator, limit, target.path):
+                yield extended_match
         elif not self.certain:
-            yield found
+            yield extended_match
 
-    def _compare(self, left: Constant, operator: str, right: Constant, path: str) -> bool:
+    def _compare(self, left_value: Constant, operator: str, right_value: Constant, path: str) -> bool:
         """Compares as values of the attribute: in its unit where they name none, and with its tolerance."""
         attribute = attribute_at(path, self.ontology)
         unit, tolerance = (attribute.unit, attribute.tolerance) if attribute else (None, 0.0)
-        sides = [Number(side.value, side.unit or unit) if isinstance(side, Number) else side for side in (left, right)]
-        within = isinstance(sides[0], Number) and sides[0].unit == unit
-        return compare(Measured(sides[0], tolerance if within else 0.0), operator, Measured(sides[1], 0.0 if within else tolerance))
+        sides = [Number(side.value, side.unit or unit) if isinstance(side, Number) else side for side in (left_value, right_value)]
+        is_attribute_unit = isinstance(sides[0], Number) and sides[0].unit == unit
+        return compare(
+            MeasuredValue(sides[0], tolerance if is_attribute_unit else 0.0),
+            operator,
+            MeasuredValue(sides[1], 0.0 if is_attribute_unit else tolerance),
+        )
 
-    def _join(self, match: _Match, offered: Term, wanted: Term, path: str = "") -> _Match | None:
+    def _join(self, match: _Match, offered: Term, goal_term: Term, path: str = "") -> _Match | None:
         """Makes two terms the same; of two variables, the effect's stands for the wanted one."""
-        one, other = match.resolve(offered), match.resolve(wanted)
-        if one == other:
+        offered_value, goal_value = match.resolve(offered), match.resolve(goal_term)
+        if offered_value == goal_value:
             return match
-        if isinstance(one, Variable) and (not isinstance(other, Variable) or not one.name.startswith(_WANTED)):
-            return self._bind(match, one.name, other)
-        if isinstance(other, Variable):
-            return self._bind(match, other.name, one)
-        if path and isinstance(one, Constant) and isinstance(other, Constant) and self._compare(one, "=", other, path):
+        if isinstance(offered_value, Variable) and (
+            not isinstance(goal_value, Variable) or not offered_value.name.startswith(_GOAL_PREFIX)
+        ):
+            return self._bind(match, offered_value.name, goal_value)
+        if isinstance(goal_value, Variable):
+            return self._bind(match, goal_value.name, offered_value)
+        if (
+            path
+            and isinstance(offered_value, Constant)
+            and isinstance(goal_value, Constant)
+            and self._compare(offered_value, "=", goal_value, path)
+        ):
             return match
         return None
 
@@ -237,25 +260,25 @@ class _Unifying:
 
     def _of_type(self, match: _Match, term: Term, type_name: str) -> _Match | None:
         """The match, if the term can be of the type; an open variable is of it from then on."""
-        known = match.resolve(term)
-        match known:
+        resolved_term = match.resolve(term)
+        match resolved_term:
             case Variable(name):
-                own = match.types.get(name)
-                if own is not None and (own in _VALUE_TYPES) != (type_name in _VALUE_TYPES):
+                variable_type = match.types.get(name)
+                if variable_type is not None and (variable_type in _VALUE_TYPES) != (type_name in _VALUE_TYPES):
                     return None
-                if own is None or (own != type_name and self.ontology.is_a(type_name, own)):
+                if variable_type is None or (variable_type != type_name and self.ontology.is_subtype(type_name, variable_type)):
                     return _Match(match.bound, {**match.types, name: type_name})
-                return match if own == type_name or self.ontology.is_a(own, type_name) else None
+                return match if variable_type == type_name or self.ontology.is_subtype(variable_type, type_name) else None
             case Name(name) if type_name not in _VALUE_TYPES:
                 if self.map is None:
                     return match
                 object = self.map.objects.get(name)
-                return match if object is not None and self.ontology.is_a(object.type, type_name) else None
+                return match if object is not None and self.ontology.is_subtype(object.type, type_name) else None
             case Name():
                 return match if type_name == "text" else None  # a value of a list
             case _:
                 fitting = _VALUE_TYPES.get(type_name)
-                return match if fitting is not None and isinstance(known, fitting) else None
+                return match if fitting is not None and isinstance(resolved_term, fitting) else None
 
 
 def _about_attribute(comparison: Comparison) -> Comparison | None:
@@ -269,5 +292,5 @@ def _about_attribute(comparison: Comparison) -> Comparison | None:
 
 def _orders(atom: Relation, relation: RelationType | None) -> list[tuple[Term, ...]]:
     """The arguments, in each order in which they say the same."""
-    either = relation is not None and relation.symmetric and len(atom.arguments) == 2
-    return [atom.arguments, atom.arguments[::-1]] if either else [atom.arguments]
+    is_symmetric = relation is not None and relation.symmetric and len(atom.arguments) == 2
+    return [atom.arguments, atom.arguments[::-1]] if is_symmetric else [atom.arguments]

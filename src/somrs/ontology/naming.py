@@ -34,7 +34,7 @@ SINGULAR = {
 """What one of a section is called in a sentence."""
 
 
-class Named(Struct, frozen=True, kw_only=True):
+class DefinitionKey(Struct, frozen=True, kw_only=True):
     """A definition, by its name."""
 
     section: Section
@@ -69,18 +69,22 @@ def section_of(definition: Definition) -> Section:
             return Section.SERVICES
 
 
-def named(definition: Definition) -> Named:
-    return Named(section=section_of(definition), name=definition.name)
+def key_of(definition: Definition) -> DefinitionKey:
+    return DefinitionKey(section=section_of(definition), name=definition.name)
 
 
-def find(ontology: Ontology, what: Named) -> Definition | None:
+def find_definition(ontology: Ontology, definition_key: DefinitionKey) -> Definition | None:
     """The definition of that name, if there is one."""
-    found: Definition | None = getattr(ontology, what.section).get(what.name) if what.section is not Section.OBJECTS else None
-    return found
+    definition: Definition | None = (
+        getattr(ontology, definition_key.section).get(definition_key.name) if definition_key.section is not Section.OBJECTS else None
+    )
+    return definition
 
 
-def revised(ontology: Ontology, removed: Iterable[Named], definitions: Iterable[Definition]) -> Ontology:
+def revise_ontology(ontology: Ontology, removed: Iterable[DefinitionKey], definitions: Iterable[Definition]) -> Ontology:
     """The ontology without what is removed, then with the definitions added or in place of those of the same names."""
-    gone = set(removed)
-    kept = ontology if not gone else (definition for definition in ontology if named(definition) not in gone)
-    return Ontology([*kept, *definitions])
+    removed_keys = set(removed)
+    remaining_definitions = (
+        ontology if not removed_keys else (definition for definition in ontology if key_of(definition) not in removed_keys)
+    )
+    return Ontology([*remaining_definitions, *definitions])

@@ -99,7 +99,7 @@ class Map:
         Map.__init__(self)
         self.objects, self._facts = state
 
-    def holds(self, relation: str, arguments: tuple[str, ...]) -> bool:
+    def has_fact(self, relation: str, arguments: tuple[str, ...]) -> bool:
         """Whether the fact is on the map as written; symmetry is `truth`'s business."""
         return arguments in self._facts.get(relation, ())
 
@@ -115,13 +115,13 @@ class Map:
 
     def facts_with(self, relation: str, place: int, name: str) -> Collection[tuple[str, ...]]:
         """The arguments of the relation's facts in which the object is the argument at `place`, counted from 0."""
-        return self._at(relation, place).under(name)
+        return self._argument_index(relation, place).values_for(name)
 
-    def standing(self, relation: str, place: int) -> Iterable[str]:
+    def objects_at(self, relation: str, place: int) -> Iterable[str]:
         """The objects that are the argument at `place` in any of the relation's facts."""
-        return self._at(relation, place).keys()
+        return self._argument_index(relation, place).keys()
 
-    def _at(self, relation: str, place: int) -> Index[str, tuple[str, ...]]:
+    def _argument_index(self, relation: str, place: int) -> Index[str, tuple[str, ...]]:
         places = self._by_argument.setdefault(relation, {})
         if place not in places:
             tuples = self._facts.get(relation, ())
@@ -132,82 +132,82 @@ class Map:
         """The facts in which the object takes part."""
         for relation, tuples in self._facts.items():
             arity = max(map(len, tuples), default=0)
-            about = (arguments for place in range(arity) for arguments in self.facts_with(relation, place, name))
-            yield from (Fact(relation, arguments) for arguments in dict.fromkeys(about))
+            argument_tuples = (arguments for place in range(arity) for arguments in self.facts_with(relation, place, name))
+            yield from (Fact(relation, arguments) for arguments in dict.fromkeys(argument_tuples))
 
     def of_type(self, type_name: str) -> Collection[str]:
         """The names of the objects of exactly this type; sub-types are the ontology's business."""
         if self._by_type is None:
             self._by_type = Index((object.type, object.name) for object in self.objects.values())
-        return self._by_type.under(type_name)
+        return self._by_type.values_for(type_name)
 
     def with_value(self, path: str, value: Value) -> Collection[str]:
         """The names of the objects that have the value of their own; defaults are the ontology's business."""
         if path not in self._by_value:
-            own = ((object.values.get(path), object.name) for object in self.objects.values())
-            self._by_value[path] = Index((value, name) for value, name in own if value is not None)
-        return self._by_value[path].under(value)
+            value_pairs = ((object.values.get(path), object.name) for object in self.objects.values())
+            self._by_value[path] = Index((value, name) for value, name in value_pairs if value is not None)
+        return self._by_value[path].values_for(value)
 
     def parts(self, whole: str) -> Iterator[Object]:
         """The direct sub-objects."""
-        return (self.objects[a[0]] for a in self.facts_with(PART_OF, 1, whole) if a[0] in self.objects)
+        return (self.objects[arguments[0]] for arguments in self.facts_with(PART_OF, 1, whole) if arguments[0] in self.objects)
 
     def whole(self, part: str) -> str | None:
         """The object that this one is a direct part of."""
-        return next((a[1] for a in self.facts_with(PART_OF, 0, part)), None)
+        return next((arguments[1] for arguments in self.facts_with(PART_OF, 0, part)), None)
 
     def roots(self) -> list[str]:
         """The objects that are part of nothing; a map has one."""
-        parts = {a[0] for a in self._facts.get(PART_OF, ())}
+        parts = {arguments[0] for arguments in self._facts.get(PART_OF, ())}
         return [name for name in self.objects if name not in parts]
 
     def changed(self, changes: Iterable[Change]) -> Map:
         """The map after the changes. Conformance is not checked here."""
-        after = Map()
-        after.objects = self.objects
-        after._facts = dict(self._facts)
-        after._by_argument = dict(self._by_argument)
-        after._by_type = self._by_type.copy() if self._by_type is not None else None
-        after._by_value = dict(self._by_value)
-        own: set[str] = set()
+        map_after = Map()
+        map_after.objects = self.objects
+        map_after._facts = dict(self._facts)
+        map_after._by_argument = dict(self._by_argument)
+        map_after._by_type = self._by_type.copy() if self._by_type is not None else None
+        map_after._by_value = dict(self._by_value)
+        owned_keys: set[str] = set()
         """The relations and attributes of which `after` has facts and indexes of its own."""
         for change in changes:
-            if after.objects is self.objects and not isinstance(change, FactAdded | FactRemoved):
-                after.objects = dict(self.objects)
+            if map_after.objects is self.objects and not isinstance(change, FactAdded | FactRemoved):
+                map_after.objects = dict(self.objects)
             match change:
                 case ObjectAdded(object):
-                    after._leave(object.name, own)
-                    after._enter(object, own)
+                    map_after._unindex_object(object.name, owned_keys)
+                    map_after._insert_object(object, owned_keys)
                 case ObjectRemoved(name):
-                    after._leave(name, own)
-                    after.objects.pop(name, None)
-                    for fact in [fact for fact in after.facts() if name in fact.arguments]:
-                        after._remove(fact, own)
+                    map_after._unindex_object(name, owned_keys)
+                    map_after.objects.pop(name, None)
+                    for fact in [fact for fact in map_after.facts() if name in fact.arguments]:
+                        map_after._remove(fact, owned_keys)
                 case ValueSet(name, path, value):
-                    object = after.objects[name]
-                    after._set(object, path, value, own)
+                    object = map_after.objects[name]
+                    map_after._set(object, path, value, owned_keys)
                     values = {**object.values, path: value} if value is not None else {p: v for p, v in object.values.items() if p != path}
-                    after.objects[name] = structs.replace(object, values=values)
+                    map_after.objects[name] = structs.replace(object, values=values)
                 case FactAdded(fact):
-                    after._own_relation(fact.relation, own)[fact.arguments] = None
-                    for place, index in after._by_argument.get(fact.relation, {}).items():
+                    map_after._own_relation(fact.relation, owned_keys)[fact.arguments] = None
+                    for place, index in map_after._by_argument.get(fact.relation, {}).items():
                         if place < len(fact.arguments):
                             index.add(fact.arguments[place], fact.arguments)
                 case FactRemoved(fact):
-                    after._remove(fact, own)
-        return after
+                    map_after._remove(fact, owned_keys)
+        return map_after
 
     # Changing a map that nobody else has yet
 
-    def _enter(self, object: Object, own: set[str]) -> None:
+    def _insert_object(self, object: Object, owned_keys: set[str]) -> None:
         self.objects[object.name] = object
         if self._by_type is not None:
             self._by_type.add(object.type, object.name)
         for path in self._by_value:
             if (value := object.values.get(path)) is not None:
-                self._own_values(path, own).add(value, object.name)
+                self._own_values(path, owned_keys).add(value, object.name)
 
-    def _leave(self, name: str, own: set[str]) -> None:
+    def _unindex_object(self, name: str, owned_keys: set[str]) -> None:
         """The indexes forget an object, if they know it."""
         object = self.objects.get(name)
         if object is None:
@@ -215,60 +215,60 @@ class Map:
         if self._by_type is not None:
             self._by_type.remove(object.type, name)
         for path in self._by_value:
-            self._set(object, path, None, own)
+            self._set(object, path, None, owned_keys)
 
-    def _set(self, object: Object, path: str, value: Value | None, own: set[str]) -> None:
+    def _set(self, object: Object, path: str, value: Value | None, owned_keys: set[str]) -> None:
         """The index of the attribute's values learns the new value of an object, whose old one it has."""
         if path not in self._by_value:
             return
-        index = self._own_values(path, own)
-        if (before := object.values.get(path)) is not None:
-            index.remove(before, object.name)
+        index = self._own_values(path, owned_keys)
+        if (old_value := object.values.get(path)) is not None:
+            index.remove(old_value, object.name)
         if value is not None:
             index.add(value, object.name)
 
-    def _remove(self, fact: Fact, own: set[str]) -> None:
-        if not self.holds(fact.relation, fact.arguments):
+    def _remove(self, fact: Fact, owned_keys: set[str]) -> None:
+        if not self.has_fact(fact.relation, fact.arguments):
             return
-        del self._own_relation(fact.relation, own)[fact.arguments]
+        del self._own_relation(fact.relation, owned_keys)[fact.arguments]
         for place, index in self._by_argument.get(fact.relation, {}).items():
             if place < len(fact.arguments):
                 index.remove(fact.arguments[place], fact.arguments)
 
-    def _own_relation(self, name: str, own: set[str]) -> dict[tuple[str, ...], None]:
-        if name not in own:
-            own.add(name)
+    def _own_relation(self, name: str, owned_keys: set[str]) -> dict[tuple[str, ...], None]:
+        if name not in owned_keys:
+            owned_keys.add(name)
             self._facts[name] = dict(self._facts.get(name, ()))
             if name in self._by_argument:
                 self._by_argument[name] = {place: index.copy() for place, index in self._by_argument[name].items()}
         return self._facts[name]
 
-    def _own_values(self, path: str, own: set[str]) -> Index[Value, str]:
-        if "." + path not in own:
-            own.add("." + path)
+    def _own_values(self, path: str, owned_keys: set[str]) -> Index[Value, str]:
+        if "." + path not in owned_keys:
+            owned_keys.add("." + path)
             self._by_value[path] = self._by_value[path].copy()
         return self._by_value[path]
 
 
-def differences(before: Map, after: Map) -> Iterator[Change]:
+def differences(map_before: Map, map_after: Map) -> Iterator[Change]:
     """The changes that lead from one map to the other: few looks where the one was made of the other by `changed`."""
-    for relation in after._facts.keys() | before._facts.keys():
-        old, new = before._facts.get(relation, {}), after._facts.get(relation, {})
+    for relation in map_after._facts.keys() | map_before._facts.keys():
+        old, new = map_before._facts.get(relation, {}), map_after._facts.get(relation, {})
         if old is not new:
             yield from (FactRemoved(Fact(relation, arguments)) for arguments in old if arguments not in new)
-    if before.objects is not after.objects:
-        yield from _object_differences(before.objects, after.objects)
-    gone = before.objects.keys() - after.objects.keys() if before.objects is not after.objects else set()
-    for relation, new in after._facts.items():
-        old = before._facts.get(relation, {})
-        if old is not new or gone:
-            yield from (FactAdded(Fact(relation, args)) for args in new if args not in old or not gone.isdisjoint(args))
+    if map_before.objects is not map_after.objects:
+        yield from _object_differences(map_before.objects, map_after.objects)
+    removed_names = map_before.objects.keys() - map_after.objects.keys() if map_before.objects is not map_after.objects else set()
+    for relation, new in map_after._facts.items():
+        old = map_before._facts.get(relation, {})
+        if old is not new or removed_names:
+            yield from (FactAdded(Fact(relation, args)) for args in new if args not in old or not removed_names.isdisjoint(args))
 
 
-def _object_differences(before: dict[str, Object], after: dict[str, Object]) -> Iterator[Change]:
-    yield from (ObjectRemoved(name) for name in before if name not in after)
-    for name, object in after.items():
-        old = before.get(name)
+def _object_differences(objects_before: dict[str, Object], objects_after: dict[str, Object]) -> Iterator[Change]:
+    yield from (ObjectRemoved(name) for name in objects_before if name not in objects_after)
+    for name, object in objects_after.items():
+        old = objects_before.get(name)
         if old is None or (old is not object and old.type != object.type):
             yield ObjectAdded(object)
         elif old is not object:

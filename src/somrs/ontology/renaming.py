@@ -27,34 +27,36 @@ from somrs.entish.formula import (
 )
 from somrs.entish.parse import parse, parse_term
 from somrs.errors import FormulaError
-from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.services import Handler, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
 
-_ANEW = "anew "
+_FRESH_PREFIX = "anew "
 """Before another name, which nothing has: names have no blanks."""
 
 
-def speaks_of(said: Formula | Definition, what: Named, ontology: Ontology) -> bool:
+def speaks_of(statement: Formula | Definition, definition_key: DefinitionKey, ontology: Ontology) -> bool:
     """Whether the formula or definition would be another one if what is named had another name."""
-    renamer = Renamer((Renaming(section=what.section, name=what.name, to=_ANEW + what.name),), ontology)
-    if isinstance(said, Definition):
-        return renamer.definition(said) is not said
-    return renamer.formula(said) != said
+    renamer = Renamer(
+        (Renaming(section=definition_key.section, name=definition_key.name, to=_FRESH_PREFIX + definition_key.name),), ontology
+    )
+    if isinstance(statement, Definition):
+        return renamer.definition(statement) is not statement
+    return renamer.formula(statement) != statement
 
 
 class Renamer:
     """What each thing is called after the renamings, in an ontology as it was before them."""
 
     def __init__(self, renamings: Iterable[Renaming], ontology: Ontology) -> None:
-        self._to: dict[Section, dict[str, str]] = {section: {} for section in Section}
+        self._new_names: dict[Section, dict[str, str]] = {section: {} for section in Section}
         for renaming in renamings:
-            self._to[renaming.section][renaming.name] = renaming.to
+            self._new_names[renaming.section][renaming.name] = renaming.to
         self._ontology = ontology
 
-    def named(self, what: Named) -> Named:
-        return structs.replace(what, name=self._name(what.section, what.name))
+    def renamed_key(self, definition_key: DefinitionKey) -> DefinitionKey:
+        return structs.replace(definition_key, name=self._name(definition_key.section, definition_key.name))
 
     def ontology(self, definitions: Iterable[Definition]) -> Ontology:
         """The definitions after the renamings; those that are not concerned are the same as before."""
@@ -69,8 +71,8 @@ class Renamer:
         """The object likewise."""
         values = {self._path(path): value for path, value in object.values.items()}
         name, type = self._name(Section.OBJECTS, object.name), self._type(object.type)
-        same = (name, type) == (object.name, object.type) and values.keys() == object.values.keys()
-        return object if same else Object(name=name, type=type, values=values)
+        is_unchanged = (name, type) == (object.name, object.type) and values.keys() == object.values.keys()
+        return object if is_unchanged else Object(name=name, type=type, values=values)
 
     def fact(self, fact: Fact) -> Fact:
         arguments = tuple(self._name(Section.OBJECTS, name) for name in fact.arguments)
@@ -91,14 +93,14 @@ class Renamer:
         yield from (FactAdded(new) for _, new in facts)
 
     def _name(self, section: Section, name: str) -> str:
-        return self._to[section].get(name, name)
+        return self._new_names[section].get(name, name)
 
     def _type(self, name: str) -> str:
         return self._name(Section.TYPES, name)
 
     def _path(self, path: str) -> str:
         """Every attribute on the way: `Shape.Height`."""
-        if not self._to[Section.ATTRIBUTES]:
+        if not self._new_names[Section.ATTRIBUTES]:
             return path
         return ".".join(self._name(Section.ATTRIBUTES, name) for name in path.split("."))
 
@@ -120,7 +122,7 @@ class Renamer:
                 return self._service(definition)
 
     def _function(self, function: FunctionType) -> FunctionType:
-        objects = self._to[Section.OBJECTS]
+        objects = self._new_names[Section.OBJECTS]
         values = {" ".join(objects.get(name, name) for name in key.split()) if objects else key: v for key, v in function.values.items()}
         return structs.replace(
             function,
@@ -163,9 +165,9 @@ class Renamer:
         return structs.replace(parameter, type=self._type(parameter.type))
 
     def _handler(self, handler: Handler) -> Handler:
-        of = self._name(Section.SERVICES, handler.service_type) if handler.service_type is not None else None
+        service_type = self._name(Section.SERVICES, handler.service_type) if handler.service_type is not None else None
         effect = self._text(handler.effect) or handler.effect
-        return structs.replace(handler, effect=effect, when=self._text(handler.when), service_type=of)
+        return structs.replace(handler, effect=effect, when=self._text(handler.when), service_type=service_type)
 
     # Formulas
 
@@ -174,21 +176,21 @@ class Renamer:
         if text is None:
             return None
         try:
-            before = parse(text)
+            formula = parse(text)
         except FormulaError:
             return text
-        after = self.formula(before)
-        return text if after == before else str(after)
+        renamed_formula = self.formula(formula)
+        return text if renamed_formula == formula else str(renamed_formula)
 
     def _cost(self, text: str | None) -> str | None:
         if text is None:
             return None
         try:
-            before = parse_term(text)
+            term = parse_term(text)
         except FormulaError:
             return text
-        after = self._term(before)
-        return text if after == before else str(after)
+        renamed_term = self._term(term)
+        return text if renamed_term == term else str(renamed_term)
 
     def formula(self, formula: Formula) -> Formula:
         match formula:
@@ -202,13 +204,13 @@ class Renamer:
                 return Not(inner)
             case Relation(relation, arguments):
                 return Relation(self._name(Section.RELATIONS, relation), tuple(map(self._object, arguments)))
-            case Comparison(left, operator, right):
-                return Comparison(self._side(left, right), operator, self._side(right, left))
+            case Comparison(left_term, operator, right_term):
+                return Comparison(self._side(left_term, right_term), operator, self._side(right_term, left_term))
 
-    def _side(self, term: Term, other: Term) -> Term:
+    def _side(self, term: Term, other_term: Term) -> Term:
         """One side of a comparison: a name on it may be a value of an enumeration, which is nobody's name."""
-        if isinstance(term, Name) and isinstance(other, Attribute):
-            attribute = self._ontology.attributes.get(other.path.rpartition(".")[2])
+        if isinstance(term, Name) and isinstance(other_term, Attribute):
+            attribute = self._ontology.attributes.get(other_term.path.rpartition(".")[2])
             if attribute is not None and attribute.kind is Kind.ENUMERATION:
                 return term
         return self._term(term)
@@ -222,11 +224,11 @@ class Renamer:
         match term:
             case Name() | Variable():
                 return self._object(term)
-            case Attribute(of, path):
-                return Attribute(self._object(of), self._path(path))
+            case Attribute(owner, path):
+                return Attribute(self._object(owner), self._path(path))
             case Call(function, arguments):
                 return Call(self._name(Section.FUNCTIONS, function), tuple(map(self._term, arguments)))
-            case Arithmetic(left, operator, right):
-                return Arithmetic(self._term(left), operator, self._term(right))
+            case Arithmetic(left_term, operator, right_term):
+                return Arithmetic(self._term(left_term), operator, self._term(right_term))
             case _:
                 return term

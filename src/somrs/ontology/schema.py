@@ -153,7 +153,7 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def published() -> dict[str, Any]:
+def published_schema() -> dict[str, Any]:
     """The JSON Schema as it lies in the package."""
-    found: dict[str, Any] = json.loads(resources.files("somrs.ontology").joinpath("data/somrs.schema.json").read_text("utf-8"))
-    return found
+    schema: dict[str, Any] = json.loads(resources.files("somrs.ontology").joinpath("data/somrs.schema.json").read_text("utf-8"))
+    return schema

@@ -38,9 +38,9 @@ from somrs.entish.formula import (
 from somrs.errors import FormulaError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import ROOT, Ontology
-from somrs.ontology.values import Measured, compare, evaluate, measure, name_of, value_of
+from somrs.ontology.values import MeasuredValue, compare, evaluate, measure, name_of, value_of
 
-__all__ = ["Bindings", "bindings", "evaluate", "holds", "value_of"]
+__all__ = ["Bindings", "bindings", "evaluate", "formula_holds", "value_of"]
 
 Bindings = dict[str, Term]
 
@@ -48,30 +48,30 @@ ALTERNATIVES = 20_000
 """Of a formula with variables: more combinations of its ORs are taken for a mistake."""
 
 
-def bindings(formula: Formula, map: Map, ontology: Ontology, given: Mapping[str, Term] | None = None) -> Iterator[Bindings]:
+def bindings(formula: Formula, map: Map, ontology: Ontology, initial_bindings: Mapping[str, Term] | None = None) -> Iterator[Bindings]:
     """Every way in which the formula holds, each once: `given`, and a term for every other free variable.
 
     A variable that occurs only behind NOT is not free: `NOT ?x isOn Table1` says that nothing stands on it.
     """
-    query = _Query(map, ontology, formula, given or {})
+    query = _Query(map, ontology, formula, initial_bindings or {})
     if query.impossible:
         return
-    if all(name in query.given for name in query.free):
-        if query.true(formula, query.given):
-            yield dict(query.given)
+    if all(name in query.initial_bindings for name in query.free):
+        if query.is_true(formula, query.initial_bindings):
+            yield dict(query.initial_bindings)
         return
     if count_alternatives(formula) > ALTERNATIVES:
         raise FormulaError(str(formula), 0, f"more than {ALTERNATIVES} combinations of its alternatives", "ask with fewer ORs")
-    found: set[tuple[Term, ...]] = set()
+    row_keys: set[tuple[Term, ...]] = set()
     for branch in alternatives(formula):
         for row in query.rows(branch):
             key = tuple(row[name] for name in query.free)
-            if key not in found:
-                found.add(key)
+            if key not in row_keys:
+                row_keys.add(key)
                 yield row
 
 
-def holds(formula: Formula, map: Map, ontology: Ontology) -> bool:
+def formula_holds(formula: Formula, map: Map, ontology: Ontology) -> bool:
     """Whether there is a way in which the formula holds."""
     return next(bindings(formula, map, ontology), None) is not None
 
@@ -80,25 +80,25 @@ class _Goal(Struct, frozen=True, eq=False):
     """A literal of a conjunction, and the variables that must be bound to test it."""
 
     literal: Literal
-    needs: tuple[str, ...]
+    required_variables: tuple[str, ...]
 
 
 class _Query:
     """One question to one map: the formula's variables and what they range over, and the search for bindings."""
 
-    def __init__(self, map: Map, ontology: Ontology, formula: Formula, given: Mapping[str, Term]) -> None:
+    def __init__(self, map: Map, ontology: Ontology, formula: Formula, initial_bindings: Mapping[str, Term]) -> None:
         self.map, self.ontology, self.formula = map, ontology, formula
         self.types = {name: variable.type for name, variable in variables(formula).items()}
         self.free = tuple(
             dict.fromkeys(name for literal in literals(formula) if not isinstance(literal, Not) for name in variables(literal))
         )
         self.objects = _object_variables(formula, ontology)
-        self.given: Bindings = dict(given)
+        self.initial_bindings: Bindings = dict(initial_bindings)
         affirmed = {name for literal in literals(formula) if not isinstance(literal, Not) for name in variables(literal)}
-        self.free = tuple(name for name in self.types if name in affirmed or name in self.given)
+        self.free = tuple(name for name in self.types if name in affirmed or name in self.initial_bindings)
         self._domains: dict[str | None, list[str]] = {}
         self._fits: dict[tuple[str, str], bool] = {}
-        self.impossible = any(name in self.types and not self.admits(name, term) for name, term in self.given.items())
+        self.impossible = any(name in self.types and not self.admits(name, term) for name, term in self.initial_bindings.items())
 
     # What variables range over
 
@@ -107,7 +107,7 @@ class _Query:
         type_name = self.types.get(variable)
         if variable in self.objects:
             object = self.map.objects.get(term.name) if isinstance(term, Name) else None
-            return object is not None and (type_name is None or self._is_a(object.type, type_name))
+            return object is not None and (type_name is None or self._is_subtype(object.type, type_name))
         match type_name:
             case None:
                 return True
@@ -119,10 +119,10 @@ class _Query:
                 return isinstance(term, Truth)
         return False
 
-    def _is_a(self, type_name: str, ancestor: str) -> bool:
+    def _is_subtype(self, type_name: str, ancestor: str) -> bool:
         key = type_name, ancestor
         if key not in self._fits:
-            self._fits[key] = self.ontology.is_a(type_name, ancestor)
+            self._fits[key] = self.ontology.is_subtype(type_name, ancestor)
         return self._fits[key]
 
     def domain(self, variable: str) -> list[str]:
@@ -130,124 +130,124 @@ class _Query:
         type_name = self.types.get(variable)
         if type_name not in self._domains:
             if type_name is None or type_name == ROOT:
-                found = list(self.map.objects)
+                names = list(self.map.objects)
             else:
-                found = [name for t in self.ontology.subtypes(type_name) for name in self.map.of_type(t)]
-            self._domains[type_name] = found
+                names = [name for t in self.ontology.subtypes(type_name) for name in self.map.of_type(t)]
+            self._domains[type_name] = names
         return self._domains[type_name]
 
     # Testing what is bound
 
-    def true(self, formula: Formula, bound: Bindings) -> bool:
+    def is_true(self, formula: Formula, bound: Bindings) -> bool:
         """Whether the formula, whose free variables are all bound, holds."""
         match formula:
             case And(parts):
-                return all(self.true(part, bound) for part in parts)
+                return all(self.is_true(part, bound) for part in parts)
             case Or(parts):
-                return any(self.true(part, bound) for part in parts)
+                return any(self.is_true(part, bound) for part in parts)
             case Not(atom):
                 if all(name in bound for name in variables(atom)):
-                    return not self.true(atom, bound)
+                    return not self.is_true(atom, bound)
                 inner = _Branch(self, (atom,), tuple(variables(atom)), bound)
                 return next(inner.search(inner.goals, bound), None) is None
             case Relation(relation, arguments):
-                return self.related(relation, tuple(name_of(argument, bound) or "" for argument in arguments))
-            case Comparison(left, operator, right):
-                one, other = self.measure(left, bound), self.measure(right, bound)
-                return one is not None and other is not None and compare(one, operator, other)
+                return self.is_related(relation, tuple(name_of(argument, bound) or "" for argument in arguments))
+            case Comparison(left_term, operator, right_term):
+                left_value, right_value = self.measure(left_term, bound), self.measure(right_term, bound)
+                return left_value is not None and right_value is not None and compare(left_value, operator, right_value)
 
-    def measure(self, term: Term, bound: Bindings) -> Measured | None:
+    def measure(self, term: Term, bound: Bindings) -> MeasuredValue | None:
         return measure(term, self.map, self.ontology, bound)
 
-    def symmetric(self, relation: str, arity: int) -> bool:
-        known = self.ontology.relations.get(relation)
-        return arity == 2 and known is not None and known.symmetric
+    def is_symmetric(self, relation: str, arity: int) -> bool:
+        relation_type = self.ontology.relations.get(relation)
+        return arity == 2 and relation_type is not None and relation_type.symmetric
 
-    def related(self, relation: str, arguments: tuple[str, ...]) -> bool:
-        if self.map.holds(relation, arguments):
+    def is_related(self, relation: str, arguments: tuple[str, ...]) -> bool:
+        if self.map.has_fact(relation, arguments):
             return True
-        return self.symmetric(relation, len(arguments)) and self.map.holds(relation, arguments[::-1])
+        return self.is_symmetric(relation, len(arguments)) and self.map.has_fact(relation, arguments[::-1])
 
     def rows(self, branch: tuple[Literal, ...]) -> Iterator[Bindings]:
-        search = _Branch(self, branch, self.free, self.given)
-        return search.search(search.goals, self.given)
+        search = _Branch(self, branch, self.free, self.initial_bindings)
+        return search.search(search.goals, self.initial_bindings)
 
 
 class _Branch:
     """A conjunction of literals, solved by taking next the literal that leaves the fewest possibilities."""
 
-    def __init__(self, query: _Query, literals: tuple[Literal, ...], free: tuple[str, ...], given: Bindings) -> None:
-        self.query, self.free, self.given = query, free, given
+    def __init__(self, query: _Query, literals: tuple[Literal, ...], free: tuple[str, ...], initial_bindings: Bindings) -> None:
+        self.query, self.free, self.initial_bindings = query, free, initial_bindings
         self.goals = [_Goal(literal, tuple(name for name in variables(literal) if name in free)) for literal in literals]
         self.definitions: dict[str, _Goal] = {}
         for goal in self.goals:
-            for variable, other in _equations(goal.literal):
-                if not isinstance(other, Variable) and variable not in variables(other):
+            for variable, term in _equations(goal.literal):
+                if not isinstance(term, Variable) and variable not in variables(term):
                     self.definitions.setdefault(variable, goal)
         self._candidates: dict[str, list[str]] = {}
-        self._require_definitions(given)
+        self._require_definitions(initial_bindings)
 
-    def _require_definitions(self, given: Bindings) -> None:
+    def _require_definitions(self, initial_bindings: Bindings) -> None:
         """A variable that stands for a value must get it by `=` from something."""
-        known = {name for name in self.free if name in given or name in self.query.objects}
+        known_variables = {name for name in self.free if name in initial_bindings or name in self.query.objects}
         grown = True
         while grown:
-            new = {variable for goal in self.goals for variable, _ in self._definable(goal, known)}
-            grown = not new <= known
-            known |= new
+            new = {variable for goal in self.goals for variable, _ in self._definable(goal, known_variables)}
+            grown = not new <= known_variables
+            known_variables |= new
         for name in self.free:
-            if name not in known:
+            if name not in known_variables:
                 text = str(self.query.formula)
                 raise FormulaError(
                     text, max(text.find(f"?{name}"), 0), f"nothing gives ?{name} a value", f"add an equation, such as ... = ?{name}"
                 )
 
-    def _definable(self, goal: _Goal, known: set[str] | Bindings) -> Iterator[tuple[str, Term]]:
+    def _definable(self, goal: _Goal, known_variables: set[str] | Bindings) -> Iterator[tuple[str, Term]]:
         """The unknown variables that the goal can give a value, and the term whose value it is.
 
         A value is taken from the first term written that has one, not from any equal within tolerance.
         """
-        for variable, other in _equations(goal.literal):
-            if variable in known or not all(name in known for name in variables(other)):
+        for variable, term in _equations(goal.literal):
+            if variable in known_variables or not all(name in known_variables for name in variables(term)):
                 continue
             definition = self.definitions.get(variable)
-            if variable in self.query.objects or definition is goal or (definition is None and isinstance(other, Variable)):
-                yield variable, other
+            if variable in self.query.objects or definition is goal or (definition is None and isinstance(term, Variable)):
+                yield variable, term
 
     def search(self, goals: list[_Goal], bound: Bindings) -> Iterator[Bindings]:
-        left = []
+        open_goals = []
         for goal in goals:
-            if any(name not in bound for name in goal.needs):
-                left.append(goal)
-            elif not self.query.true(goal.literal, bound):
+            if any(name not in bound for name in goal.required_variables):
+                open_goals.append(goal)
+            elif not self.query.is_true(goal.literal, bound):
                 return
-        if left:
-            steps = [(cost, index, step) for index, goal in enumerate(left) for cost, step in self._steps(goal, bound)]
+        if open_goals:
+            steps = [(cost, index, step) for index, goal in enumerate(open_goals) for cost, step in self._steps(goal, bound)]
         else:
             steps = [(self._possibilities(name), 0, partial(self._enumerate, name, bound)) for name in self.free if name not in bound]
             if not steps:
                 yield dict(bound)
                 return
         _, _, step = min(steps, key=lambda step: step[:2])
-        for more in step():
-            yield from self.search(left, more)
+        for extended_bindings in step():
+            yield from self.search(open_goals, extended_bindings)
 
     def _steps(self, goal: _Goal, bound: Bindings) -> Iterator[tuple[int, partial[Iterator[Bindings]]]]:
         """What can be done to bind variables of the goal, and about how many possibilities that leaves."""
         query = self.query
-        for variable, other in self._definable(goal, bound):
-            yield 1, partial(self._define, variable, other, bound)
+        for variable, term in self._definable(goal, bound):
+            yield 1, partial(self._define, variable, term, bound)
         match goal.literal:
             case Relation(relation, arguments):
                 names = [name_of(argument, bound) for argument in arguments]
                 yield self._count(relation, names), partial(self._match, relation, arguments, names, bound)
             case _:
-                for name in goal.needs:
+                for name in goal.required_variables:
                     if name not in bound and name in query.objects:
                         yield self._possibilities(name) + 1, partial(self._enumerate, name, bound)
 
-    def _define(self, variable: str, other: Term, bound: Bindings) -> Iterator[Bindings]:
-        measured = self.query.measure(other, bound)
+    def _define(self, variable: str, term: Term, bound: Bindings) -> Iterator[Bindings]:
+        measured = self.query.measure(term, bound)
         if measured is not None and self.query.admits(variable, measured.constant):
             yield {**bound, variable: measured.constant}
 
@@ -259,45 +259,49 @@ class _Branch:
 
     def _filtered(self, variable: str) -> list[str]:
         """The objects that pass the goals about the variable alone."""
-        alone = [goal.literal for goal in self.goals if set(goal.needs) - self.given.keys() == {variable}]
+        own_literals = [goal.literal for goal in self.goals if set(goal.required_variables) - self.initial_bindings.keys() == {variable}]
         domain = self.query.domain(variable)
-        return [name for name in domain if all(self.query.true(literal, {**self.given, variable: Name(name)}) for literal in alone)]
+        return [
+            name
+            for name in domain
+            if all(self.query.is_true(literal, {**self.initial_bindings, variable: Name(name)}) for literal in own_literals)
+        ]
 
     def _possibilities(self, variable: str) -> int:
         return len(self._candidates[variable] if variable in self._candidates else self.query.domain(variable))
 
     def _count(self, relation: str, names: list[str | None]) -> int:
         facts_with = self.query.map.facts_with
-        if self.query.symmetric(relation, len(names)):
-            known = [len(facts_with(relation, 0, name)) + len(facts_with(relation, 1, name)) for name in names if name is not None]
+        if self.query.is_symmetric(relation, len(names)):
+            fact_counts = [len(facts_with(relation, 0, name)) + len(facts_with(relation, 1, name)) for name in names if name is not None]
         else:
-            known = [len(facts_with(relation, place, name)) for place, name in enumerate(names) if name is not None]
-        return min(known, default=self.query.map.count(relation))
+            fact_counts = [len(facts_with(relation, place, name)) for place, name in enumerate(names) if name is not None]
+        return min(fact_counts, default=self.query.map.count(relation))
 
     def _match(self, relation: str, arguments: tuple[Name | Variable, ...], names: list[str | None], bound: Bindings) -> Iterator[Bindings]:
         for tuple_ in dict.fromkeys(self._tuples(relation, names)):
-            more = dict(bound)
+            extended_bindings = dict(bound)
             for argument, name in zip(arguments, tuple_, strict=True):
                 if isinstance(argument, Name):
                     fits = argument.name == name
-                elif argument.name in more:
-                    fits = more[argument.name] == Name(name)
+                elif argument.name in extended_bindings:
+                    fits = extended_bindings[argument.name] == Name(name)
                 else:
-                    more[argument.name] = Name(name)
+                    extended_bindings[argument.name] = Name(name)
                     fits = self.query.admits(argument.name, Name(name))
                 if not fits:
                     break
             else:
-                yield more
+                yield extended_bindings
 
     def _tuples(self, relation: str, names: list[str | None]) -> Iterator[tuple[str, ...]]:
         """The tuples of the relation that may fit the names known so far."""
         map = self.query.map
-        for backwards in (False, True) if self.query.symmetric(relation, len(names)) else (False,):
+        for backwards in (False, True) if self.query.is_symmetric(relation, len(names)) else (False,):
             stored = names[::-1] if backwards else names
-            known = [map.facts_with(relation, place, name) for place, name in enumerate(stored) if name is not None]
-            found = min(known, key=len) if known else [fact.arguments for fact in map.facts(relation)]
-            for arguments in found:
+            tuple_groups = [map.facts_with(relation, place, name) for place, name in enumerate(stored) if name is not None]
+            argument_tuples = min(tuple_groups, key=len) if tuple_groups else [fact.arguments for fact in map.facts(relation)]
+            for arguments in argument_tuples:
                 if len(arguments) == len(names):
                     yield arguments[::-1] if backwards else arguments
 
@@ -305,24 +309,24 @@ class _Branch:
 def _equations(literal: Literal) -> Iterator[tuple[str, Term]]:
     """`?w = term`, both ways round."""
     if isinstance(literal, Comparison) and literal.operator == "=":
-        for variable, other in ((literal.left, literal.right), (literal.right, literal.left)):
+        for variable, term in ((literal.left, literal.right), (literal.right, literal.left)):
             if isinstance(variable, Variable):
-                yield variable.name, other
+                yield variable.name, term
 
 
 def _object_variables(formula: Formula, ontology: Ontology) -> set[str]:
     """The variables that stand for objects; the others stand for values."""
-    found: set[str] = set()
+    variable_names: set[str] = set()
     for literal in literals(formula):
         atom: Atom = literal.atom if isinstance(literal, Not) else literal
         if isinstance(atom, Relation):
-            found.update(variables(atom))
+            variable_names.update(variables(atom))
     for term in terms(formula):
         match term:
             case Attribute(Variable(name), _):
-                found.add(name)
+                variable_names.add(name)
             case Call():
-                found.update(variables(term))
+                variable_names.update(variables(term))
             case Variable(name, type_name) if type_name is not None and (type_name == ROOT or type_name in ontology.types):
-                found.add(name)
-    return found
+                variable_names.add(name)
+    return variable_names

@@ -163,34 +163,34 @@ class Ontology:
 
     def ancestors(self, type_name: str) -> tuple[str, ...]:
         """The type itself, then its parent, and so on up to the root. Unknown types and cycles end the walk."""
-        if (known := self._ancestors.get(type_name)) is not None:
-            return known
-        seen: dict[str, None] = {}
+        if (cached_ancestors := self._ancestors.get(type_name)) is not None:
+            return cached_ancestors
+        ancestor_names: dict[str, None] = {}
         current: str | None = type_name
-        while current is not None and current in self.types and current not in seen:
-            seen[current] = None
+        while current is not None and current in self.types and current not in ancestor_names:
+            ancestor_names[current] = None
             current = self.types[current].parent
-        return self._ancestors.setdefault(type_name, tuple(seen))
+        return self._ancestors.setdefault(type_name, tuple(ancestor_names))
 
-    def is_a(self, type_name: str, ancestor: str) -> bool:
+    def is_subtype(self, type_name: str, ancestor: str) -> bool:
         """Whether every object of `type_name` is one of `ancestor` too."""
         return ancestor == ROOT or ancestor in self.ancestors(type_name)
 
     def subtypes(self, type_name: str) -> Iterator[str]:
         """The type itself and every type below it."""
-        return (name for name in self.types if self.is_a(name, type_name))
+        return (name for name in self.types if self.is_subtype(name, type_name))
 
     def attributes_of(self, type_name: str) -> Mapping[str, AttributeType]:
         """What objects of the type may have, inherited ones included, complex ones spread out: by path (`Shape.Height`)."""
-        if (known := self._attributes_of.get(type_name)) is not None:
-            return known
-        found: dict[str, AttributeType] = {}
+        if (cached_attributes := self._attributes_of.get(type_name)) is not None:
+            return cached_attributes
+        attributes: dict[str, AttributeType] = {}
         for ancestor in self.ancestors(type_name):
             for name in (*self.types[ancestor].attributes, *self.types[ancestor].required):
                 if (spread := self._spread_out.get(name)) is None:
                     spread = self._spread_out.setdefault(name, dict(self._spread(name, name)))
-                found.update(spread)
-        return self._attributes_of.setdefault(type_name, found)
+                attributes.update(spread)
+        return self._attributes_of.setdefault(type_name, attributes)
 
     def _spread(self, name: str, path: str) -> Iterator[tuple[str, AttributeType]]:
         attribute = self.attributes.get(name)

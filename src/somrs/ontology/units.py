@@ -10,7 +10,7 @@ from typing import Any
 COMMON = frozenset({"m", "rad", "kg", "s", "m/s", "percent", "EUR"})
 """In which most attributes are."""
 
-USUAL = {("deg", "rad"): math.pi / 180, ("cm", "m"): 0.01, ("mm", "m"): 0.001, ("km/h", "m/s"): 1 / 3.6}
+USUAL_FACTORS = {("deg", "rad"): math.pi / 180, ("cm", "m"): 0.01, ("mm", "m"): 0.001, ("km/h", "m/s"): 1 / 3.6}
 """What maps usually say, as pint would have it."""
 
 
@@ -31,23 +31,23 @@ def _not_units() -> tuple[type[Exception], ...]:
 
 
 @lru_cache(maxsize=8192)
-def converted(value: float, unit: str, to: str) -> float | None:
+def convert_unit(value: float, unit: str, target_unit: str) -> float | None:
     """The value in another unit; None when the one cannot be expressed in the other. A unit that pint does not know
     can be expressed in itself only."""
-    if unit == to:
+    if unit == target_unit:
         return value
-    if (unit, to) in USUAL:
-        return value * USUAL[unit, to]
+    if (unit, target_unit) in USUAL_FACTORS:
+        return value * USUAL_FACTORS[unit, target_unit]
     try:
-        return float(_registry().convert(value, unit, to))
+        return float(_registry().convert(value, unit, target_unit))
     except _not_units():
         return None
 
 
 @lru_cache(maxsize=256)
-def known(unit: str) -> bool:
+def is_known_unit(unit: str) -> bool:
     """Whether pint knows the unit."""
-    if unit in COMMON or any(unit == usual for usual, _ in USUAL):
+    if unit in COMMON or any(unit == usual for usual, _ in USUAL_FACTORS):
         return True
     try:
         _registry().parse_units(unit)
@@ -56,5 +56,5 @@ def known(unit: str) -> bool:
     return True
 
 
-def convertible(unit: str, to: str) -> bool:
-    return converted(1.0, unit, to) is not None
+def is_convertible(unit: str, target_unit: str) -> bool:
+    return convert_unit(1.0, unit, target_unit) is not None

@@ -10,7 +10,7 @@ from msgspec import Struct
 from somrs.entish.formula import Arithmetic, Attribute, Call, Constant, Name, Number, Term, Text, Truth, Variable
 from somrs.ontology.objects import Map
 from somrs.ontology.types import AttributeType, Kind, Ontology, Value
-from somrs.ontology.units import converted
+from somrs.ontology.units import convert_unit
 
 DIGITS = 12
 """Of what is calculated; binary fractions differ from decimal ones beyond them."""
@@ -18,7 +18,7 @@ ROUNDING = 1e-9
 """Two numbers that differ relatively by less are the same: what conversion between units may add."""
 
 
-class Measured(Struct, frozen=True):
+class MeasuredValue(Struct, frozen=True):
     """What a term stands for; a number with the tolerance, in its unit, of the attribute that it was read from."""
 
     constant: Constant
@@ -27,10 +27,10 @@ class Measured(Struct, frozen=True):
 
 def evaluate(term: Term, map: Map, ontology: Ontology) -> Value | None:
     """The value of a term without variables, a number in its own unit; None where an attribute has no value."""
-    found = measure(term, map, ontology)
-    if found is None:
+    measured = measure(term, map, ontology)
+    if measured is None:
         return None
-    return found.constant.name if isinstance(found.constant, Name) else found.constant.value
+    return measured.constant.name if isinstance(measured.constant, Name) else measured.constant.value
 
 
 def value_of(object_name: str, path: str, map: Map, ontology: Ontology) -> Value | None:
@@ -38,8 +38,8 @@ def value_of(object_name: str, path: str, map: Map, ontology: Ontology) -> Value
     object = map.objects.get(object_name)
     if object is None:
         return None
-    own = object.values.get(path)
-    return own if own is not None else ontology.default(object.type, path)
+    own_value = object.values.get(path)
+    return own_value if own_value is not None else ontology.default(object.type, path)
 
 
 def attribute_at(path: str, ontology: Ontology) -> AttributeType | None:
@@ -58,42 +58,52 @@ def constant(value: Value, attribute: AttributeType | None) -> Constant:
             return Name(value) if attribute and attribute.kind is Kind.ENUMERATION else Text(value)
 
 
-def measure(term: Term, map: Map, ontology: Ontology, bound: Mapping[str, Term] | None = None) -> Measured | None:
+def measure(term: Term, map: Map, ontology: Ontology, bound: Mapping[str, Term] | None = None) -> MeasuredValue | None:
     """What a term stands for under the bindings, or None where there is no value."""
     match term:
         case Variable(name):
             value = (bound or {}).get(name)
-            return Measured(value) if isinstance(value, Name | Number | Text | Truth) else None
-        case Attribute(of, path):
-            owner = name_of(of, bound or {})
+            return MeasuredValue(value) if isinstance(value, Name | Number | Text | Truth) else None
+        case Attribute(owner_term, path):
+            owner = name_of(owner_term, bound or {})
             return _attribute_value(owner, path, map, ontology) if owner is not None else None
         case Call(function, arguments):
             owners = [name_of(argument, bound or {}) for argument in arguments]
             named = [owner for owner in owners if owner is not None]
             return _function_value(function, named, map, ontology) if len(named) == len(owners) else None
-        case Arithmetic(left, operator, right):
-            one, other = measure(left, map, ontology, bound), measure(right, map, ontology, bound)
-            return _calculated(one, operator, other) if one is not None and other is not None else None
+        case Arithmetic(left_term, operator, right_term):
+            left_value, right_value = measure(left_term, map, ontology, bound), measure(right_term, map, ontology, bound)
+            return _calculated(left_value, operator, right_value) if left_value is not None and right_value is not None else None
         case _:
-            return Measured(term)
+            return MeasuredValue(term)
 
 
-def _calculated(one: Measured, operator: str, other: Measured) -> Measured | None:
+def _calculated(left_value: MeasuredValue, operator: str, right_value: MeasuredValue) -> MeasuredValue | None:
     """What two numbers come to: a sum in the unit of the first that has one, a product in the units' product."""
-    left, right = one.constant, other.constant
-    if not isinstance(left, Number) or not isinstance(right, Number):
+    left_number, right_number = left_value.constant, right_value.constant
+    if not isinstance(left_number, Number) or not isinstance(right_number, Number):
         return None
     if operator == "*":
-        unit = f"({left.unit}) * ({right.unit})" if left.unit and right.unit else left.unit or right.unit
-        return Measured(_exact(left.value * right.value, unit), abs(left.value) * other.tolerance + abs(right.value) * one.tolerance)
-    value, tolerance = right.value, other.tolerance
-    if left.unit and right.unit and left.unit != right.unit:
-        exact, above = (converted(value, right.unit, left.unit) for value in (right.value, right.value + other.tolerance))
-        if exact is None or above is None:
+        unit = (
+            f"({left_number.unit}) * ({right_number.unit})"
+            if left_number.unit and right_number.unit
+            else left_number.unit or right_number.unit
+        )
+        return MeasuredValue(
+            _exact(left_number.value * right_number.value, unit),
+            abs(left_number.value) * right_value.tolerance + abs(right_number.value) * left_value.tolerance,
+        )
+    value, tolerance = right_number.value, right_value.tolerance
+    if left_number.unit and right_number.unit and left_number.unit != right_number.unit:
+        exact, upper_bound = (
+            convert_unit(value, right_number.unit, left_number.unit)
+            for value in (right_number.value, right_number.value + right_value.tolerance)
+        )
+        if exact is None or upper_bound is None:
             return None
-        value, tolerance = exact, abs(above - exact)
-    total = left.value + value if operator == "+" else left.value - value
-    return Measured(_exact(total, left.unit or right.unit), one.tolerance + tolerance)
+        value, tolerance = exact, abs(upper_bound - exact)
+    total = left_number.value + value if operator == "+" else left_number.value - value
+    return MeasuredValue(_exact(total, left_number.unit or right_number.unit), left_value.tolerance + tolerance)
 
 
 def _exact(value: float, unit: str | None) -> Number:
@@ -106,15 +116,15 @@ def name_of(term: Term, bound: Mapping[str, Term]) -> str | None:
     return named.name if isinstance(named, Name) else None
 
 
-def _attribute_value(owner: str, path: str, map: Map, ontology: Ontology) -> Measured | None:
+def _attribute_value(owner: str, path: str, map: Map, ontology: Ontology) -> MeasuredValue | None:
     value = value_of(owner, path, map, ontology)
     if value is None:
         return None
     attribute = attribute_at(path, ontology)
-    return Measured(constant(value, attribute), attribute.tolerance if attribute else 0.0)
+    return MeasuredValue(constant(value, attribute), attribute.tolerance if attribute else 0.0)
 
 
-def _function_value(name: str, arguments: list[str], map: Map, ontology: Ontology) -> Measured | None:
+def _function_value(name: str, arguments: list[str], map: Map, ontology: Ontology) -> MeasuredValue | None:
     function = ontology.functions.get(name)
     if function is None or len(arguments) != len(function.parameters):
         return None
@@ -122,41 +132,43 @@ def _function_value(name: str, arguments: list[str], map: Map, ontology: Ontolog
         return _attribute_value(arguments[0], function.attribute, map, ontology)
     if function.values:
         value = function.values.get(" ".join(arguments))
-        return Measured(Number(value, function.unit)) if value is not None else None
+        return MeasuredValue(Number(value, function.unit)) if value is not None else None
     if name == "distance":
         metres = _distance(arguments[0], arguments[1], map, ontology)
-        return Measured(Number(metres, "m")) if metres is not None else None
+        return MeasuredValue(Number(metres, "m")) if metres is not None else None
     return None
 
 
-def _distance(a: str, b: str, map: Map, ontology: Ontology) -> float | None:
+def _distance(object_name: str, other_name: str, map: Map, ontology: Ontology) -> float | None:
     """In metres, between two positions; in the plane when one of them has no height."""
-    gaps = [_gap(a, b, path, map, ontology) for path in ("PositionX", "PositionY", "PositionZ")]
+    gaps = [_gap(object_name, other_name, path, map, ontology) for path in ("PositionX", "PositionY", "PositionZ")]
     if gaps[0] is None or gaps[1] is None:
         return None
     return math.hypot(gaps[0], gaps[1], gaps[2] or 0.0)
 
 
-def _gap(a: str, b: str, path: str, map: Map, ontology: Ontology) -> float | None:
-    one, other = value_of(a, path, map, ontology), value_of(b, path, map, ontology)
-    if isinstance(one, str | None) or isinstance(other, str | None):
+def _gap(object_name: str, other_name: str, path: str, map: Map, ontology: Ontology) -> float | None:
+    coordinate, other_coordinate = value_of(object_name, path, map, ontology), value_of(other_name, path, map, ontology)
+    if isinstance(coordinate, str | None) or isinstance(other_coordinate, str | None):
         return None
     attribute = attribute_at(path, ontology)
-    return converted(one - other, attribute.unit, "m") if attribute and attribute.unit else one - other
+    return (
+        convert_unit(coordinate - other_coordinate, attribute.unit, "m") if attribute and attribute.unit else coordinate - other_coordinate
+    )
 
 
-def compare(left: Measured, operator: str, right: Measured) -> bool:
+def compare(left_value: MeasuredValue, operator: str, right_value: MeasuredValue) -> bool:
     """Whether the comparison holds; things of different kinds do not compare, so that none does."""
-    match left.constant, right.constant:
-        case Number() as one, Number() as other:
-            gap = _same_or_gap(one, other, left.tolerance, right.tolerance)
+    match left_value.constant, right_value.constant:
+        case Number() as left_number, Number() as right_number:
+            gap = _same_or_gap(left_number, right_number, left_value.tolerance, right_value.tolerance)
             if gap is None:
                 return False
-        case (Truth(a), Truth(b)):
-            return {"=": a == b, "!=": a != b}.get(operator, False)
+        case (Truth(left_truth), Truth(right_truth)):
+            return {"=": left_truth == right_truth, "!=": left_truth != right_truth}.get(operator, False)
         case (Name(), Name()) | (Name(), Text()) | (Text(), Name()) | (Text(), Text()):
-            same = _text(left.constant) == _text(right.constant)
-            return {"=": same, "!=": not same}.get(operator, False)
+            is_equal = _text(left_value.constant) == _text(right_value.constant)
+            return {"=": is_equal, "!=": not is_equal}.get(operator, False)
         case _:
             return False
     return {"=": gap == 0, "!=": gap != 0, "<": gap < 0, "<=": gap <= 0, ">": gap > 0, ">=": gap >= 0}[operator]
@@ -166,14 +178,16 @@ def _text(constant: Constant) -> str:
     return constant.name if isinstance(constant, Name) else str(constant.value)
 
 
-def _same_or_gap(left: Number, right: Number, left_tolerance: float, right_tolerance: float) -> float | None:
+def _same_or_gap(left_number: Number, right_number: Number, left_tolerance: float, right_tolerance: float) -> float | None:
     """By how much the left is more than the right, 0 within tolerance; None when their units do not fit."""
-    other, tolerance = right.value, right_tolerance
-    if left.unit is not None and right.unit is not None and left.unit != right.unit:
-        exact, above = (converted(value, right.unit, left.unit) for value in (right.value, right.value + right_tolerance))
-        if exact is None or above is None:
+    right_value, tolerance = right_number.value, right_tolerance
+    if left_number.unit is not None and right_number.unit is not None and left_number.unit != right_number.unit:
+        exact, upper_bound = (
+            convert_unit(value, right_number.unit, left_number.unit) for value in (right_number.value, right_number.value + right_tolerance)
+        )
+        if exact is None or upper_bound is None:
             return None
-        other, tolerance = exact, abs(above - exact)
-    gap = left.value - other
-    allowed = max(left_tolerance, tolerance) + ROUNDING * max(abs(left.value), abs(other))
+        right_value, tolerance = exact, abs(upper_bound - exact)
+    gap = left_number.value - right_value
+    allowed = max(left_tolerance, tolerance) + ROUNDING * max(abs(left_number.value), abs(right_value))
     return 0.0 if abs(gap) <= allowed else gap

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from somrs.entish import Name, Relation, Variable
 from somrs.entish.formula import Literal, Substitution, alternatives, conjunction, conjuncts, names, substitute, variables
 from somrs.entish.parse import nearest, parse
-from somrs.ontology.matching import bring_about_all, can_bring_about, unifiers
+from somrs.ontology.matching import achieving_bindings, can_achieve, unifiers
 from somrs.ontology.services import PROVIDER, ServiceType
-from somrs.ontology.truth import bindings, holds
+from somrs.ontology.truth import bindings, formula_holds
 from somrs.planner.grounding.grounding import Grounding, TooLarge
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.model.operators import Inexpressible, goal_operators
@@ -25,10 +25,10 @@ DEPTH = 4
 
 def unmet_precondition(problem: Problem) -> NoPlan | None:
     """What the client says of the beginning and the map denies."""
-    if problem.precondition is None or holds(problem.precondition, problem.map, problem.ontology):
+    if problem.precondition is None or formula_holds(problem.precondition, problem.map, problem.ontology):
         return None
     parts = conjuncts(problem.precondition)
-    denied = [part for part in parts if not holds(part, problem.map, problem.ontology)] or parts
+    denied = [part for part in parts if not formula_holds(part, problem.map, problem.ontology)] or parts
     said = " and ".join(map(str, denied))
     return NoPlan(
         explanation=f"the task starts from {said}, which does not hold on the map",
@@ -108,7 +108,7 @@ class _Reasons:
         if self._unknown_objects(literal):
             return
         offered = [available for available in self.problem.services if self.world.providers[available.service_type.name]]
-        helpful = [a for a in offered if can_bring_about(a.service_type, literal, self.problem.ontology, self.problem.map)]
+        helpful = [a for a in offered if can_achieve(a.service_type, literal, self.problem.ontology, self.problem.map)]
         if not helpful:
             self._nobody(literal, {available.service_type.name for available in offered})
             return
@@ -145,7 +145,7 @@ class _Reasons:
         absent = [
             name
             for name, service in known.items()
-            if name not in there and can_bring_about(service, literal, self.problem.ontology, self.problem.map)
+            if name not in there and can_achieve(service, literal, self.problem.ontology, self.problem.map)
         ]
         busy = {a.service_type.name: a.providers for a in self.problem.services if a.service_type.name in absent and a.providers}
         lost = {name: [one for one in self.problem.lost if one.service_type.name == name] for name in absent if name not in busy}
@@ -175,13 +175,13 @@ class _Reasons:
         for given in unifiers(parse(service.effect), literal, self.problem.ontology, types):
             objects = {name: self.problem.map.objects.get(term.name) for name, term in given.items() if isinstance(term, Name)}
             for name, object in objects.items():
-                if object is not None and name in types and not self.problem.ontology.is_a(object.type, types[name]):
+                if object is not None and name in types and not self.problem.ontology.is_subtype(object.type, types[name]):
                     yield f"{service.name} takes only a {types[name]} as its {name}, and {object.name} is a {object.type}"
 
     def _lacking(self, available: Available, literal: Literal, depth: int) -> None:
         """What the service needs and cannot have."""
         service = available.service_type
-        bound = next(bring_about_all(service, literal, self.problem.ontology, self.problem.map), {})
+        bound = next(achieving_bindings(service, literal, self.problem.ontology, self.problem.map), {})
         given = {name: term for name, term in bound.items() if not isinstance(term, Variable)}
         given.setdefault(PROVIDER, Name(self.world.providers[service.name][0]))
         had: list[Literal] = []

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from somrs.entish.formula import names
 from somrs.errors import RemoteError, SomrsError
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.planner.encodings.sas import read, written
 from somrs.planner.explanation import not_usable, unmet_precondition, why_not
 from somrs.planner.grounding.grounding import Grounding, TooLarge
@@ -107,7 +107,7 @@ def _said(problem: Problem) -> Plan | NoPlan | None:
     unmet = unmet_precondition(problem)
     if unmet is not None:
         return unmet
-    if not holds(problem.goal, problem.map, problem.ontology):
+    if not formula_holds(problem.goal, problem.map, problem.ontology):
         return None
     doubtful = [name for name in names(problem.goal) if name in problem.excluded]
     if doubtful:

@@ -13,9 +13,9 @@ from msgspec import structs
 from somrs.entish.formula import names, substitute, variables
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
-from somrs.ontology.effects import changes, settled
+from somrs.ontology.effects import changes, evaluate_effect
 from somrs.ontology.objects import Map
-from somrs.ontology.truth import bindings, holds
+from somrs.ontology.truth import bindings, formula_holds
 from somrs.planner.model.causal import linked, useful
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import Available, Problem
@@ -34,7 +34,7 @@ def repaired(problem: Problem) -> Plan | None:
             if step is not None and changes(step.effect, maps[-1], problem.ontology):
                 steps.append(step)
                 maps.append(after(step, maps[-1], problem))
-        if not holds(problem.goal, maps[-1], problem.ontology):
+        if not formula_holds(problem.goal, maps[-1], problem.ontology):
             return None
         kept = [steps[place] for place in useful(steps, maps, problem)]
         steps = [structs.replace(step, id=f"step{number}") for number, step in enumerate(kept, 1)]
@@ -56,7 +56,7 @@ def _from_here(old: Step, map: Map, problem: Problem, known: Mapping[str, Availa
     if not involved.isdisjoint(problem.excluded):
         return None
     service = offered.service_type
-    if old.precondition is None or service.precondition is None or holds(old.precondition, map, problem.ontology):
+    if old.precondition is None or service.precondition is None or formula_holds(old.precondition, map, problem.ontology):
         return old
     wanted = substitute(parse(service.precondition), old.bindings)
     row = next(bindings(wanted, map, problem.ontology), None)
@@ -65,7 +65,7 @@ def _from_here(old: Step, map: Map, problem: Problem, known: Mapping[str, Availa
     effect = substitute(parse(service.effect), {**row, **old.bindings})
     if variables(effect):
         return None
-    return structs.replace(old, precondition=substitute(wanted, row), effect=settled(effect, map, problem.ontology))
+    return structs.replace(old, precondition=substitute(wanted, row), effect=evaluate_effect(effect, map, problem.ontology))
 
 
 def sure(problem: Problem, short: Plan | NoPlan | None) -> Plan | NoPlan | None:

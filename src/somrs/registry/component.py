@@ -19,7 +19,7 @@ from somrs.errors import FormulaError, InputError, UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Effect, Effects, Input, Received, Send, Started, Undelivered, Wake
 from somrs.kernel.replica import Replica
-from somrs.ontology.matching import can_bring_about
+from somrs.ontology.matching import can_achieve
 from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology, Value
@@ -221,7 +221,7 @@ class Registry:
             (wanted.provider is None or offer.provider == wanted.provider)
             and (wanted.service_type is None or wanted.service_type in self._types(offer.service_type))
             and all(_same(offer.attributes.get(name), value) for name, value in wanted.attributes.items())
-            and (effect is None or can_bring_about(offer.service_type, effect, self.ontology, self._map))
+            and (effect is None or can_achieve(offer.service_type, effect, self.ontology, self._map))
         )
 
     def _types(self, service_type: ServiceType) -> Iterator[str]:

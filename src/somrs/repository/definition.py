@@ -11,8 +11,8 @@ from somrs.entish.parse import nearest
 from somrs.ontology.concerned import violations_after
 from somrs.ontology.conformance import Violation
 from somrs.ontology.consistency import ontology_violations
-from somrs.ontology.dependency_index import lost
-from somrs.ontology.naming import SINGULAR, Named, Renaming, Section, find, named, revised, section_of
+from somrs.ontology.dependency_index import lost_dependencies
+from somrs.ontology.naming import SINGULAR, DefinitionKey, Renaming, Section, find_definition, key_of, revise_ontology, section_of
 from somrs.ontology.objects import Map
 from somrs.ontology.renaming import Renamer, speaks_of
 from somrs.ontology.types import Ontology
@@ -26,17 +26,17 @@ def redefined(map: Map, ontology: Ontology, define: Define) -> Outcome:
     if impossible := (*_impossible(ontology, define), *_unspeakable(define)):
         return Outcome(map=map, ontology=ontology, broken=impossible)
     renamer = Renamer(define.renamed, ontology)
-    left = revised(ontology, define.removed, ())
-    after = revised(renamer.ontology(left), (), define.definitions.each())
+    left = revise_ontology(ontology, define.removed, ())
+    after = revise_ontology(renamer.ontology(left), (), define.definitions.each())
     changes = tuple(renamer.changes(map)) if define.renamed else ()
     map_after = map.changed(changes)
-    broken = [*lost(ontology, after), *ontology_violations(after)]
+    broken = [*lost_dependencies(ontology, after), *ontology_violations(after)]
     if replaced := [*_replaced(define)]:  # what was said of it is not to be said of something else in silence
         broken += [*violations_after(map, ontology, left, replaced), *_adopted(ontology, left, define, replaced)]
     # A formula that does not fit its ontology cannot be asked whether it holds.
     sound = _without_broken_formulas(after, broken)
     before = renamer.ontology(ontology)
-    broken += violations_after(map_after, before, sound, (named(one) for one in (*differing(before, after), *differing(after, before))))
+    broken += violations_after(map_after, before, sound, (key_of(one) for one in (*differing(before, after), *differing(after, before))))
     change = revision(ontology, after)
     return Outcome(
         map=map_after,
@@ -59,20 +59,20 @@ def object_renamed(map: Map, ontology: Ontology, rename: RenameObject) -> Outcom
     return Outcome(map=map.changed(changes), ontology=after, changes=changes, revision=change, renamed=(renaming,))
 
 
-def _replaced(define: Define) -> Iterator[Named]:
+def _replaced(define: Define) -> Iterator[DefinitionKey]:
     """What is removed to make room for something that gets its name."""
     targets = {(renaming.section, renaming.to) for renaming in define.renamed}
     return (what for what in define.removed if (what.section, what.name) in targets)
 
 
-def _adopted(ontology: Ontology, left: Ontology, define: Define, replaced: Iterable[Named]) -> Iterator[Violation]:
+def _adopted(ontology: Ontology, left: Ontology, define: Define, replaced: Iterable[DefinitionKey]) -> Iterator[Violation]:
     """Definitions that speak of something that is removed, and unchanged would speak of what gets its name."""
     renamer = Renamer(define.renamed, ontology)
-    given = {named(definition): definition for definition in define.definitions.each()}
+    given = {key_of(definition): definition for definition in define.definitions.each()}
     for what in replaced:
         for definition in left:
             after = renamer.definition(definition)
-            by = named(after)
+            by = key_of(after)
             if given.get(by, after) == after and speaks_of(definition, what, ontology):
                 message = f"speaks of the {what} that is removed, and would mean what gets its name; change it first, or in the same change"
                 yield Violation(subject=by.name, rule="replaced", message=message, section=by.section)
@@ -87,7 +87,7 @@ def _without_broken_formulas(ontology: Ontology, broken: Iterable[Violation]) ->
 # What cannot be done at all
 
 
-def _wrong(what: Named | Renaming, rule: str, message: str) -> Violation:
+def _wrong(what: DefinitionKey | Renaming, rule: str, message: str) -> Violation:
     return Violation(subject=what.name, rule=rule, message=message, section=what.section)
 
 
@@ -95,10 +95,10 @@ def _impossible(ontology: Ontology, define: Define) -> Iterator[Violation]:
     for what in define.removed:
         if what.section is Section.OBJECTS:
             yield _wrong(what, "section", "an object is removed by an update of the map, not by a change of the ontology")
-        elif find(ontology, what) is None:
+        elif find_definition(ontology, what) is None:
             yield _wrong(what, "unknown-name", _unknown(what, ontology))
     yield from _wrong_renamings(ontology, define)
-    given = Counter(map(named, define.definitions.each()))
+    given = Counter(map(key_of, define.definitions.each()))
     for what, count in given.items():
         yield from _unusable(what, what.name)
         if count > 1:
@@ -120,12 +120,12 @@ def _wrong_renamings(ontology: Ontology, define: Define) -> Iterator[Violation]:
         if renaming.section is Section.OBJECTS:
             yield _wrong(renaming, "section", "is not renamed with the ontology; an object of the map is renamed by itself")
             continue
-        source = Named(section=renaming.section, name=renaming.name)
-        if find(ontology, source) is None or source in define.removed:
+        source = DefinitionKey(section=renaming.section, name=renaming.name)
+        if find_definition(ontology, source) is None or source in define.removed:
             yield _wrong(renaming, "unknown-name", _unknown(renaming, ontology))
         yield from _unusable(renaming, renaming.to)
-        target = Named(section=renaming.section, name=renaming.to)
-        if find(ontology, target) is not None and (renaming.section, renaming.to) not in leaving:
+        target = DefinitionKey(section=renaming.section, name=renaming.to)
+        if find_definition(ontology, target) is not None and (renaming.section, renaming.to) not in leaving:
             yield _wrong(renaming, "duplicate", f"cannot be renamed: there is a {target} already; take another name")
         elif arriving[renaming.section, renaming.to] > 1:
             yield _wrong(renaming, "duplicate", f"cannot be renamed: something else is to be called {renaming.to}, too; take another name")
@@ -139,7 +139,7 @@ def _impossible_object(map: Map, ontology: Ontology, rename: RenameObject) -> It
     if object is None:
         hint = nearest(rename.name, map.objects) or "add it first"
         yield Violation(subject=rename.name, rule="unknown-object", message=f"there is no object {rename.name} on the map; {hint}")
-    elif ontology.is_a(object.type, "Device"):
+    elif ontology.is_subtype(object.type, "Device"):
         message = "is a device, and its program knows itself by this name; let it leave the map, and join under another name"
         yield Violation(subject=rename.name, rule="device", message=message)
     if rename.to in map.objects:
@@ -148,18 +148,18 @@ def _impossible_object(map: Map, ontology: Ontology, rename: RenameObject) -> It
     else:
         # What is said of one that is gone would be said of this one, and nobody could tell the two apart any more.
         for definition in ontology:
-            if speaks_of(definition, Named(section=Section.OBJECTS, name=rename.to), ontology):
-                message = f"cannot be called {rename.to}: the {named(definition)} speaks of another {rename.to}; take another name"
+            if speaks_of(definition, DefinitionKey(section=Section.OBJECTS, name=rename.to), ontology):
+                message = f"cannot be called {rename.to}: the {key_of(definition)} speaks of another {rename.to}; take another name"
                 yield Violation(subject=rename.name, rule="duplicate", message=message)
-    yield from _unusable(Named(section=Section.OBJECTS, name=rename.name), rename.to)
+    yield from _unusable(DefinitionKey(section=Section.OBJECTS, name=rename.name), rename.to)
 
 
-def _unusable(what: Named | Renaming, name: str) -> Iterator[Violation]:
+def _unusable(what: DefinitionKey | Renaming, name: str) -> Iterator[Violation]:
     if not is_name(name):
         message = f"{name!r} is no name that formulas can use; take letters, digits, _ and -, a letter first"
         yield _wrong(what, "name", message)
 
 
-def _unknown(what: Named | Renaming, ontology: Ontology) -> str:
+def _unknown(what: DefinitionKey | Renaming, ontology: Ontology) -> str:
     hint = nearest(what.name, getattr(ontology, what.section)) or "somebody else may have removed or renamed it: read the ontology again"
     return f"there is no {SINGULAR[what.section]} {what.name}; {hint}"

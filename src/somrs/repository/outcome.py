@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from somrs.ontology.conformance import Violation
-from somrs.ontology.naming import Named, Renaming, find, named, revised
+from somrs.ontology.naming import DefinitionKey, Renaming, find_definition, key_of, revise_ontology
 from somrs.ontology.objects import Change, Map, objects_of
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages.knowledge import BrokenRule, Considered, Definitions, OntologyChanged, Rejected, Revision, by_kind
@@ -39,16 +39,16 @@ class Outcome:
         return tuple(dict.fromkeys(name for change in self.changes for name in objects_of(change)))
 
     @property
-    def definitions(self) -> tuple[Named, ...]:
+    def definitions(self) -> tuple[DefinitionKey, ...]:
         """The definitions that are other than they were, by the names that they have and had."""
         if self.revision is None:
             return ()
-        return tuple(dict.fromkeys(named(one) for one in (*self.revision.before.each(), *self.revision.after.each())))
+        return tuple(dict.fromkeys(key_of(one) for one in (*self.revision.before.each(), *self.revision.after.each())))
 
     def told(self, version: int) -> OntologyChanged:
         """What subscribers hear of a change of the ontology."""
         definitions = self.revision.after if self.revision is not None else Definitions()
-        removed = tuple(what for what in self.definitions if find(self.ontology, what) is None)
+        removed = tuple(what for what in self.definitions if find_definition(self.ontology, what) is None)
         return OntologyChanged(definitions=definitions, version=version, removed=removed, changes=self.changes, renamed=self.renamed)
 
 
@@ -69,14 +69,14 @@ def taken_back(ontology: Ontology, revision: Revision) -> Ontology:
 
 
 def _led(ontology: Ontology, old: Definitions, new: Definitions) -> Ontology:
-    there = set(map(named, new.each()))
-    return revised(ontology, (what for what in map(named, old.each()) if what not in there), new.each())
+    there = set(map(key_of, new.each()))
+    return revise_ontology(ontology, (what for what in map(key_of, old.each()) if what not in there), new.each())
 
 
 def differing(one: Ontology, other: Ontology) -> Iterator[Definition]:
     """The definitions of the one that the other does not have, or has otherwise."""
     for definition in one:
-        theirs = find(other, named(definition))
+        theirs = find_definition(other, key_of(definition))
         if theirs is not definition and theirs != definition:
             yield definition
 

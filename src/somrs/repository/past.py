@@ -42,11 +42,11 @@ def inverse(map: Map, changes: Iterable[Change]) -> tuple[Change, ...]:
                     back.append(ValueSet(name, path, old.values.get(path)))
                     objects[name] = _with(old, path, value)
             case FactAdded(fact):
-                if not facts.get(fact, map.holds(fact.relation, fact.arguments)):
+                if not facts.get(fact, map.has_fact(fact.relation, fact.arguments)):
                     back.append(FactRemoved(fact))
                 facts[fact] = True
             case FactRemoved(fact):
-                if facts.get(fact, map.holds(fact.relation, fact.arguments)):
+                if facts.get(fact, map.has_fact(fact.relation, fact.arguments)):
                     back.append(FactAdded(fact))
                 facts[fact] = False
     return tuple(reversed(back))

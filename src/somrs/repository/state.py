@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct, field
 
-from somrs.ontology.naming import Named, Section
+from somrs.ontology.naming import DefinitionKey, Section
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.envelope import Message
@@ -93,7 +93,7 @@ class Contents(Struct, kw_only=True):
     subscriptions: dict[str, Subscription] = field(default_factory=dict)
     since: int = 0
 
-    def defined(self, what: Named) -> Defining | None:
+    def defined(self, what: DefinitionKey) -> Defining | None:
         """When the definition changed last; None if it never did."""
         return self.defined_at.get(what.section, {}).get(what.name)
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from msgspec import structs
 
 from somrs.ontology.conformance import Violation
-from somrs.ontology.naming import Named, Section, find, named
+from somrs.ontology.naming import DefinitionKey, Section, find_definition, key_of
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Definition
@@ -42,14 +42,14 @@ def _definitions(event: Event, revision: Revision, contents: Contents) -> tuple[
     """The change of the ontology that undoes the event, and what stands in its way."""
     renamer = Renamer(event.renamed, contents.ontology)
     # What made room for something that got its name comes back once that has its own name again.
-    targets = {Named(section=renaming.section, name=renaming.to) for renaming in event.renamed}
-    targets -= {Named(section=renaming.section, name=renaming.name) for renaming in event.renamed}
-    restored: list[Definition] = [one for one in revision.before.each() if named(one) in targets]
-    before = {renamer.named(named(one)): one for one in revision.before.each() if named(one) not in targets}
-    after = {named(one): one for one in revision.after.each()}
+    targets = {DefinitionKey(section=renaming.section, name=renaming.to) for renaming in event.renamed}
+    targets -= {DefinitionKey(section=renaming.section, name=renaming.name) for renaming in event.renamed}
+    restored: list[Definition] = [one for one in revision.before.each() if key_of(one) in targets]
+    before = {renamer.renamed_key(key_of(one)): one for one in revision.before.each() if key_of(one) not in targets}
+    after = {key_of(one): one for one in revision.after.each()}
     broken: list[Violation] = []
     for what in {**before, **after}:
-        old, new, now = before.get(what), after.get(what), find(contents.ontology, what)
+        old, new, now = before.get(what), after.get(what), find_definition(contents.ontology, what)
         if old is not None and renamer.definition(old) == new:
             continue  # it goes with the renamings
         if now != new:
@@ -61,7 +61,7 @@ def _definitions(event: Event, revision: Revision, contents: Contents) -> tuple[
     return Define(removed=removed, renamed=back, definitions=by_kind(restored)), broken
 
 
-def _changed_since(what: Named, was_gone: bool, is_gone: bool, contents: Contents) -> str:
+def _changed_since(what: DefinitionKey, was_gone: bool, is_gone: bool, contents: Contents) -> str:
     if is_gone:
         return f"the {what} is not there any more"
     if was_gone:
@@ -71,7 +71,7 @@ def _changed_since(what: Named, was_gone: bool, is_gone: bool, contents: Content
     return f"the {what} was changed since{by}"
 
 
-def _stands(event: Event, what: Named, message: str) -> Violation:
+def _stands(event: Event, what: DefinitionKey, message: str) -> Violation:
     said = f"version {event.version} cannot be undone: {message}"
     return Violation(subject=what.name, rule="changed-since", message=said, section=what.section)
 
@@ -113,9 +113,9 @@ def _differs(change: Change, event: Event, contents: Contents) -> tuple[str, str
         case ObjectRemoved(name):
             return name, f"there is a {name} on the map again" if name in map.objects else ""
         case FactAdded(fact):
-            return fact.arguments[0], "" if map.holds(fact.relation, fact.arguments) else f"{fact} does not hold any more"
+            return fact.arguments[0], "" if map.has_fact(fact.relation, fact.arguments) else f"{fact} does not hold any more"
         case FactRemoved(fact):
-            return fact.arguments[0], f"{fact} holds again" if map.holds(fact.relation, fact.arguments) else ""
+            return fact.arguments[0], f"{fact} holds again" if map.has_fact(fact.relation, fact.arguments) else ""
 
 
 def _shown(value: float | str | bool | None) -> str:

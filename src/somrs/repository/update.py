@@ -112,7 +112,7 @@ def _net(before: Map, after: Map, changes: Iterable[Change]) -> Iterator[Change]
                 facts.update(dict.fromkeys(before.facts_about(name)))
             case _:
                 names[objects_of(change)[0]] = None
-    held = {fact: (before.holds(fact.relation, fact.arguments), after.holds(fact.relation, fact.arguments)) for fact in facts}
+    held = {fact: (before.has_fact(fact.relation, fact.arguments), after.has_fact(fact.relation, fact.arguments)) for fact in facts}
     yield from (FactRemoved(fact) for fact, (was, now) in held.items() if was and not now)
     for name in names:
         old, new = before.objects.get(name), after.objects.get(name)
@@ -146,6 +146,6 @@ def _unspeakable(changes: Iterable[Change]) -> Iterator[Violation]:
 def _violations(before: Map, outcome: Outcome, ontology: Ontology) -> list[Violation]:
     """Which rules would be broken by what changed."""
     removed = [before.objects[change.name].type for change in outcome.changes if isinstance(change, ObjectRemoved)]
-    if any(ontology.is_a(type_name, ABSTRACT) for type_name in removed):
+    if any(ontology.is_subtype(type_name, ABSTRACT) for type_name in removed):
         return violations(outcome.map, ontology)  # it may have been the root, which is nobody's part
     return violations_of(outcome.map, ontology, outcome.objects, before) if outcome.changes else []

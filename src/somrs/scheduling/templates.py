@@ -100,7 +100,7 @@ def _value(blank: Blank, text: str, replica: Replica) -> str:
     if found is None:
         of_type = _objects(blank.type, replica)
         raise UsageError(f"{what}: there is no {said} on the map; {nearest(said, of_type) or 'choose one that there is'}")
-    if not replica.ontology.is_a(found.type, blank.type):
+    if not replica.ontology.is_subtype(found.type, blank.type):
         raise UsageError(f"{what}: {said} is a {found.type}, and no {blank.type}")
     return said
 
@@ -128,7 +128,7 @@ def _example(blank: Blank, replica: Replica) -> str:
 
 
 def _objects(type: str, replica: Replica) -> list[str]:
-    return [name for name, object in replica.map.objects.items() if replica.ontology.is_a(object.type, type)]
+    return [name for name, object in replica.map.objects.items() if replica.ontology.is_subtype(object.type, type)]
 
 
 def _formulas(task: Submit) -> Iterator[str]:

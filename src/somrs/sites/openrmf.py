@@ -258,7 +258,7 @@ class _Import:
         if math.dist((box.x, box.y), (x, y)) > 0.3:
             self.notes.append(f"{name} is moved by {math.dist((box.x, box.y), (x, y)):.2f} m, out of a wall")
         self._add(name, type_name, _pose(box, level.elevation + float(model.get("z", 0.0))), None)
-        level.furniture[name] = (box, float(model.get("z", 0.0)) + size.height, upper().is_a(size.parent, "Support"))
+        level.furniture[name] = (box, float(model.get("z", 0.0)) + size.height, upper().is_subtype(size.parent, "Support"))
 
     def _model_type(self, kind: str, size: Model) -> str:
         """A type for the model, which knows its size; Open-RMF's names are kept where the upper ontology has not taken them."""

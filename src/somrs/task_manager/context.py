@@ -15,7 +15,7 @@ from somrs.errors import FormulaError
 from somrs.kernel.replica import Replica
 from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, Handler
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import UNKNOWN
 from somrs.planner.model.problem import Available, Problem
 from somrs.protocol.messages.clients import Policy, Submit
@@ -120,7 +120,7 @@ def known_to_hold(formula: Formula, replica: Replica) -> bool:
     if any(map.objects[name].values.get(UNKNOWN) is True for name in names(formula) if name in map.objects):
         return False
     try:
-        return holds(formula, map, replica.ontology)
+        return formula_holds(formula, map, replica.ontology)
     except FormulaError:
         return False
 

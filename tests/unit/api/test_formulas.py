@@ -222,11 +222,11 @@ def test_what_is_offered_can_be_written(data: st.DataObject) -> None:
     text = ""
     for _ in range(data.draw(st.integers(min_value=1, max_value=14))):
         # The signs within parentheses, and numbers, are not offered.
-        items = [item for item in complete(text, len(text), ONTOLOGY, MAP).items if item.after != "("]
+        items = [item for item in complete(text, len(text), ONTOLOGY, MAP).items if item.suffix != "("]
         if not items:
             break
         item = data.draw(st.sampled_from(items))
-        text += item.text + item.after
+        text += item.text + item.suffix
         found = checking(text)
         assert found.ok or found.unfinished, (text, found.problems)
 

@@ -11,7 +11,7 @@ from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
-from somrs.ontology.units import converted, known
+from somrs.ontology.units import convert_unit, is_known_unit
 from tests.support.examples import examples
 from tests.support.small import ONTOLOGY, formulas, maps
 
@@ -125,13 +125,13 @@ def test_any_formula_fits_or_is_refused_in_a_place(formula: Formula, map: Map) -
 
 
 def test_units() -> None:
-    assert converted(500, "g", "kg") == pytest.approx(0.5)
-    assert converted(0, "°C", "K") == pytest.approx(273.15)
-    assert converted(3, "EUR", "EUR") == 3
-    assert converted(3, "pieces", "pieces") == 3
+    assert convert_unit(500, "g", "kg") == pytest.approx(0.5)
+    assert convert_unit(0, "°C", "K") == pytest.approx(273.15)
+    assert convert_unit(3, "EUR", "EUR") == 3
+    assert convert_unit(3, "pieces", "pieces") == 3
     for unit in ("s", "blah", "m**", "", "1/0", "kg/0", "***", "m^m"):
-        assert converted(1, unit, "m") is None
-    assert known("m/s")
-    assert known("EUR")
-    assert known("percent")
-    assert not known("blah")
+        assert convert_unit(1, unit, "m") is None
+    assert is_known_unit("m/s")
+    assert is_known_unit("EUR")
+    assert is_known_unit("percent")
+    assert not is_known_unit("blah")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from somrs.entish.formula import Number
-from somrs.ontology.completion import Completions, brought_about, complete, described, fitting, units_of, written
+from somrs.ontology.completion import Completions, complete, describe_object, fitting_objects, format_value, service_effects, units_of
 from somrs.ontology.cursor import Slot
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
@@ -237,7 +237,7 @@ def any_of(*types: str, after: str = " ") -> list[tuple[str, str, str, str]]:
     ],
 )
 def test_what_is_offered(marked: str, offered: list[tuple[str, str, str, str]]) -> None:
-    assert [(item.text, item.kind, item.detail, item.after) for item in completing(marked).items] == offered
+    assert [(item.text, item.kind, item.detail, item.suffix) for item in completing(marked).items] == offered
 
 
 @pytest.mark.parametrize(("at", "typed"), [(-5, ""), (0, ""), (1, "J"), (99, "Jar")])
@@ -265,9 +265,16 @@ def test_what_fits_best_comes_first() -> None:
             Object(name="Mug", type="Jar"),
         ]
     )
-    assert [one.name for one in fitting(ONTOLOGY, map, Slot(), "table")] == ["Tablet", "Old-table", "myTable", "Cup", "Bottles", "Desk"]
-    assert [one.name for one in fitting(ONTOLOGY, map, Slot(type="Table"), "Tabl")] == ["myTable", "Bottles", "Desk"]
-    assert [one.name for one in fitting(ONTOLOGY, map, Slot(relation="isAt", type="Object"))] == [*map.objects]
+    assert [one.name for one in fitting_objects(ONTOLOGY, map, Slot(), "table")] == [
+        "Tablet",
+        "Old-table",
+        "myTable",
+        "Cup",
+        "Bottles",
+        "Desk",
+    ]
+    assert [one.name for one in fitting_objects(ONTOLOGY, map, Slot(type="Table"), "Tabl")] == ["myTable", "Bottles", "Desk"]
+    assert [one.name for one in fitting_objects(ONTOLOGY, map, Slot(relation="isAt", type="Object"))] == [*map.objects]
 
 
 def test_attributes_that_some_of_a_type_have_come_in_the_order_of_their_depth() -> None:
@@ -283,7 +290,13 @@ def test_attributes_that_some_of_a_type_have_come_in_the_order_of_their_depth() 
 
 def test_what_already_stands_there_is_likely_and_its_like() -> None:
     map = Map([*MAP.objects.values(), Object(name="Thing1", type="Thing")], [Fact("isAt", ("Robot1", "Jar1"))])
-    assert [one.name for one in fitting(ONTOLOGY, map, Slot(relation="isAt", place=1))] == ["Jar1", "Jar2", "Thing1", "Table1", "Robot1"]
+    assert [one.name for one in fitting_objects(ONTOLOGY, map, Slot(relation="isAt", place=1))] == [
+        "Jar1",
+        "Jar2",
+        "Thing1",
+        "Table1",
+        "Robot1",
+    ]
 
 
 def test_what_services_bring_about() -> None:
@@ -297,7 +310,7 @@ def test_what_services_bring_about() -> None:
         "Jar1.Weight = 3",
     ]
     services = [ServiceType(name=f"S{number}", effect=effect, inputs=inputs) for number, effect in enumerate(effects)]
-    assert brought_about(Ontology(services)) == {
+    assert service_effects(Ontology(services)) == {
         "isOn": ("Jar", "Table"),
         "isNew": ("Jar",),
         "Shape.Height": ("Jar",),
@@ -323,6 +336,6 @@ def test_units_of_an_attribute(unit: str | None, units: tuple[str, ...]) -> None
 
 
 def test_how_objects_and_values_are_written() -> None:
-    assert [described(MAP.objects[name]) for name in ("Jar1", "Jar2")] == ["Jar, sugar", "Jar"]
-    assert written(0.5, ONTOLOGY.attributes["Weight"]) == str(Number(0.5, "kg"))
-    assert [written("Red", attribute) for attribute in (ONTOLOGY.attributes["Color"], None)] == ["Red", '"Red"']
+    assert [describe_object(MAP.objects[name]) for name in ("Jar1", "Jar2")] == ["Jar, sugar", "Jar"]
+    assert format_value(0.5, ONTOLOGY.attributes["Weight"]) == str(Number(0.5, "kg"))
+    assert [format_value("Red", attribute) for attribute in (ONTOLOGY.attributes["Color"], None)] == ["Red", '"Red"']

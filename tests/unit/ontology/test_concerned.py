@@ -15,12 +15,12 @@ from somrs.entish import Name
 from somrs.entish.formula import Formula, substitute
 from somrs.entish.parse import parse
 from somrs.ontology.concerned import violations_after
-from somrs.ontology.conformance import SELF, violations
+from somrs.ontology.conformance import SELF_VARIABLE, violations
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.naming import Named, Section, named, revised
+from somrs.ontology.naming import DefinitionKey, Section, key_of, revise_ontology
 from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import (
     PART_OF,
     AttributeType,
@@ -60,7 +60,7 @@ EDITS: list[dict[str, Any]] = [
 ]
 
 
-def edited(data: st.DataObject) -> tuple[list[Named], list[Definition]]:
+def edited(data: st.DataObject) -> tuple[list[DefinitionKey], list[Definition]]:
     """What is removed, and what is otherwise."""
     kind = data.draw(st.sampled_from(["type", "type", "type", "attribute", "relation", "function", "removed"]))
     if kind == "type":
@@ -77,7 +77,7 @@ def edited(data: st.DataObject) -> tuple[list[Named], list[Definition]]:
         return [], [structs.replace(ONTOLOGY.functions["content"], attribute=data.draw(st.sampled_from(["Weight", "PositionX"])))]
     every = {Section.TYPES: TYPES, Section.ATTRIBUTES: ["Weight", "Content", "Label"], Section.RELATIONS: ["belongsTo", "isOn"]}
     section = data.draw(st.sampled_from([*every]))
-    return [Named(section=section, name=data.draw(st.sampled_from(every[section])))], []
+    return [DefinitionKey(section=section, name=data.draw(st.sampled_from(every[section])))], []
 
 
 def without_broken_formulas(ontology: Ontology) -> bool:
@@ -93,9 +93,9 @@ def test_looking_at_what_a_change_concerns_finds_what_looking_at_all_finds(data:
         before = before.extended([structs.replace(before.types[name], constraints=(rule,))])
         assume(without_broken_formulas(before) and not violations(MAP, before))
     removed, definitions = edited(data)
-    after = revised(before, removed, definitions)
+    after = revise_ontology(before, removed, definitions)
     assume(without_broken_formulas(after))
-    found = violations_after(MAP, before, after, [*removed, *map(named, definitions)])
+    found = violations_after(MAP, before, after, [*removed, *map(key_of, definitions)])
     assert set(map(str, found)) == set(map(str, violations(MAP, after)))
 
 
@@ -107,7 +107,7 @@ def test_a_rule_about_another_type_is_looked_at_when_that_moves() -> None:
     map = MAP.changed([ObjectRemoved("Bench1"), ObjectAdded(bench), *facts])
     assert violations(map, before) == []
     after = before.extended([structs.replace(ONTOLOGY.types["Tin"], name="SmallTin")])
-    found = violations_after(map, before, after, [Named(section=Section.TYPES, name="SmallTin")])
+    found = violations_after(map, before, after, [DefinitionKey(section=Section.TYPES, name="SmallTin")])
     assert [(violation.subject, violation.rule) for violation in found] == [("Bench1", "constraint")]
 
 
@@ -140,12 +140,12 @@ def test_a_rule_about_an_objects_own_values_is_answered_as_any_formula_is(rule: 
         map = map.changed([ValueSet(name, "Unknown", data.draw(st.sampled_from([None, True, False])))])
         map = map.changed([ValueSet(name, "Label", data.draw(st.sampled_from([None, "x", "y"])))])
     broken = {violation.subject for violation in violations(map, ontology) if rule in violation.message}
-    naive = {name for name in ("Tin1", "Tin2") if not holds(_of(rule, name), map, ontology)}
+    naive = {name for name in ("Tin1", "Tin2") if not formula_holds(_of(rule, name), map, ontology)}
     assert broken == naive
 
 
 def _of(rule: str, name: str) -> Formula:
-    return substitute(parse(rule), {SELF: Name(name)})
+    return substitute(parse(rule), {SELF_VARIABLE: Name(name)})
 
 
 # Nothing else is looked at: here everything lacks a mark, so that what was looked at is told.
@@ -203,7 +203,7 @@ TYPE = UNMARKED.types
     ],
 )
 def test_only_what_is_concerned_is_looked_at(new: list[Definition], gone: tuple[str, ...], looked_at: str) -> None:
-    removed = [Named(section=Section.TYPES, name=name) for name in gone]
-    after = revised(UNMARKED, removed, new)
-    found = violations_after(UNMARKED_MAP, UNMARKED, after, [*removed, *map(named, new)])
+    removed = [DefinitionKey(section=Section.TYPES, name=name) for name in gone]
+    after = revise_ontology(UNMARKED, removed, new)
+    found = violations_after(UNMARKED_MAP, UNMARKED, after, [*removed, *map(key_of, new)])
     assert " ".join(sorted({violation.subject for violation in found})) == looked_at

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.ontology.conformance import Violation, touched, violations, violations_of
+from somrs.ontology.conformance import Violation, touched_objects, violations, violations_of
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.loading import load, load_text, upper
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
@@ -69,7 +69,7 @@ def said(found: list[Violation]) -> set[tuple[str, str]]:
 @pytest.mark.parametrize(("changes", "expected"), UPDATES, ids=lambda value: str(sorted(value) if isinstance(value, set) else value)[:60])
 def test_update_breaks_just_these_rules(demo: Map, changes: list[Change], expected: set[tuple[str, str]]) -> None:
     after = demo.changed(changes)
-    assert said(violations_of(after, upper(), touched(demo, changes))) == expected
+    assert said(violations_of(after, upper(), touched_objects(demo, changes))) == expected
     assert said(violations(after, upper())) - {("map", "root")} == expected
 
 
@@ -104,8 +104,8 @@ def test_checking_what_an_update_touched_finds_what_checking_all_finds(demo: Map
     after = demo.changed(changes)
     # That the map lacks a root at all is said of the map, not of an object.
     expected = said(violations(after, upper())) - {("map", "root")}
-    assert said(violations_of(after, upper(), touched(demo, changes))) == expected
-    assert said(violations_of(after, upper(), touched(demo, changes), demo)) == expected, "what did not change is in order"
+    assert said(violations_of(after, upper(), touched_objects(demo, changes))) == expected
+    assert said(violations_of(after, upper(), touched_objects(demo, changes), demo)) == expected, "what did not change is in order"
 
 
 def test_constraint_speaks_of_sub_objects(demo: Map) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from somrs.ontology.cursor import Cursor, Slot, Spot, spot
+from somrs.ontology.cursor import Cursor, Slot, Spot, locate_cursor
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, Ontology, RelationType
@@ -58,7 +58,7 @@ def number(name: str, unit: str | None) -> AttributeType:
 
 def at(marked: str, **variables: str) -> Cursor:
     """Where the `|` is in the text."""
-    return spot(marked.replace("|", "", 1), marked.index("|"), ONTOLOGY, MAP, variables)
+    return locate_cursor(marked.replace("|", "", 1), marked.index("|"), ONTOLOGY, MAP, variables)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def at(marked: str, **variables: str) -> Cursor:
         ("Jar1 |", cursor(Spot.RELATION, owner="Jar", comparable=True)),
         ("Jar1 isOn |", cursor(Spot.OBJECT, slot=Slot(relation="isOn", place=1, type="Table"))),
         ("Jar1 isOn T|able1", cursor(Spot.OBJECT, slot=Slot(relation="isOn", place=1, type="Table"))),
-        ("Jar1 isOn Table1 |", cursor(Spot.ON, complete=True)),
+        ("Jar1 isOn Table1 |", cursor(Spot.CONTINUATION, complete=True)),
         ("Robot1 isAt |", cursor(Spot.OBJECT, slot=Slot(relation="isAt", place=1))),
         ("Jar1.|", cursor(Spot.ATTRIBUTE, owner="Jar", object="Jar1")),
         ("Jar1.Shape.|", cursor(Spot.ATTRIBUTE, owner="Jar", object="Jar1", path="Shape")),
@@ -81,17 +81,17 @@ def at(marked: str, **variables: str) -> Cursor:
         ("?x: Jar isOn ?y AND ?y.|", cursor(Spot.ATTRIBUTE, owner="Table", variables={"x": "Jar", "y": "Table"})),
         ("?x: |", cursor(Spot.TYPE, variables={"x": None})),
         ("?x:Jar |", cursor(Spot.RELATION, owner="Jar", variables={"x": "Jar"}, comparable=True)),
-        ("?x: Foo |", cursor(Spot.ON, variables={"x": None}, comparable=True)),
+        ("?x: Foo |", cursor(Spot.CONTINUATION, variables={"x": None}, comparable=True)),
         ("isOn(?x: |", cursor(Spot.TYPE, slot=Slot(relation="isOn", type="Thing"), variables={"x": None}, inside="(")),
         ("distance(Jar1, ?y: |", cursor(Spot.TYPE, slot=Slot(relation="", place=1, type="Robot"), variables={"y": None}, inside="(")),
-        ("Jar1.Weight |", cursor(Spot.ON, attribute=ONTOLOGY.attributes["Weight"], comparable=True)),
+        ("Jar1.Weight |", cursor(Spot.CONTINUATION, attribute=ONTOLOGY.attributes["Weight"], comparable=True)),
         ("Jar1.Weight = |", cursor(Spot.VALUE, compared="Weight", attribute=ONTOLOGY.attributes["Weight"])),
         ("Jar1.Weight = J|", cursor(Spot.VALUE, compared="Weight", attribute=ONTOLOGY.attributes["Weight"])),
         ("Jar1.Weight < 5 |", cursor(Spot.UNIT, compared="Weight", attribute=ONTOLOGY.attributes["Weight"], complete=True)),
         ("Jar1.Weight < 5 k|g", cursor(Spot.UNIT, compared="Weight", attribute=ONTOLOGY.attributes["Weight"], complete=True)),
         ("Jar1.Weight < 5|", cursor(Spot.UNIT, compared="Weight", attribute=ONTOLOGY.attributes["Weight"], complete=True)),
         ("Jar1.Weight < 5kg|", cursor(Spot.UNIT, compared="Weight", attribute=ONTOLOGY.attributes["Weight"], complete=True)),
-        ("Jar1.Weight < 5 kg |", cursor(Spot.ON, attribute=ONTOLOGY.attributes["Weight"], complete=True)),
+        ("Jar1.Weight < 5 kg |", cursor(Spot.CONTINUATION, attribute=ONTOLOGY.attributes["Weight"], complete=True)),
         ("Jar1.Weight < 5 kg + |", cursor(Spot.TERM, compared="Weight", attribute=ONTOLOGY.attributes["Weight"])),
         ("Jar1.Weight < 5 kg + 3 |", cursor(Spot.UNIT, compared="Weight", attribute=ONTOLOGY.attributes["Weight"], complete=True)),
         ("Jar1.Weight * |", cursor(Spot.TERM)),
@@ -99,17 +99,17 @@ def at(marked: str, **variables: str) -> Cursor:
         ("Jar1.Shape.Height = |", cursor(Spot.VALUE, compared="Shape.Height", attribute=ONTOLOGY.attributes["Height"])),
         ("Jar1.Color = |", cursor(Spot.VALUE, compared="Color", attribute=ONTOLOGY.attributes["Color"])),
         ("Jar1.Color = R|ed", cursor(Spot.VALUE, compared="Color", attribute=ONTOLOGY.attributes["Color"])),
-        ("Jar1.Color = Red |", cursor(Spot.ON, attribute=ONTOLOGY.attributes["Color"], complete=True)),
+        ("Jar1.Color = Red |", cursor(Spot.CONTINUATION, attribute=ONTOLOGY.attributes["Color"], complete=True)),
         ('Jar1.Label = "su|gar"', cursor(Spot.VALUE, compared="Label", attribute=ONTOLOGY.attributes["Label"], inside='"')),
-        ('Jar1.Label = "sugar" |', cursor(Spot.ON, attribute=ONTOLOGY.attributes["Label"], complete=True)),
+        ('Jar1.Label = "sugar" |', cursor(Spot.CONTINUATION, attribute=ONTOLOGY.attributes["Label"], complete=True)),
         ('Jar1 isOn "su|', cursor(Spot.NOWHERE, slot=Slot(relation="isOn", place=1, type="Table"))),
         ('"su|', cursor(Spot.NOWHERE)),
         ('Jar1.Label = "a\n|', cursor(Spot.NOWHERE)),
         ("5 |", cursor(Spot.UNIT, comparable=True)),
-        ("5 kg |", cursor(Spot.ON, attribute=number("number", "kg"), comparable=True)),
+        ("5 kg |", cursor(Spot.CONTINUATION, attribute=number("number", "kg"), comparable=True)),
         ("5 kg = |", cursor(Spot.VALUE, attribute=number("number", "kg"))),
         ("5 = |", cursor(Spot.VALUE, attribute=number("number", None))),
-        ("weight(Jar1) |", cursor(Spot.ON, attribute=ONTOLOGY.attributes["Weight"], comparable=True, complete=True)),
+        ("weight(Jar1) |", cursor(Spot.CONTINUATION, attribute=ONTOLOGY.attributes["Weight"], comparable=True, complete=True)),
         ("weight(Jar1) = |", cursor(Spot.VALUE, attribute=ONTOLOGY.attributes["Weight"])),
         ("weight(Jar1) < 5 |", cursor(Spot.UNIT, attribute=ONTOLOGY.attributes["Weight"], complete=True)),
         ("distance(Jar1, Robot1) = |", cursor(Spot.VALUE, attribute=number("distance", "m"))),
@@ -128,7 +128,7 @@ def at(marked: str, **variables: str) -> Cursor:
         ("isNew(Jar1.|", cursor(Spot.ATTRIBUTE, owner="Jar", object="Jar1", inside="(")),
         ("Jar1 between |", cursor(Spot.OBJECT, slot=Slot(relation="between", place=1))),
         ("Jar1 foo |", cursor(Spot.OBJECT)),
-        ("Jar1 foo Table1 |", cursor(Spot.ON, complete=True)),
+        ("Jar1 foo Table1 |", cursor(Spot.CONTINUATION, complete=True)),
         ("Foo |", cursor(Spot.RELATION, comparable=True)),
         ("?x |", cursor(Spot.RELATION, variables={"x": None}, comparable=True)),
         ("?x isOn Table1 AND ?x |", cursor(Spot.RELATION, owner="Thing", variables={"x": "Thing"}, comparable=True)),
@@ -141,7 +141,7 @@ def at(marked: str, **variables: str) -> Cursor:
         ("Jar1 isOn Table1 AND |", cursor(Spot.ATOM)),
         ("Jar1 isOn Table1 AND J|", cursor(Spot.ATOM)),
         ("Jar1 isOn Table1 OR NOT J|", cursor(Spot.ATOM, negated=True)),
-        ("(Jar1 isOn Table1) |", cursor(Spot.ON, complete=True)),
+        ("(Jar1 isOn Table1) |", cursor(Spot.CONTINUATION, complete=True)),
         ("(Jar1 isOn Table1 AND |", cursor(Spot.ATOM)),
         ("((Jar1 isOn Table1) AND |", cursor(Spot.ATOM)),
         ("(Jar1 isOn Table1) AND Jar1 isOn |", cursor(Spot.OBJECT, slot=Slot(relation="isOn", place=1, type="Table"))),
@@ -155,16 +155,16 @@ def at(marked: str, **variables: str) -> Cursor:
         ("Jar1.?|", cursor(Spot.ATTRIBUTE, owner="Jar", object="Jar1")),
         ("Jar1 isOn ?x|", cursor(Spot.OBJECT, slot=Slot(relation="isOn", place=1, type="Table"))),
         ("?x isOn Table1 AND ?|x isOn Table1", cursor(Spot.VARIABLE, variables={"x": "Thing"})),
-        ("?x: number = Jar1.Weight AND ?x |", cursor(Spot.ON, variables={"x": "number"}, comparable=True)),
+        ("?x: number = Jar1.Weight AND ?x |", cursor(Spot.CONTINUATION, variables={"x": "number"}, comparable=True)),
         ("?x = |", cursor(Spot.VALUE, slot=Slot(relation=""), variables={"x": None})),
         ("?x: Jar = |", cursor(Spot.VALUE, slot=Slot(relation="", type="Jar"), variables={"x": "Jar"})),
         ("Jar1 = |", cursor(Spot.VALUE, slot=Slot(relation="", type="Jar"))),
-        ("Jar1 = Jar2 |", cursor(Spot.ON, complete=True)),
+        ("Jar1 = Jar2 |", cursor(Spot.CONTINUATION, complete=True)),
         ("# a |", cursor(Spot.NOWHERE)),
         ("# a \n|", cursor(Spot.ATOM)),
         ("Jar1 # a \n|", cursor(Spot.RELATION, owner="Jar", comparable=True)),
         ("Jar1 AND |", cursor(Spot.ATOM)),
-        ("Jar1.Weight = TRUE |", cursor(Spot.ON, attribute=ONTOLOGY.attributes["Weight"], complete=True)),
+        ("Jar1.Weight = TRUE |", cursor(Spot.CONTINUATION, attribute=ONTOLOGY.attributes["Weight"], complete=True)),
         ("Jar1.Open = |", cursor(Spot.VALUE, compared="Open", attribute=ONTOLOGY.attributes["Open"])),
         ("Jar1 isOn Table1 Jar1 |", cursor(Spot.NOWHERE)),
         ("weight(Jar1).|", cursor(Spot.NOWHERE)),
@@ -187,11 +187,11 @@ def at(marked: str, **variables: str) -> Cursor:
         ("NOT(Jar1 |", cursor(Spot.RELATION, owner="Jar", comparable=True, negated=True)),
         ("DoNOT |", cursor(Spot.RELATION, comparable=True)),
         ("NOT Jar1 isOn Table1 AND J|", cursor(Spot.ATOM)),
-        ("NOT (Jar1 isOn Table1) |", cursor(Spot.ON, complete=True)),
+        ("NOT (Jar1 isOn Table1) |", cursor(Spot.CONTINUATION, complete=True)),
         ("(Jar1 isOn Table1 AND weight(Jar1) = |", cursor(Spot.VALUE, attribute=ONTOLOGY.attributes["Weight"])),
         ("Jar1 isOn Table1 AND (weight(|", cursor(Spot.OBJECT, slot=Slot(relation="", type="Thing"), inside="(")),
         ("(weight(Jar1) = 3) AND |", cursor(Spot.ATOM)),
-        ("((Jar1 isOn Table1)) |", cursor(Spot.ON, complete=True)),
+        ("((Jar1 isOn Table1)) |", cursor(Spot.CONTINUATION, complete=True)),
         ("?y isOn Table1 AND |", cursor(Spot.ATOM, variables={"y": "Thing"})),
         ("| isOn ?y", cursor(Spot.ATOM, variables={"y": None})),
         ("?y: text = Jar1.Label AND ?y = |", cursor(Spot.VALUE, slot=Slot(relation=""), variables={"y": "text"})),
@@ -199,12 +199,12 @@ def at(marked: str, **variables: str) -> Cursor:
         ("Jar1.Weight < -2.5e3 |", cursor(Spot.UNIT, compared="Weight", attribute=ONTOLOGY.attributes["Weight"], complete=True)),
         (
             "Jar1.Weight < ?x AND Jar1.Height |",
-            cursor(Spot.ON, attribute=ONTOLOGY.attributes["Height"], variables={"x": None}, comparable=True),
+            cursor(Spot.CONTINUATION, attribute=ONTOLOGY.attributes["Height"], variables={"x": None}, comparable=True),
         ),
         ("Jar1.Weight < 5 %|", cursor(Spot.UNIT, compared="Weight", attribute=ONTOLOGY.attributes["Weight"], complete=True)),
         ("?1 |", cursor(Spot.NOWHERE)),
-        ("Jar1. Weight |", cursor(Spot.ON, attribute=ONTOLOGY.attributes["Weight"], comparable=True)),
-        ("?x: Jar = Jar1 |", cursor(Spot.ON, variables={"x": "Jar"}, complete=True)),
+        ("Jar1. Weight |", cursor(Spot.CONTINUATION, attribute=ONTOLOGY.attributes["Weight"], comparable=True)),
+        ("?x: Jar = Jar1 |", cursor(Spot.CONTINUATION, variables={"x": "Jar"}, complete=True)),
         ("between(Jar1.Weight, |", cursor(Spot.OBJECT, slot=Slot(relation="between", place=1, type="Table"), inside="(")),
         ("Jar1.Weight = 3 AND weight(Jar1) < |", cursor(Spot.VALUE, attribute=ONTOLOGY.attributes["Weight"])),
         ("Unknown.Label = |", cursor(Spot.VALUE, compared="Label", attribute=ONTOLOGY.attributes["Label"])),

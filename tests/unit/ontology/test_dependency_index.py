@@ -12,9 +12,9 @@ import pytest
 import somrs
 from somrs.errors import ModelError
 from somrs.ontology.conformance import Violation
-from somrs.ontology.dependency_index import RELIED, lost, relied
+from somrs.ontology.dependency_index import REQUIRED_NAMES, lost_dependencies, required_definitions
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.naming import Named, Section, named, revised
+from somrs.ontology.naming import DefinitionKey, Section, key_of, revise_ontology
 from somrs.ontology.types import AttributeType, Definition, FunctionType, Kind, ObjectType, RelationType
 
 SOURCE = Path(somrs.__file__).parent
@@ -41,7 +41,7 @@ def strings(file: Path) -> Iterator[str]:
 
 def test_programs_rely_on_nothing_else_of_the_upper_ontology() -> None:
     names = {definition.name for definition in upper()}
-    kept = {name for section in RELIED.values() for name in section}
+    kept = {name for section in REQUIRED_NAMES.values() for name in section}
     found: dict[str, set[str]] = {}
     for part in PROGRAMS:
         for file in (SOURCE / part).rglob("*.py"):
@@ -54,10 +54,10 @@ def test_programs_rely_on_nothing_else_of_the_upper_ontology() -> None:
 
 
 def test_all_of_it_is_in_the_upper_ontology() -> None:
-    known = set(map(named, upper()))
-    listed = {Named(section=section, name=name) for section, names in RELIED.items() for name in names}
+    known = set(map(key_of, upper()))
+    listed = {DefinitionKey(section=section, name=name) for section, names in REQUIRED_NAMES.items() for name in names}
     assert listed <= known
-    assert set(relied(upper())) == listed
+    assert set(required_definitions(upper())) == listed
 
 
 def test_a_file_cannot_take_it_away_either() -> None:
@@ -97,7 +97,7 @@ IS_IN = upper().relations["isIn"]
     ],
 )
 def test_what_has_to_stay_of_a_definition(section: Section, definition: Definition, kept: list[tuple[str, str]]) -> None:
-    found = list(lost(upper(), revised(upper(), (), [definition])))
+    found = list(lost_dependencies(upper(), revise_ontology(upper(), (), [definition])))
     assert found == [
         Violation(
             subject=definition.name,
@@ -111,7 +111,7 @@ def test_what_has_to_stay_of_a_definition(section: Section, definition: Definiti
 
 
 def test_what_is_relied_on_stays_and_the_rest_need_not() -> None:
-    gone = [Named(section=Section.RELATIONS, name="isOn"), Named(section=Section.TYPES, name="Jar")]
-    (found,) = lost(upper(), revised(upper(), gone, ()))
+    gone = [DefinitionKey(section=Section.RELATIONS, name="isOn"), DefinitionKey(section=Section.TYPES, name="Jar")]
+    (found,) = lost_dependencies(upper(), revise_ontology(upper(), gone, ()))
     assert (found.subject, found.rule, found.path, found.section) == ("isOn", "relied", "", Section.RELATIONS)
-    assert list(lost(revised(upper(), gone, ()), upper())) == []
+    assert list(lost_dependencies(revise_ontology(upper(), gone, ()), upper())) == []

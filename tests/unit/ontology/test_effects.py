@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from somrs.entish.formula import Attribute, Comparison, Formula, Literal, Name, Not, Relation, conjunction, conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
-from somrs.ontology.effects import applied, changes, settled
-from somrs.ontology.indexes import MANY
+from somrs.ontology.effects import apply_effect, changes, evaluate_effect
+from somrs.ontology.indexes import MAX_OWN_KEYS
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from tests.support.examples import examples
 from tests.support.small import OBJECTS, ONTOLOGY, constants, facts, maps
 
@@ -147,15 +147,15 @@ def test_what_is_said_of_no_effect(effect: str, position: int, problem: str, hin
     ],
 )
 def test_what_is_calculated_is_settled_before(effect: str, said: str, expected: list[Change]) -> None:
-    assert str(settled(parse(effect), MAP, ONTOLOGY)) == said
+    assert str(evaluate_effect(parse(effect), MAP, ONTOLOGY)) == said
     assert changes(parse(effect), MAP, ONTOLOGY) == expected
-    assert applied(parse(effect), MAP, ONTOLOGY) == MAP.changed(expected)
+    assert apply_effect(parse(effect), MAP, ONTOLOGY) == MAP.changed(expected)
 
 
 def test_what_is_not_settled_stays() -> None:
-    assert str(settled(parse("A.Size > A.Size + 1"), MAP, ONTOLOGY)) == "A.Size > A.Size + 1"
-    assert str(settled(parse("B.Size = B.Size + 1"), MAP, ONTOLOGY)) == "B.Size = B.Size + 1", "it has no value"
-    assert applied(parse("A isOn B"), MAP, ONTOLOGY) is MAP
+    assert str(evaluate_effect(parse("A.Size > A.Size + 1"), MAP, ONTOLOGY)) == "A.Size > A.Size + 1"
+    assert str(evaluate_effect(parse("B.Size = B.Size + 1"), MAP, ONTOLOGY)) == "B.Size = B.Size + 1", "it has no value"
+    assert apply_effect(parse("A isOn B"), MAP, ONTOLOGY) is MAP
 
 
 def test_a_place_by_relation_gives_no_position() -> None:
@@ -184,7 +184,7 @@ def test_an_effect_becomes_true_or_is_refused(effect: Formula, map: Map) -> None
     except FormulaError:
         return
     after = map.changed(found)
-    assert holds(effect, after, ONTOLOGY)
+    assert formula_holds(effect, after, ONTOLOGY)
     assert changes(effect, after, ONTOLOGY) == []
     if found:
         assert after != map
@@ -260,7 +260,7 @@ def _answers(map: Map) -> list[set[object]]:
 
 def test_an_index_that_changed_much_is_right() -> None:
     """More changes than an index keeps beside what it shares."""
-    count = 3 * MANY
+    count = 3 * MAX_OWN_KEYS
     map = Map((Object(name=f"O{n}", type="Jar") for n in range(count)), [Fact("near", (f"O{n}", "O0")) for n in range(0, count, 2)])
     assert len(map.facts_with("near", 1, "O0")) == count / 2
     for n in range(count):
@@ -268,5 +268,5 @@ def test_an_index_that_changed_much_is_right() -> None:
         map = map.changed([added] if n % 2 else [added, FactRemoved(Fact("near", (f"O{n}", "O0")))])
     assert len(map.facts_with("near", 1, "O0")) == 0
     assert len(map.facts_with("near", 1, "O1")) == count
-    assert set(map.standing("near", 1)) == {"O1"}
+    assert set(map.objects_at("near", 1)) == {"O1"}
     assert all(map.facts_with("near", 0, f"O{n}") == {(f"O{n}", "O1"): None} for n in range(count))

@@ -13,10 +13,10 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import upper
-from somrs.ontology.matching import bring_about_all, can_bring_about, types_of, unifiers
+from somrs.ontology.matching import achieving_bindings, can_achieve, types_of, unifiers
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import RelationType
 from tests.support import small
 from tests.support.examples import examples
@@ -90,8 +90,8 @@ JOIN = service("?A isAdjacentTo ?B", A="Object", B="Object")
 )
 def test_matches(offered: ServiceType, wanted: str, able: bool, rows: list[dict[str, str]]) -> None:
     formula = parse(wanted)
-    assert can_bring_about(offered, formula, upper(), MAP) is able
-    found = [{name: str(term) for name, term in row.items()} for row in bring_about_all(offered, formula, upper(), MAP)]
+    assert can_achieve(offered, formula, upper(), MAP) is able
+    found = [{name: str(term) for name, term in row.items()} for row in achieving_bindings(offered, formula, upper(), MAP)]
     assert sorted(found, key=str) == sorted(rows, key=str)
 
 
@@ -141,7 +141,7 @@ MORE = service("?Object.Weight > 1 kg", Object="Graspable")
     ],
 )
 def test_an_effect_on_a_value_reaches_a_limit(offered: ServiceType, wanted: str, able: bool) -> None:
-    assert can_bring_about(offered, parse(wanted), upper(), MAP) is able
+    assert can_achieve(offered, parse(wanted), upper(), MAP) is able
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_an_effect_on_a_value_reaches_a_limit(offered: ServiceType, wanted: str,
     ],
 )
 def test_what_is_sure_to_bring_about_all(offered: ServiceType, wanted: str, rows: list[dict[str, str]]) -> None:
-    found = bring_about_all(offered, parse(wanted), upper(), MAP)
+    found = achieving_bindings(offered, parse(wanted), upper(), MAP)
     assert [{name: str(term) for name, term in row.items()} for row in found] == rows
 
 
@@ -204,13 +204,13 @@ PLACES = small.ONTOLOGY.extended(
 )
 def test_what_displaces_what(effect: str, wanted: str, able: bool, rows: list[dict[str, str]]) -> None:
     offered, asked = service(effect, P="Object", Q="Object"), parse(wanted)
-    assert can_bring_about(offered, asked, PLACES) is able
-    assert [{name: str(term) for name, term in row.items()} for row in bring_about_all(offered, asked, PLACES)] == rows
+    assert can_achieve(offered, asked, PLACES) is able
+    assert [{name: str(term) for name, term in row.items()} for row in achieving_bindings(offered, asked, PLACES)] == rows
 
 
 def test_without_a_map_constants_may_be_anything() -> None:
-    assert can_bring_about(TRANSFER, parse("Door1 isOn Table1"), upper())
-    assert not can_bring_about(TRANSFER, parse("?Door: Door isOn Table1"), upper())
+    assert can_achieve(TRANSFER, parse("Door1 isOn Table1"), upper())
+    assert not can_achieve(TRANSFER, parse("?Door: Door isOn Table1"), upper())
 
 
 def test_variables_of_both_sides_may_have_the_same_name() -> None:
@@ -248,15 +248,15 @@ def made_true(effect: Formula, map: Map, inputs: dict[str, Term]) -> Map | None:
 @example(parse("?P isPairedWith ?P"), parse("NOT A isPairedWith B"), PAIRED, "Thing")
 def test_matches_agree_with_the_effects_made_true(effect: Formula, wanted: Formula, map: Map, type_name: str) -> None:
     offered = service(str(effect), P=type_name, Q="Object")
-    fitting = [Name(o.name) for o in map.objects.values() if small.ONTOLOGY.is_a(o.type, type_name)]
+    fitting = [Name(o.name) for o in map.objects.values() if small.ONTOLOGY.is_subtype(o.type, type_name)]
     everything = [Name(name) for name in map.objects]
     assignments: list[dict[str, Term]] = [{"P": p, "Q": q} for p, q in itertools.product(fitting, everything)]
-    for row in bring_about_all(offered, wanted, small.ONTOLOGY, map):
+    for row in achieving_bindings(offered, wanted, small.ONTOLOGY, map):
         for assignment in assignments:
             if all(assignment[name] == term for name, term in row.items()):
                 after = made_true(effect, map, assignment)
-                assert after is None or holds(wanted, after, small.ONTOLOGY)
+                assert after is None or formula_holds(wanted, after, small.ONTOLOGY)
     for assignment in assignments:
         after = made_true(effect, map, assignment) if variables(effect) else None
-        if after is not None and holds(wanted, after, small.ONTOLOGY) and not holds(wanted, map, small.ONTOLOGY):
-            assert can_bring_about(offered, wanted, small.ONTOLOGY, map)
+        if after is not None and formula_holds(wanted, after, small.ONTOLOGY) and not formula_holds(wanted, map, small.ONTOLOGY):
+            assert can_achieve(offered, wanted, small.ONTOLOGY, map)

@@ -39,7 +39,7 @@ def indexed(map: Map) -> Map:
     map.of_type("Jar")
     for relation in ("isOn", "isPartOf", "between", "isNear"):
         for place in range(3):
-            map.standing(relation, place)
+            map.objects_at(relation, place)
     return map
 
 
@@ -48,7 +48,7 @@ def told(map: Map) -> object:
     return (
         {type: sorted(map.of_type(type)) for type in ("Jar", "Room")},
         {value: sorted(map.with_value(path, value)) for path, value in VALUES},
-        {relation: {place: sorted(map.standing(relation, place)) for place in range(3)} for relation in RELATIONS},
+        {relation: {place: sorted(map.objects_at(relation, place)) for place in range(3)} for relation in RELATIONS},
         {name: sorted(map.facts_about(name), key=str) for name in "ABCD"},
         {relation: map.count(relation) for relation in RELATIONS},
     )
@@ -98,11 +98,11 @@ def test_what_is_found_on_a_map() -> None:
     assert list(MAP.facts()) == [ON, IN_C, BETWEEN, SELF]
     assert list(MAP.facts("isOn")) == [ON]
     assert list(MAP.facts("isNew")) == []
-    assert [MAP.holds("isOn", arguments) for arguments in (("A", "B"), ("B", "A"))] == [True, False]
-    assert not MAP.holds("isNew", ("A",))
+    assert [MAP.has_fact("isOn", arguments) for arguments in (("A", "B"), ("B", "A"))] == [True, False]
+    assert not MAP.has_fact("isNew", ("A",))
     assert [MAP.count(relation) for relation in ("isOn", "isNew")] == [1, 0]
     assert [list(MAP.facts_with("between", place, "B")) for place in (0, 1, 3)] == [[], [("A", "B", "C")], []]
-    assert list(MAP.standing("between", 2)) == ["C"]
+    assert list(MAP.objects_at("between", 2)) == ["C"]
     assert list(MAP.facts_about("A")) == [ON, IN_C, BETWEEN, SELF]
     assert list(MAP.facts_about("C")) == [IN_C, BETWEEN]
     assert [list(MAP.parts(name)) for name in ("C", "A")] == [[A], []]

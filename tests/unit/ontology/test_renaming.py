@@ -6,7 +6,7 @@ import pytest
 from msgspec import structs
 
 from somrs.entish.parse import parse
-from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.renaming import Renamer, speaks_of
 from somrs.ontology.services import Handler, Occasion, Parameter, ServiceType
@@ -64,7 +64,7 @@ def test_definitions() -> None:
     assert renamed.functions["road"] == FunctionType(name="road", parameters=("Tin", "Room"), values={"B A": 1.0, "A C": 2.0})
     assert renamed.functions["size"] == FunctionType(name="size", parameters=("Tin",), attribute="Shape.Owner")
     assert SWAPPED.definition(ONTOLOGY.types["Room"]) is ONTOLOGY.types["Room"]
-    assert SWAPPED.named(Named(section=Section.OBJECTS, name="A")) == Named(section=Section.OBJECTS, name="B")
+    assert SWAPPED.renamed_key(DefinitionKey(section=Section.OBJECTS, name="A")) == DefinitionKey(section=Section.OBJECTS, name="B")
 
 
 def test_types() -> None:
@@ -110,9 +110,14 @@ def test_what_becomes_of_a_map() -> None:
 def test_whether_something_is_spoken_of() -> None:
     formula = parse("A isOn B")
     asked = [(Section.OBJECTS, "A"), (Section.RELATIONS, "isOn"), (Section.OBJECTS, "C"), (Section.TYPES, "A")]
-    assert [speaks_of(formula, Named(section=section, name=name), ONTOLOGY) for section, name in asked] == [True, True, False, False]
+    assert [speaks_of(formula, DefinitionKey(section=section, name=name), ONTOLOGY) for section, name in asked] == [
+        True,
+        True,
+        False,
+        False,
+    ]
     way = ONTOLOGY.functions["way"]
-    assert [speaks_of(way, Named(section=Section.OBJECTS, name=name), ONTOLOGY) for name in ("C", "D")] == [True, False]
+    assert [speaks_of(way, DefinitionKey(section=Section.OBJECTS, name=name), ONTOLOGY) for name in ("C", "D")] == [True, False]
 
 
 def test_service_types() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.ontology.conformance import Violation, touched, value_problem, violations, violations_of
+from somrs.ontology.conformance import Violation, touched_objects, value_problem, violations, violations_of
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, ObjectType, Ontology, Part, RelationType, Value
 
@@ -318,8 +318,8 @@ def test_a_map_has_a_root(map: Map, expected: list[Violation]) -> None:
 )
 def test_what_a_change_touches(change: Change, names: set[str]) -> None:
     map = site(at("A", "Box"), at("B", "Box"), at("T", "Thing"), facts=(Fact("isOn", ("A", "B")), Fact("isOn", ("B", "T"))))
-    assert touched(map, [change]) == names
-    assert touched(map, [ValueSet("Site1", "Note", "x"), change]) == {*names, "Site1"}
+    assert touched_objects(map, [change]) == names
+    assert touched_objects(map, [ValueSet("Site1", "Note", "x"), change]) == {*names, "Site1"}
 
 
 def test_values_that_are_as_they_were_are_not_looked_at_again() -> None:

@@ -33,7 +33,7 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Fact, Map, Object
-from somrs.ontology.truth import bindings, evaluate, holds
+from somrs.ontology.truth import bindings, evaluate, formula_holds
 from somrs.ontology.types import FunctionType, Ontology, Value
 from tests.support.examples import examples
 from tests.support.small import ONTOLOGY, formulas, maps
@@ -207,7 +207,7 @@ def test_bindings_are_those_of_the_plain_twin(formula: Formula, map: Map) -> Non
     rows = list(bindings(formula, map, ONTOLOGY))
     assert {shown(row) for row in rows} == {shown(row) for row in plain_rows(formula, map)}
     assert len({tuple(sorted((n, str(t)) for n, t in row.items())) for row in rows}) == len(rows)
-    assert holds(formula, map, ONTOLOGY) == bool(rows)
+    assert formula_holds(formula, map, ONTOLOGY) == bool(rows)
 
 
 @examples(40)
@@ -402,9 +402,9 @@ def test_a_given_object_of_another_type_is_no_answer(lab: tuple[Ontology, Map]) 
 def test_formulas_with_many_ors_are_answered_without_variables(lab: tuple[Ontology, Map]) -> None:
     ontology, map = lab
     clauses = " AND ".join(f"(Jar1 isOn Table1 OR Jar2.Weight = {n})" for n in range(40))
-    assert holds(parse(clauses), map, ontology)
+    assert formula_holds(parse(clauses), map, ontology)
     with pytest.raises(FormulaError, match="fewer ORs"):
-        holds(parse(clauses.replace("Jar2", "?j")), map, ontology)
+        formula_holds(parse(clauses.replace("Jar2", "?j")), map, ontology)
 
 
 def test_large_maps_are_answered() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.ontology.naming import Named, Renaming, Section, find, named, revised
+from somrs.ontology.naming import DefinitionKey, Renaming, Section, find_definition, key_of, revise_ontology
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import ROOT, AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
 
@@ -42,7 +42,7 @@ def test_ancestors_begin_with_the_type_itself(name: str, ancestors: tuple[str, .
 
 
 def test_every_object_is_one_of_the_root() -> None:
-    assert [ONTOLOGY.is_a("Gone", ROOT), ONTOLOGY.is_a("Vat", "Box"), ONTOLOGY.is_a("Box", "Vat")] == [True, True, False]
+    assert [ONTOLOGY.is_subtype("Gone", ROOT), ONTOLOGY.is_subtype("Vat", "Box"), ONTOLOGY.is_subtype("Box", "Vat")] == [True, True, False]
     assert set(ONTOLOGY.subtypes("Crate")) == {"Crate", "Vat"}
     assert set(ONTOLOGY.subtypes(ROOT)) == set(ONTOLOGY.types)
 
@@ -68,23 +68,23 @@ def test_defaults_and_drivers_are_those_of_the_nearest_ancestor() -> None:
 
 
 def test_definitions_are_found_by_section_and_name() -> None:
-    assert {named(one) for one in ONTOLOGY} == {named(one) for one in ALL}
-    sections = [named(one).section for one in ONTOLOGY]
+    assert {key_of(one) for one in ONTOLOGY} == {key_of(one) for one in ALL}
+    sections = [key_of(one).section for one in ONTOLOGY]
     assert list(dict.fromkeys(sections)) == [section for section in Section if section is not Section.OBJECTS]
-    assert all(find(ONTOLOGY, named(one)) is one for one in ALL)
-    assert find(ONTOLOGY, Named(section=Section.OBJECTS, name="Box")) is None
-    assert find(ONTOLOGY, Named(section=Section.RELATIONS, name="Box")) is None
+    assert all(find_definition(ONTOLOGY, key_of(one)) is one for one in ALL)
+    assert find_definition(ONTOLOGY, DefinitionKey(section=Section.OBJECTS, name="Box")) is None
+    assert find_definition(ONTOLOGY, DefinitionKey(section=Section.RELATIONS, name="Box")) is None
 
 
 def test_an_ontology_is_revised() -> None:
     new = ObjectType(name="Box", parent=ROOT)
-    changed = revised(ONTOLOGY, [named(VAT), named(NEAR)], [new])
-    assert {named(one): one for one in changed} == {named(one): one for one in ALL if one not in (VAT, NEAR, BOX)} | {named(new): new}
-    assert [*revised(ONTOLOGY, [], [])] == [*ONTOLOGY]
+    changed = revise_ontology(ONTOLOGY, [key_of(VAT), key_of(NEAR)], [new])
+    assert {key_of(one): one for one in changed} == {key_of(one): one for one in ALL if one not in (VAT, NEAR, BOX)} | {key_of(new): new}
+    assert [*revise_ontology(ONTOLOGY, [], [])] == [*ONTOLOGY]
     assert [*ONTOLOGY.extended([new])][-1] == ONTOLOGY.services["Open"]
     assert ONTOLOGY.types["Box"] is BOX, "the old one is as it was"
 
 
 def test_what_is_named_is_told_in_words() -> None:
-    assert str(Named(section=Section.SERVICES, name="Open")) == "service type Open"
+    assert str(DefinitionKey(section=Section.SERVICES, name="Open")) == "service type Open"
     assert str(Renaming(section=Section.TYPES, name="Box", to="Case")) == "type Box to Case"

@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.ontology.units import COMMON, USUAL, _registry, converted, convertible, known
+from somrs.ontology.units import COMMON, USUAL_FACTORS, _registry, convert_unit, is_convertible, is_known_unit
 from tests.support.paths import SCENARIO_1
 
 
 @given(value=st.floats(-1e4, 1e4, allow_nan=False))
-@pytest.mark.parametrize(("unit", "to"), USUAL)
+@pytest.mark.parametrize(("unit", "to"), USUAL_FACTORS)
 def test_the_usual_units_are_as_pint_has_them(unit: str, to: str, value: float) -> None:
-    assert converted(value, unit, to) == float(_registry().convert(value, unit, to))
+    assert convert_unit(value, unit, to) == float(_registry().convert(value, unit, to))
 
 
-@pytest.mark.parametrize("unit", sorted({*COMMON, *(unit for pair in USUAL for unit in pair)}))
+@pytest.mark.parametrize("unit", sorted({*COMMON, *(unit for pair in USUAL_FACTORS for unit in pair)}))
 def test_pint_knows_what_is_taken_for_known(unit: str) -> None:
     _registry().parse_units(unit)
 
@@ -43,10 +43,10 @@ def test_a_map_in_usual_units_is_read_without_pint() -> None:
     ],
 )
 def test_what_can_be_expressed_in_another_unit(value: float, unit: str, to: str, expected: float | None) -> None:
-    assert converted(value, unit, to) == expected
-    assert convertible(unit, to) is (expected is not None)
+    assert convert_unit(value, unit, to) == expected
+    assert is_convertible(unit, to) is (expected is not None)
 
 
 @pytest.mark.parametrize(("unit", "there"), [("km/h", True), ("EUR", True), ("euro", True), ("wibble", False), ("m/", False)])
 def test_which_units_are_known(unit: str, there: bool) -> None:
-    assert known(unit) is there
+    assert is_known_unit(unit) is there

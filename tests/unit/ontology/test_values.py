@@ -8,7 +8,7 @@ from somrs.entish.formula import Constant, Name, Number, Term, Text, Truth
 from somrs.entish.parse import parse_term
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import AttributeType, FunctionType, Kind, Value
-from somrs.ontology.values import Measured, attribute_at, compare, constant, evaluate, measure, value_of
+from somrs.ontology.values import MeasuredValue, attribute_at, compare, constant, evaluate, measure, value_of
 from tests.support.small import ONTOLOGY as SMALL
 
 ONTOLOGY = SMALL.extended(
@@ -73,42 +73,42 @@ def test_what_a_term_comes_to(text: str, value: Value | None) -> None:
 @pytest.mark.parametrize(
     ("text", "measured"),
     [
-        ("B.Size", Measured(Number(3.0, "m"), 0.5)),
-        ("size(B)", Measured(Number(3.0, "m"), 0.5)),
-        ("B.PositionX", Measured(Number(4.0, "m"))),
-        ("way(A, B)", Measured(Number(7.0, "km"))),
-        ("distance(A, C)", Measured(Number(5.0, "m"))),
-        ("A.Color", Measured(Name("Red"))),
-        ("A.Label", Measured(Text("one"))),
-        ("A.Open", Measured(Truth(True))),
-        ("B.Size * 2", Measured(Number(6.0, "m"), 1.0)),
-        ("-2 * B.Size", Measured(Number(-6.0, "m"), 1.0)),
-        ("B.Size * A.Size", Measured(Number(6.0, "(m) * (m)"), 2.5)),
-        ("3 * 4", Measured(Number(12.0))),
-        ("B.Size + A.Size", Measured(Number(5.0, "m"), 1.0)),
-        ("B.Size - A.Size", Measured(Number(1.0, "m"), 1.0)),
-        ("5 + B.Size", Measured(Number(8.0, "m"), 0.5)),
-        ("100 cm + B.Size", Measured(Number(400.0, "cm"), 50.0)),
+        ("B.Size", MeasuredValue(Number(3.0, "m"), 0.5)),
+        ("size(B)", MeasuredValue(Number(3.0, "m"), 0.5)),
+        ("B.PositionX", MeasuredValue(Number(4.0, "m"))),
+        ("way(A, B)", MeasuredValue(Number(7.0, "km"))),
+        ("distance(A, C)", MeasuredValue(Number(5.0, "m"))),
+        ("A.Color", MeasuredValue(Name("Red"))),
+        ("A.Label", MeasuredValue(Text("one"))),
+        ("A.Open", MeasuredValue(Truth(True))),
+        ("B.Size * 2", MeasuredValue(Number(6.0, "m"), 1.0)),
+        ("-2 * B.Size", MeasuredValue(Number(-6.0, "m"), 1.0)),
+        ("B.Size * A.Size", MeasuredValue(Number(6.0, "(m) * (m)"), 2.5)),
+        ("3 * 4", MeasuredValue(Number(12.0))),
+        ("B.Size + A.Size", MeasuredValue(Number(5.0, "m"), 1.0)),
+        ("B.Size - A.Size", MeasuredValue(Number(1.0, "m"), 1.0)),
+        ("5 + B.Size", MeasuredValue(Number(8.0, "m"), 0.5)),
+        ("100 cm + B.Size", MeasuredValue(Number(400.0, "cm"), 50.0)),
     ],
 )
-def test_tolerances_and_units_are_kept_and_calculated_with(text: str, measured: Measured) -> None:
+def test_tolerances_and_units_are_kept_and_calculated_with(text: str, measured: MeasuredValue) -> None:
     assert measure(parse_term(text), MAP, ONTOLOGY) == measured
 
 
 @pytest.mark.parametrize(
     ("text", "bound", "measured"),
     [
-        ("?x", {"x": Number(5.0, "m")}, Measured(Number(5.0, "m"))),
-        ("?x", {"x": Text("a")}, Measured(Text("a"))),
+        ("?x", {"x": Number(5.0, "m")}, MeasuredValue(Number(5.0, "m"))),
+        ("?x", {"x": Text("a")}, MeasuredValue(Text("a"))),
         ("?x", {"x": parse_term("A.Size")}, None),
         ("?x", {"y": Name("A")}, None),
-        ("?x.Size", {"x": Name("B")}, Measured(Number(3.0, "m"), 0.5)),
+        ("?x.Size", {"x": Name("B")}, MeasuredValue(Number(3.0, "m"), 0.5)),
         ("?x.Size", {"x": Text("B")}, None),
-        ("distance(A, ?x)", {"x": Name("C")}, Measured(Number(5.0, "m"))),
-        ("?x + 1", {"x": Number(5.0)}, Measured(Number(6.0))),
+        ("distance(A, ?x)", {"x": Name("C")}, MeasuredValue(Number(5.0, "m"))),
+        ("?x + 1", {"x": Number(5.0)}, MeasuredValue(Number(6.0))),
     ],
 )
-def test_what_variables_stand_for(text: str, bound: dict[str, Term], measured: Measured | None) -> None:
+def test_what_variables_stand_for(text: str, bound: dict[str, Term], measured: MeasuredValue | None) -> None:
     assert measure(parse_term(text), MAP, ONTOLOGY, bound) == measured
 
 
@@ -139,23 +139,23 @@ def test_what_variables_stand_for(text: str, bound: dict[str, Term], measured: M
     ],
 )
 def test_what_holds_between_two(left: Constant, right: Constant, holding: set[str]) -> None:
-    assert {sign for sign in ("=", "!=", "<", "<=", ">", ">=") if compare(Measured(left), sign, Measured(right))} == holding
+    assert {sign for sign in ("=", "!=", "<", "<=", ">", ">=") if compare(MeasuredValue(left), sign, MeasuredValue(right))} == holding
 
 
 @pytest.mark.parametrize(
     ("left", "right", "same"),
     [
-        (Measured(Number(1), 0.5), Measured(Number(1.5)), True),
-        (Measured(Number(1)), Measured(Number(1.5), 0.5), True),
-        (Measured(Number(1), 0.25), Measured(Number(1.5), 0.25), False),
-        (Measured(Number(1), 0.25), Measured(Number(1.5), 0.5), True),
-        (Measured(Number(1, "m"), 0.5), Measured(Number(150, "cm")), True),
-        (Measured(Number(1, "m")), Measured(Number(150, "cm"), 50), True),
-        (Measured(Number(1, "m")), Measured(Number(150, "cm"), 40), False),
-        (Measured(Number(1, "m"), 0.4), Measured(Number(150, "cm"), 30), False),
+        (MeasuredValue(Number(1), 0.5), MeasuredValue(Number(1.5)), True),
+        (MeasuredValue(Number(1)), MeasuredValue(Number(1.5), 0.5), True),
+        (MeasuredValue(Number(1), 0.25), MeasuredValue(Number(1.5), 0.25), False),
+        (MeasuredValue(Number(1), 0.25), MeasuredValue(Number(1.5), 0.5), True),
+        (MeasuredValue(Number(1, "m"), 0.5), MeasuredValue(Number(150, "cm")), True),
+        (MeasuredValue(Number(1, "m")), MeasuredValue(Number(150, "cm"), 50), True),
+        (MeasuredValue(Number(1, "m")), MeasuredValue(Number(150, "cm"), 40), False),
+        (MeasuredValue(Number(1, "m"), 0.4), MeasuredValue(Number(150, "cm"), 30), False),
     ],
 )
-def test_the_greater_tolerance_decides(left: Measured, right: Measured, same: bool) -> None:
+def test_the_greater_tolerance_decides(left: MeasuredValue, right: MeasuredValue, same: bool) -> None:
     assert compare(left, "=", right) is same
     assert compare(left, "<", right) is not same
 

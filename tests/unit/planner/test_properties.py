@@ -15,7 +15,7 @@ from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
-from somrs.ontology.truth import bindings, holds
+from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.plan import NoPlan, Plan, linearisations
 from somrs.planner.model.problem import Available, Problem
@@ -162,8 +162,8 @@ def _outcomes(draw: st.DrawFn, problem: Problem) -> Formula:
         choices = list(islice(successors(problem, later), 12))
         if choices:
             later = draw(st.sampled_from(choices))
-    new = [str(fact) for fact in later.facts() if not problem.map.holds(fact.relation, fact.arguments)]
-    new += [f"NOT {fact}" for fact in problem.map.facts() if not later.holds(fact.relation, fact.arguments)]
+    new = [str(fact) for fact in later.facts() if not problem.map.has_fact(fact.relation, fact.arguments)]
+    new += [f"NOT {fact}" for fact in problem.map.facts() if not later.has_fact(fact.relation, fact.arguments)]
     for object in later.objects.values():
         for path, value in object.values.items():
             if problem.map.objects[object.name].values.get(path) != value:
@@ -206,7 +206,7 @@ def reachable(problem: Problem) -> bool | None:
     waiting, seen = [problem.map], [problem.map]
     while waiting:
         map = waiting.pop(0)
-        if holds(problem.goal, map, ONTOLOGY):
+        if formula_holds(problem.goal, map, ONTOLOGY):
             return True
         for new in successors(problem, map):
             if new not in seen:
@@ -239,6 +239,6 @@ def test_plans_are_valid_and_a_plain_search_agrees(problem: Problem) -> None:
     for order in islice(linearisations(found), 50):
         map = problem.map
         for step in order:
-            assert step.precondition is None or holds(step.precondition, map, ONTOLOGY), (str(found), [s.id for s in order])
+            assert step.precondition is None or formula_holds(step.precondition, map, ONTOLOGY), (str(found), [s.id for s in order])
             map = after(step, map, problem)
-        assert holds(problem.goal, map, ONTOLOGY), (str(found), [s.id for s in order])
+        assert formula_holds(problem.goal, map, ONTOLOGY), (str(found), [s.id for s in order])

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
-from somrs.ontology.effects import applied
+from somrs.ontology.effects import apply_effect
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.validation import after, validate
@@ -34,7 +34,7 @@ def interrupted(couriers: int, parcels: int, done: int, *said: str) -> Problem:
     for step in steps[:done]:
         map = after(step, map, known)
     for text in said:
-        map = applied(parse(text), map, known.ontology)
+        map = apply_effect(parse(text), map, known.ontology)
     rest = tuple(steps[done:])
     return replace(known, map=map, rest=rest, promised=frozenset(step.id for step in rest))
 

@@ -13,7 +13,7 @@ from msgspec import structs
 from somrs.ontology.conformance import violations
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Constraint, Kind, ObjectType, RelationType
 from somrs.protocol.messages.knowledge import (
@@ -83,7 +83,7 @@ class Editor:
         section = self.section()
         name = self.name(section)
         renamed = (Renaming(section=section, name=self.name(section), to=name),) if self.of(True, False, False) else ()
-        return Define(removed=(Named(section=section, name=name),), renamed=renamed)
+        return Define(removed=(DefinitionKey(section=section, name=name),), renamed=renamed)
 
     def defining(self) -> Define:
         section = self.section()

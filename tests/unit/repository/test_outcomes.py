@@ -8,7 +8,7 @@ import pytest
 from msgspec import structs
 
 from somrs.ontology.conformance import Violation
-from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Constraint, Kind, ObjectType, RelationType
 from somrs.protocol.messages.knowledge import (
@@ -47,8 +47,8 @@ def types(*types: ObjectType) -> Definitions:
     return Definitions(types=types)
 
 
-def removed(*names: str, section: Section = TYPES) -> tuple[Named, ...]:
-    return tuple(Named(section=section, name=name) for name in names)
+def removed(*names: str, section: Section = TYPES) -> tuple[DefinitionKey, ...]:
+    return tuple(DefinitionKey(section=section, name=name) for name in names)
 
 
 def renamed(*pairs: tuple[str, str], section: Section = TYPES) -> tuple[Renaming, ...]:

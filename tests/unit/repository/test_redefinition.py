@@ -10,7 +10,7 @@ from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import Fact, Object, ObjectAdded, ValueSet
 from somrs.ontology.types import AttributeType, Constraint, Kind, ObjectType
 from somrs.protocol.messages.knowledge import (
@@ -93,7 +93,7 @@ def rename(section: Section, name: str, to: str) -> Define:
 
 
 def remove(section: Section, *names: str) -> Define:
-    return Define(removed=tuple(Named(section=section, name=name) for name in names), author="Anna")
+    return Define(removed=tuple(DefinitionKey(section=section, name=name) for name in names), author="Anna")
 
 
 def types(*types: ObjectType, expected: int | None = None, author: str = "Anna") -> Define:
@@ -113,7 +113,7 @@ def test_a_type_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> None:
     assert [(p.name, p.type) for p in ontology.services["Refill"].inputs] == [("Tin", "PaintTin"), ("At", "Bench")]
     assert map.objects["Tin1"].type == "PaintTin"
     assert map.objects["Tin2"].type == "SmallTin"
-    assert map.holds("isOn", ("Tin1", "Bench1"))
+    assert map.has_fact("isOn", ("Tin1", "Bench1"))
 
 
 def test_types_in_formulas_and_parts_are_renamed(keeper: Keeper) -> None:
@@ -235,11 +235,14 @@ def test_removing_an_attribute_tells_which_objects_have_it(keeper: Keeper) -> No
 
 
 def test_something_may_take_the_place_of_what_is_removed_unless_there_is_any_on_the_map(keeper: Keeper) -> None:
-    cup = Define(removed=(Named(section=Section.TYPES, name="Cup"),), renamed=(Renaming(section=Section.TYPES, name="Bottle", to="Cup"),))
+    cup = Define(
+        removed=(DefinitionKey(section=Section.TYPES, name="Cup"),), renamed=(Renaming(section=Section.TYPES, name="Bottle", to="Cup"),)
+    )
     keeper.say(cup, Defined)
     assert keeper.contents.ontology.types["Cup"].defaults["Shape.Height"] == 0.22
     tin = Define(
-        removed=(Named(section=Section.TYPES, name="SmallTin"),), renamed=(Renaming(section=Section.TYPES, name="Can", to="SmallTin"),)
+        removed=(DefinitionKey(section=Section.TYPES, name="SmallTin"),),
+        renamed=(Renaming(section=Section.TYPES, name="Can", to="SmallTin"),),
     )
     assert ("objects", "Tin2") in {(rule.section, rule.subject) for rule in keeper.broken(tin)}
 
@@ -247,7 +250,9 @@ def test_something_may_take_the_place_of_what_is_removed_unless_there_is_any_on_
 def test_what_was_said_of_something_removed_is_not_said_of_what_takes_its_name(keeper: Keeper) -> None:
     before = definitions(keeper.contents.ontology)
     bench = keeper.contents.ontology.types["Bench"]
-    vice = Define(removed=(Named(section=Section.TYPES, name="Vice"),), renamed=(Renaming(section=Section.TYPES, name="Tin", to="Vice"),))
+    vice = Define(
+        removed=(DefinitionKey(section=Section.TYPES, name="Vice"),), renamed=(Renaming(section=Section.TYPES, name="Tin", to="Vice"),)
+    )
     for change in (vice, structs.replace(vice, definitions=Definitions(types=(bench,)))):
         (rule,) = keeper.broken(change)
         assert (rule.section, rule.subject, rule.rule) == (Section.TYPES, "Bench", "replaced")
@@ -324,7 +329,7 @@ def test_considering_tells_what_would_change_and_changes_nothing(keeper: Keeper)
     assert keeper.contents.version == 0
     moved = keeper.say(Consider(change=UpdateMap(situation="Tin1 isOn Bench2")), Considered)
     assert len(moved.changes) == 2
-    assert keeper.contents.map.holds("isOn", ("Tin1", "Bench1"))
+    assert keeper.contents.map.has_fact("isOn", ("Tin1", "Bench1"))
 
 
 def test_of_very_many_consequences_the_first_are_told_and_how_many_there_are(keeper: Keeper) -> None:

@@ -137,8 +137,8 @@ def test_a_situation_changes_what_it_says_and_what_follows_from_the_relations(re
     answer = update(repository, situation="Jar1 isOn Table2 AND Jar1.PositionX = 8 AND Jar1.PositionY = 8")
     assert answer == Updated(version=1)
     map = repository.contents.map
-    assert map.holds("isOn", ("Jar1", "Table2"))
-    assert not map.holds("isOn", ("Jar1", "Table1"))
+    assert map.has_fact("isOn", ("Jar1", "Table2"))
+    assert not map.has_fact("isOn", ("Jar1", "Table1"))
     assert map.objects["Jar1"].values["PositionX"] == 8.0
     assert violations(map, repository.contents.ontology) == []
 
@@ -159,7 +159,7 @@ def test_an_update_is_recorded_before_it_is_answered_and_answered_before_it_is_t
 
 def test_single_changes_and_a_situation_are_one_update(repository: Repository) -> None:
     assert update(repository, ObjectAdded(JAR), situation="Jar9 isOn Table1") == Updated(version=1)
-    assert repository.contents.map.holds("isOn", ("Jar9", "Table1"))
+    assert repository.contents.map.has_fact("isOn", ("Jar9", "Table1"))
 
 
 def test_everything_that_is_wrong_is_said_and_nothing_is_done(repository: Repository) -> None:
@@ -254,7 +254,7 @@ def test_an_object_may_be_replaced_by_one_of_another_type(repository: Repository
     )
     assert update(repository, *changes) == Updated(version=1)
     assert repository.contents.map.objects["Jar1"].type == "Can"
-    assert repository.contents.map.holds("isOn", ("Jar1", "Table1"))
+    assert repository.contents.map.has_fact("isOn", ("Jar1", "Table1"))
 
 
 def test_a_repeated_message_is_answered_again_and_not_done_again(repository: Repository) -> None:
@@ -265,7 +265,7 @@ def test_a_repeated_message_is_answered_again_and_not_done_again(repository: Rep
     effects = repository.handle(Received(same), 2.0)
     assert sent(effects, Updated) == [Updated(version=1)]
     assert len(effects) == 1
-    assert repository.contents.map.holds("isOn", ("Jar1", "Table1"))
+    assert repository.contents.map.has_fact("isOn", ("Jar1", "Table1"))
 
 
 def test_a_rejected_message_stays_rejected(repository: Repository) -> None:

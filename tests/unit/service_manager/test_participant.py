@@ -621,7 +621,7 @@ def test_what_is_noticed_of_a_device_that_is_not_on_the_map_yet_waits_until_it_i
     anew = Repository(REPOSITORY, contents())
     hall.world.add(REPOSITORY, anew)
     hall.world.run(60.0)
-    assert anew.contents.map.holds("isOn", ("Jar1", "Washer1"))
+    assert anew.contents.map.has_fact("isOn", ("Jar1", "Washer1"))
     assert [report.text for report in hall.reports if not report.joined] == []
 
 

@@ -71,7 +71,7 @@ def office() -> Site:
 
 
 def objects(site: Site, type: str) -> dict[str, Object]:
-    return {name: object for name, object in site.map.objects.items() if site.ontology.is_a(object.type, type)}
+    return {name: object for name, object in site.map.objects.items() if site.ontology.is_subtype(object.type, type)}
 
 
 def number(site: Site, object: Object, path: str) -> float:
@@ -100,7 +100,7 @@ def outlines(site: Site) -> list[list[Point]]:
 def test_office_conforms_and_is_written_and_read_back(office: Site) -> None:
     assert violations(office.map, office.ontology) == []
     assert ontology_violations(office.ontology) == []
-    again = load_text(dump_ontology(office.ontology, without=upper()) + dump_map(office.map, office.ontology))
+    again = load_text(dump_ontology(office.ontology, base=upper()) + dump_map(office.map, office.ontology))
     assert again.map == office.map
 
 
@@ -201,7 +201,7 @@ def test_what_could_not_be_brought_in_as_it_is_is_noted() -> None:
     site = import_text(SMALL)
     for words in ("Contraption is not known", "Table001 is moved", "Lift1 stands as a device", "nothing is below Coke001"):
         assert any(words in note for note in site.notes), words
-    assert site.map.holds("isOn", ("Coke001", "Floor001"))
+    assert site.map.has_fact("isOn", ("Coke001", "Floor001"))
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.dump import dump_map, dump_ontology
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.services import PROVIDER
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.planner.model.plan import Step
 from somrs.sites.pddl import Imported, classical, read
 from tests.support.naive_pddl import Naive, State
@@ -94,7 +94,7 @@ def compare(imported: Imported, naive: Naive, moves: int, seed: int) -> set[str]
     seen: set[str] = set()
     for _ in range(moves):
         assert state(imported, world, naive) == of_interest(truth)
-        assert holds(imported.goal, world.map, imported.ontology) == naive.reached(truth)
+        assert formula_holds(imported.goal, world.map, imported.ontology) == naive.reached(truth)
         possible = {str(ground): ground for ground in grounds if naive.applicable(ground, truth)}
         useful = {name for name, ground in possible.items() if of_interest(naive.after(ground, truth)) != of_interest(truth)}
         some = {name for name, _ in dice.sample(all_steps, min(len(all_steps), SAMPLE))} | possible.keys()
@@ -136,7 +136,7 @@ def test_benchmarks_mean_what_pddl_defines(name: str) -> None:
 def test_the_ontology_and_the_map_are_in_order_and_survive_being_written(harbour: Imported) -> None:
     assert not ontology_violations(harbour.ontology)
     assert not violations(harbour.map, harbour.ontology)
-    text = dump_ontology(harbour.ontology, without=upper()) + dump_map(harbour.map, harbour.ontology)
+    text = dump_ontology(harbour.ontology, base=upper()) + dump_map(harbour.map, harbour.ontology)
     again = load_text(text)
     assert again.map == harbour.map
     assert [*again.ontology] == [*harbour.ontology]
@@ -149,8 +149,8 @@ def test_agents_are_devices_and_offer_what_their_types_do(harbour: Imported) -> 
     assert "lift" in offered["crane1"]
     assert "Sail" not in offered["crane1"]
     for agent in harbour.agents:
-        assert harbour.ontology.is_a(harbour.map.objects[agent].type, "Device")
-    assert not harbour.ontology.is_a(harbour.map.objects["crate1"].type, "Device")
+        assert harbour.ontology.is_subtype(harbour.map.objects[agent].type, "Device")
+    assert not harbour.ontology.is_subtype(harbour.map.objects["crate1"].type, "Device")
 
 
 def test_the_task_is_the_goal_in_words_of_the_map(harbour: Imported) -> None:
@@ -189,7 +189,7 @@ def test_names_that_entish_cannot_say_are_changed_and_known_again(tmp_path: Path
     assert {imported.pddl_step(step) for step in possible} == {"(NOT and 7up)", "(NOT and a--b)"}
     for step in possible:
         assert world.perform(*doing(step)) is None
-    assert holds(imported.goal, world.map, imported.ontology)
+    assert formula_holds(imported.goal, world.map, imported.ontology)
 
 
 def test_without_agents_one_device_offers_everything(tmp_path: Path) -> None:
@@ -235,7 +235,7 @@ def test_whatever_the_types_the_same_can_be_done(tmp_path: Path, types: str, age
     for seed in range(4):
         compare(imported, naive, 8, seed)
     for agent_name in imported.agents:
-        assert imported.ontology.is_a(imported.map.objects[agent_name].type, "Device")
+        assert imported.ontology.is_subtype(imported.map.objects[agent_name].type, "Device")
 
 
 def test_an_agent_may_be_a_constant_of_its_own_action(tmp_path: Path) -> None:
@@ -280,7 +280,7 @@ def test_numbers_of_one_object_are_attributes_and_of_several_tables(tmp_path: Pa
     assert world.refusal("fill", {"t": "t1"}, "Agent1") == "t1.fuel != t1.tank does not hold"
     assert world.perform("go", go, "Agent1") is None
     assert world.map.objects["t1"].values["fuel"] == 1
-    assert holds(imported.goal, world.map, imported.ontology)
+    assert formula_holds(imported.goal, world.map, imported.ontology)
 
 
 def test_as_ordinary_pddl_the_agent_is_a_parameter_and_nothing_is_private(tmp_path: Path) -> None:
@@ -319,7 +319,7 @@ def test_unified_planning_accepts_what_the_world_did(tmp_path: Path) -> None:
     world = SymbolicWorld(harbour.ontology, harbour.map)
     plan: list[Step] = []
     choices = steps(harbour)
-    while not holds(harbour.goal, world.map, harbour.ontology):
+    while not formula_holds(harbour.goal, world.map, harbour.ontology):
         dice.shuffle(choices)
         plan.append(next(step for step in choices if world.refusal(*doing(step)) is None))
         assert world.perform(*doing(plan[-1])) is None

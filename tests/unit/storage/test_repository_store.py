@@ -67,7 +67,7 @@ def test_a_new_file_begins_with_what_is_given_and_is_gone_on_with(keeper: Keeper
     keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
     keeper.restart(snapshot=True)
     assert ([*keeper.contents.ontology], [*keeper.contents.map.objects]) == ([*ontology], [*map.objects])
-    assert keeper.contents.map.holds("isOn", ("Jar1", "Table2")), "not what was given at first"
+    assert keeper.contents.map.has_fact("isOn", ("Jar1", "Table2")), "not what was given at first"
 
 
 @pytest.mark.parametrize("snapshot", [True, False])
@@ -101,7 +101,7 @@ def test_what_was_answered_is_answered_again_after_a_restart(keeper: Keeper) -> 
     assert [keeper.say(UpdateMap(situation=situation), object, identity=situation) for situation in asked] == first
     assert isinstance(first[1], Rejected)
     assert keeper.contents.version == 2
-    assert keeper.contents.map.holds("isOn", ("Jar2", "Table2"))
+    assert keeper.contents.map.has_fact("isOn", ("Jar2", "Table2"))
 
 
 def test_expected_versions_outlast_a_restart(keeper: Keeper) -> None:

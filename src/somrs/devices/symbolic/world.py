@@ -13,7 +13,7 @@ from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Change, Fact, FactAdded, Map
 from somrs.ontology.services import PROVIDER, ServiceType
-from somrs.ontology.truth import bindings, holds
+from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.ontology.values import measure
 from somrs.service_manager.sdk.values import term
@@ -123,7 +123,7 @@ class SymbolicWorld:
 
     def _offers(self, kind: str, service: ServiceType) -> bool:
         wanted = _provider(service)
-        return wanted is None or wanted.type is None or self.ontology.is_a(kind, wanted.type)
+        return wanted is None or wanted.type is None or self.ontology.is_subtype(kind, wanted.type)
 
     def _do(self, service: str, inputs: Inputs, provider: str, made: Sequence[Change], *, whole: bool) -> None:
         self.map = self.map.changed(made)
@@ -163,11 +163,11 @@ class SymbolicWorld:
         object = self.map.objects.get(name)
         if object is None:
             raise _Refused(f"there is no {name} in this world")
-        if not self.ontology.is_a(object.type, kind):
+        if not self.ontology.is_subtype(object.type, kind):
             raise _Refused(f"{name} is a {object.type}, and a {kind} is needed")
 
     def _lacking(self, precondition: Formula) -> str:
-        parts = [part for part in conjuncts(precondition) if not holds(part, self.map, self.ontology)]
+        parts = [part for part in conjuncts(precondition) if not formula_holds(part, self.map, self.ontology)]
         return f"{' and '.join(map(str, parts or [precondition]))} {'does' if len(parts) < 2 else 'do'} not hold"
 
     def _as_it_is(self, atom: Relation | Comparison) -> Formula | None:
@@ -175,7 +175,7 @@ class SymbolicWorld:
         if isinstance(atom, Relation):
             if atom.relation not in self._changing:
                 return None
-            return atom if holds(atom, self.map, self.ontology) else Not(atom)
+            return atom if formula_holds(atom, self.map, self.ontology) else Not(atom)
         target = atom.left if isinstance(atom.left, Attribute) else atom.right
         if not isinstance(target, Attribute) or target.path not in self._set:
             return None

@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 
 from somrs.ontology.files.nodes import Dumper, Lines
-from somrs.ontology.naming import find, named
+from somrs.ontology.naming import find_definition, key_of
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import PART_OF, AttributeType, Constraint, FunctionType, ObjectType, Ontology, Part, RelationType, Value
@@ -30,9 +30,9 @@ def dump_map(map: Map, ontology: Ontology, name: str | None = None) -> str:
     def tree(object: Object) -> dict[str, Any]:
         body = _object(object, ontology)
         nested.add(object.name)
-        below = [part for part in parts.get(object.name, ()) if part not in nested]
-        if below:
-            body["parts"] = {part: tree(map.objects[part]) for part in below}
+        child_parts = [part for part in parts.get(object.name, ()) if part not in nested]
+        if child_parts:
+            body["parts"] = {part: tree(map.objects[part]) for part in child_parts}
         return body
 
     objects = {object.name: tree(object) for object in map.objects.values() if object.name not in wholes}
@@ -58,26 +58,26 @@ def _nested(values: dict[str, Value]) -> dict[str, Any]:
     """Paths as trees: `Shape.Height: 1` as `Shape: {Height: 1}`."""
     tree: dict[str, Any] = {}
     for path, value in values.items():
-        *outer, last = path.split(".")
+        *outer, leaf_key = path.split(".")
         node = tree
         for step in outer:
             inner = node.setdefault(step, {})
             if not isinstance(inner, dict):  # a value where a part of it has one, too; wrong, but to be read back as it is
-                node, last = tree, path
+                node, leaf_key = tree, path
                 break
             node = inner
-        if isinstance(node.get(last), dict):
-            node, last = tree, path
-        node[last] = _plain(value)
+        if isinstance(node.get(leaf_key), dict):
+            node, leaf_key = tree, path
+        node[leaf_key] = _plain(value)
     return tree
 
 
-def dump_ontology(ontology: Ontology, without: Ontology | None = None, name: str | None = None, *, whole: bool = False) -> str:
+def dump_ontology(ontology: Ontology, base: Ontology | None = None, name: str | None = None, *, whole: bool = False) -> str:
     """The ontology as YAML text, leaving out what `without` has already, unless it is to be the `whole`; what it has otherwise, or not,
     is said not to be taken over from there."""
     text: dict[str, Any] = {"ontology": name} if name else {}
-    if without is not None and (other := [*_otherwise(ontology, without)]):
-        text["without"] = other
+    if base is not None and (overridden_names := [*_overridden_names(ontology, base)]):
+        text["without"] = overridden_names
     for section, entry in (
         ("attributes", _attribute),
         ("relations", _relation),
@@ -85,19 +85,19 @@ def dump_ontology(ontology: Ontology, without: Ontology | None = None, name: str
         ("types", _type),
         ("services", _service),
     ):
-        known = getattr(without, section) if without is not None and not whole else {}
-        entries = {d.name: entry(d) for d in getattr(ontology, section).values() if known.get(d.name) != d}
+        base_definitions = getattr(base, section) if base is not None and not whole else {}
+        entries = {d.name: entry(d) for d in getattr(ontology, section).values() if base_definitions.get(d.name) != d}
         if entries:
             text[section] = entries
     return _yaml(text)
 
 
-def _otherwise(ontology: Ontology, other: Ontology) -> Iterator[str]:
+def _overridden_names(ontology: Ontology, base: Ontology) -> Iterator[str]:
     """What the other has that this one has otherwise, or not at all."""
-    for definition in other:
-        what = named(definition)
-        if find(ontology, what) != definition:
-            yield f"{what.section} {what.name}"
+    for definition in base:
+        definition_key = key_of(definition)
+        if find_definition(ontology, definition_key) != definition:
+            yield f"{definition_key.section} {definition_key.name}"
 
 
 def _attribute(attribute: AttributeType) -> dict[str, Any]:
@@ -147,12 +147,12 @@ def _service(service: ServiceType) -> dict[str, Any]:
 
 def _fields(definition: Any, *names: str) -> dict[str, Any]:
     """What differs from a definition's plain default: nothing, false, 0 and the empty list are not written, except limits of 0."""
-    found: dict[str, Any] = {}
+    written_fields: dict[str, Any] = {}
     for name in names:
         value = getattr(definition, name)
         if value or (value == 0 and name in ("minimum", "maximum") and value is not None):
-            found[name] = _plain(value)
-    return found
+            written_fields[name] = _plain(value)
+    return written_fields
 
 
 def _is_number(value: Value | None) -> bool:

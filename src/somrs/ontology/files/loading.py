@@ -20,14 +20,14 @@ from somrs.entish.parse import nearest, parse
 from somrs.errors import FormulaError, ModelError, Problem
 from somrs.ontology.conformance import Violation, violations
 from somrs.ontology.consistency import ontology_violations
-from somrs.ontology.dependency_index import lost
+from somrs.ontology.dependency_index import lost_dependencies
 from somrs.ontology.files.nodes import Path, Source
 from somrs.ontology.files.structure import definition, flat, structure_problems
-from somrs.ontology.naming import Named, Section, revised
+from somrs.ontology.naming import DefinitionKey, Section, revise_ontology
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.schema import ENTRIES, RESERVED
 from somrs.ontology.types import PART_OF, AttributeType, Definition, Kind, Ontology, Value
-from somrs.ontology.units import converted
+from somrs.ontology.units import convert_unit
 
 NAME = re.compile(r"[^\W\d]\w*(?:-\w+)*")
 MAP_KEYS = frozenset(("map", "objects", "facts"))
@@ -39,7 +39,7 @@ _POSITION = ("PositionX", "PositionY", "PositionZ")
 
 
 @dataclass(frozen=True, slots=True)
-class Loaded:
+class LoadedModel:
     """What files hold: the ontology with everything they build on, and their map, if they have one."""
 
     ontology: Ontology
@@ -53,13 +53,13 @@ def upper() -> Ontology:
     return _Reading(Ontology()).finish([Source("upper.yaml", text)]).ontology
 
 
-def load(paths: Iterable[str | FilePath], base: Ontology | None = None) -> Loaded:
+def load(paths: Iterable[str | FilePath], base: Ontology | None = None) -> LoadedModel:
     """Read the files and those they use. Raises ModelError with all that is wrong."""
     reading = _Reading(base if base is not None else upper())
     return reading.finish(reading.sources([FilePath(path) for path in paths]))
 
 
-def load_text(text: str, file: str = "text", base: Ontology | None = None) -> Loaded:
+def load_text(text: str, file: str = "text", base: Ontology | None = None) -> LoadedModel:
     """Like `load`, for one file's text that may not lie in a file."""
     return _Reading(base if base is not None else upper()).finish([Source(file, text)])
 
@@ -113,46 +113,46 @@ class _Reading:
 
     def sources(self, paths: list[FilePath]) -> list[Source]:
         """The files, each once, those that a file uses before it."""
-        found: list[Source] = []
-        seen: set[FilePath] = set()
+        ordered_sources: list[Source] = []
+        visited_paths: set[FilePath] = set()
 
-        def visit(path: FilePath, shown: str, user: tuple[Source, Path] | None) -> None:
+        def visit(path: FilePath, display_path: str, user: tuple[Source, Path] | None) -> None:
             real = path.resolve()
-            if real in seen:
+            if real in visited_paths:
                 return
-            seen.add(real)
+            visited_paths.add(real)
             try:
-                source = Source(shown, path.read_text("utf-8-sig"))
+                source = Source(display_path, path.read_text("utf-8-sig"))
             except (OSError, UnicodeDecodeError) as error:
                 reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-                file, line = (user[0].file, user[0].line(user[1])) if user else (shown, None)
-                message = f"{shown} cannot be read: {reason}; mend the path or the file"
+                file, line = (user[0].file, user[0].line(user[1])) if user else (display_path, None)
+                message = f"{display_path} cannot be read: {reason}; mend the path or the file"
                 self.problems.append(Problem(file=file, line=line, subject="file", rule="file", message=message))
                 return
-            uses = source.data.get("uses") if isinstance(source.data, dict) else None
-            for index, used in enumerate(uses if isinstance(uses, list) else ()):
-                if isinstance(used, str):
-                    visit(path.parent / used, str(FilePath(shown).parent / used), (source, ("uses", index)))
-            found.append(source)
+            used_files = source.data.get("uses") if isinstance(source.data, dict) else None
+            for index, used_path in enumerate(used_files if isinstance(used_files, list) else ()):
+                if isinstance(used_path, str):
+                    visit(path.parent / used_path, str(FilePath(display_path).parent / used_path), (source, ("uses", index)))
+            ordered_sources.append(source)
 
         for path in paths:
             visit(path, str(path), None)
-        return found
+        return ordered_sources
 
-    def finish(self, sources: list[Source]) -> Loaded:
+    def finish(self, sources: list[Source]) -> LoadedModel:
         """Everything the sources say, checked."""
         good = [source for source in sources if self._structure(source)]
-        given = self.base
+        given_base = self.base
         for source in good:
-            self._without(source)
+            self._remove_definitions(source)
         for source in good:
             self._definitions(source)
         ontology = self.base.extended(self.definitions.values())
         # What the base has is in order, unless something of it is gone; what replaces something is looked at by whoever has the map, too.
-        concerned = self.definitions.values() if self.replacing or self.base is given else None
+        concerned = self.definitions.values() if self.replacing or self.base is given_base else None
         for violation in ontology_violations(ontology, concerned):
             self._report(violation)
-        for violation in lost(given, ontology):
+        for violation in lost_dependencies(given_base, ontology):
             self._report(violation)
         for source in good:
             self._map(source, ontology)
@@ -163,12 +163,12 @@ class _Reading:
         if self.problems:
             order = {source.file: index for index, source in enumerate(sources)}
             raise ModelError(sorted(dict.fromkeys(self.problems), key=lambda p: (order.get(p.file, -1), p.line or 0)))
-        return Loaded(ontology, map if self.has_map else None)
+        return LoadedModel(ontology, map if self.has_map else None)
 
     def _report(self, violation: Violation) -> None:
         """Put the violation on its line, unless it only follows from a problem that is known already."""
-        said = f"{violation.subject} {violation.message}"
-        if not self.broken.isdisjoint(re.findall(r"\w[\w-]*", said)):
+        report_text = f"{violation.subject} {violation.message}"
+        if not self.broken.isdisjoint(re.findall(r"\w[\w-]*", report_text)):
             return
         if violation.rule == "root" and self.broken:
             return  # one of the broken objects may be the root
@@ -195,7 +195,7 @@ class _Reading:
 
     # Ontologies
 
-    def _without(self, source: Source) -> None:
+    def _remove_definitions(self, source: Source) -> None:
         """Leave out of the base what the source does not want, or defines anew."""
         entries = source.data.get("without")
         for index, text in enumerate(entries if isinstance(entries, list) else ()):
@@ -210,8 +210,8 @@ class _Reading:
                 hint = nearest(name, getattr(self.base, section)) or "leave it out here"
                 self._problem(place, name, "unknown-name", f"is not among the {section} that are there; {hint}")
             else:
-                what = Named(section=Section(section), name=name)
-                self.base = revised(self.base, (what,), ())
+                definition_key = DefinitionKey(section=Section(section), name=name)
+                self.base = revise_ontology(self.base, (definition_key,), ())
                 self.places.setdefault(f"{section} {name}", place)
 
     def _definitions(self, source: Source) -> None:
@@ -230,12 +230,12 @@ class _Reading:
 
     def _define(self, section: str, definition: Definition, place: _Place) -> None:
         name, key = definition.name, f"{section} {definition.name}"
-        there = getattr(self.base, section).get(name)
+        base_definition = getattr(self.base, section).get(name)
         if key in self.definitions:
-            other = self.places[key]
-            message = f"is defined in {other.source.file}:{other.line()} already; give this one another name"
+            earlier_place = self.places[key]
+            message = f"is defined in {earlier_place.source.file}:{earlier_place.line()} already; give this one another name"
             self._problem(place, name, "duplicate", message)
-        elif there is not None and there != definition and not self.replacing:
+        elif base_definition is not None and base_definition != definition and not self.replacing:
             message = (
                 f"is in the ontology already and means something else there; give this one another name, or write {key} under without:"
             )
@@ -247,8 +247,8 @@ class _Reading:
     def _default(self, subject: str, place: _Place, path: str, value: Any) -> Value | None:
         """A type's default in the attribute's unit."""
         name = path.rpartition(".")[2]
-        known = self.definitions.get(f"attributes {name}", self.base.attributes.get(name))
-        attribute = known if isinstance(known, AttributeType) else None
+        attribute_definition = self.definitions.get(f"attributes {name}", self.base.attributes.get(name))
+        attribute = attribute_definition if isinstance(attribute_definition, AttributeType) else None
         return self._value(subject, place, attribute, path, value, f"defaults.{path}")
 
     # Maps
@@ -281,8 +281,8 @@ class _Reading:
         if not self._named(name, place) or not isinstance(body, dict):
             return
         if name in self.objects:
-            other = self.places[f"objects {name}"]
-            message = f"is the name of another object in {other.source.file}:{other.line()}; names are unique in a map"
+            earlier_place = self.places[f"objects {name}"]
+            message = f"is the name of another object in {earlier_place.source.file}:{earlier_place.line()}; names are unique in a map"
             self._problem(place, name, "duplicate", message)
         elif isinstance(type_name := body.get("type"), str):
             if type_name not in kinds:
@@ -299,8 +299,11 @@ class _Reading:
     def _values(self, name: str, body: dict[str, Any], kinds: Mapping[str, AttributeType], place: _Place) -> dict[str, Value]:
         values: dict[str, Value] = {}
         written = [(path, value, path) for path, value in flat({key: value for key, value in body.items() if key not in RESERVED})]
-        if isinstance(at := body.get("at"), list):
-            written = [*((path, value, f"at.{index}") for index, (path, value) in enumerate(zip(_POSITION, at, strict=False))), *written]
+        if isinstance(position := body.get("at"), list):
+            written = [
+                *((path, value, f"at.{index}") for index, (path, value) in enumerate(zip(_POSITION, position, strict=False))),
+                *written,
+            ]
         if (turned := body.get("turned")) is not None:
             written = [*written, ("RotationZ", turned, "turned")]
         for path, value, key in written:
@@ -317,15 +320,15 @@ class _Reading:
         if isinstance(value, bool | float) or (isinstance(value, str) and (attribute is None or attribute.kind is not Kind.NUMBER)):
             return value
         if not isinstance(value, str) or attribute is None:
-            what = "a list" if isinstance(value, list) else "empty"
-            self._problem(place, subject, "value", f"{path} is {what}; write a number, a text, or true or false", key)
+            description = "a list" if isinstance(value, list) else "empty"
+            self._problem(place, subject, "value", f"{path} is {description}; write a number, a text, or true or false", key)
             return None
         unit = f" in {attribute.unit}" if attribute.unit else ""
         match = _QUANTITY.fullmatch(value)
         if match is None or attribute.unit is None:
             self._problem(place, subject, "value", f"{path} is a number{unit}, not {value!r}", key)
             return None
-        number = converted(float(match[1]), match[2], attribute.unit)
+        number = convert_unit(float(match[1]), match[2], attribute.unit)
         if number is None:
             self._problem(place, subject, "unit", f"{path} is a number{unit}, and {value!r} cannot be expressed in it", key)
         return number

@@ -123,19 +123,19 @@ class Source:
 
     def _clean(self, root: yaml.Node) -> bool:
         """Report aliases and keys written twice; YAML itself would let the last one win. False when the values cannot be built."""
-        seen: set[int] = set()
+        visited_ids: set[int] = set()
         aliased = False
         stack = [root]
         while stack:
             node = stack.pop()
-            if id(node) in seen:
+            if id(node) in visited_ids:
                 line = node.start_mark.line + 1
                 self._problem(line, "alias", "YAML aliases (&name, *name) are not used here; write it out, or give the type defaults")
                 aliased = True
                 continue
             if not isinstance(node, yaml.CollectionNode):
                 continue
-            seen.add(id(node))
+            visited_ids.add(id(node))
             if isinstance(node, yaml.MappingNode):
                 for twice, first in _repeated(node):
                     message = f"{twice.value} is already written in line {first}; keep one of the two"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from somrs.ontology.files.dump import dump_map, dump_ontology
 from somrs.ontology.files.loading import upper
-from somrs.ontology.naming import named
+from somrs.ontology.naming import key_of
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 
@@ -12,6 +12,6 @@ from somrs.ontology.types import Ontology
 def dump_site(ontology: Ontology, map: Map, name: str | None = None) -> str:
     """The text of a file that `load` reads back as this ontology and this map."""
     base = upper()
-    same = {named(one): one for one in ontology} == {named(one): one for one in base}
-    definitions = dump_ontology(ontology, without=base, name=name or next(iter(map.roots()), "site")) if not same else ""
+    is_unchanged = {key_of(definition): definition for definition in ontology} == {key_of(definition): definition for definition in base}
+    definitions = dump_ontology(ontology, base=base, name=name or next(iter(map.roots()), "site")) if not is_unchanged else ""
     return definitions + dump_map(map, ontology, name)

@@ -24,7 +24,7 @@ def structure_problems(source: Source) -> tuple[list[Problem], set[str]]:
     if not isinstance(source.data, dict):
         message = f"a file is a list of keys ({', '.join(File.model_fields)}) with values"
         return [*source.problems, Problem(file=source.file, line=1, subject="file", rule="structure", message=message)], set()
-    found: dict[tuple[int | None, str], Problem] = {}
+    problems: dict[tuple[int | None, str], Problem] = {}
     broken: set[str] = set()
     try:
         File.model_validate(source.data)
@@ -38,8 +38,8 @@ def structure_problems(source: Source) -> tuple[list[Problem], set[str]]:
                 broken.add(owner)
             subject, line = owner or (str(path[0]) if path else "file"), source.line(path)
             problem = Problem(file=source.file, line=line, subject=subject, rule="structure", message=_message(path, detail))
-            found.setdefault((line, str(path) if detail["type"] in ("missing", "extra_forbidden") else subject), problem)
-    return [*source.problems, *found.values()], broken
+            problems.setdefault((line, str(path) if detail["type"] in ("missing", "extra_forbidden") else subject), problem)
+    return [*source.problems, *problems.values()], broken
 
 
 def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Definition:
@@ -57,8 +57,8 @@ def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Defin
             inputs, outputs = (tuple(Parameter(name=n, type=t) for n, t in side.items()) for side in (entry.inputs, entry.outputs))
             handlers = tuple(Handler(**handler.model_dump()) for handler in entry.handlers)
             cost = str(Number(entry.cost)) if isinstance(entry.cost, float) else entry.cost
-            given = {**entry.model_dump(), "name": name, "inputs": inputs, "outputs": outputs, "handlers": handlers, "cost": cost}
-            return ServiceType(**given)
+            fields = {**entry.model_dump(), "name": name, "inputs": inputs, "outputs": outputs, "handlers": handlers, "cost": cost}
+            return ServiceType(**fields)
         case TypeEntry():
             return ObjectType(
                 **{
@@ -88,8 +88,8 @@ def flat(values: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 def _leads(data: Any, path: Path) -> bool:
     for step in path:
-        there = step in data if isinstance(data, dict) else isinstance(data, list) and isinstance(step, int)
-        if not there:
+        has_step = step in data if isinstance(data, dict) else isinstance(data, list) and isinstance(step, int)
+        if not has_step:
             return False
         data = data[step]
     return True
@@ -109,32 +109,32 @@ def _owner(path: Path) -> str | None:
 
 def _model(path: Path) -> type[BaseModel]:
     """What the entry at the place has to look like."""
-    found: Any = File
+    annotation: Any = File
     for step in path:
-        if isinstance(found, type) and issubclass(found, BaseModel):
-            found = found.model_fields[str(step)].annotation
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            annotation = annotation.model_fields[str(step)].annotation
         else:  # what a list or a dictionary is of
-            found = get_args(found)[-1]
-    model: type[BaseModel] = found  # nothing else has keys that may be unknown
+            annotation = get_args(annotation)[-1]
+    model: type[BaseModel] = annotation  # nothing else has keys that may be unknown
     return model
 
 
 def _message(path: Path, detail: Any) -> str:
     key = str(path[-1]) if path else "the file"
     if detail["type"] == "extra_forbidden":
-        known = [*_model(path[:-1]).model_fields]
-        return f"unknown key {key}; {nearest(key, known) or 'there are ' + ', '.join(known)}"
+        known_keys = [*_model(path[:-1]).model_fields]
+        return f"unknown key {key}; {nearest(key, known_keys) or 'there are ' + ', '.join(known_keys)}"
     if detail["type"] == "missing":
         return f"{key} is missing; write {key}: and its value"
-    shown = repr(detail["input"])
+    input_text = repr(detail["input"])
     if detail["type"] in ("dict_type", "model_type"):
-        return f"{key} should be keys with values ({key}: {{...}}), not {shown}"
-    said = (
+        return f"{key} should be keys with values ({key}: {{...}}), not {input_text}"
+    expectation = (
         str(detail["msg"])
         .replace("List should have", "a list with")
         .replace(" after validation", "")
         .removeprefix("Input should be ")
         .removeprefix("a valid ")
     )
-    said = re.sub(r", not \d+$", "", said)
-    return f"{key} should be {said}, not {shown if len(shown) < 60 else shown[:57] + '...'}"
+    expectation = re.sub(r", not \d+$", "", expectation)
+    return f"{key} should be {expectation}, not {input_text if len(input_text) < 60 else input_text[:57] + '...'}"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 
 from somrs.errors import Problem, UsageError
-from somrs.ontology.naming import Named, Renaming
+from somrs.ontology.naming import DefinitionKey, Renaming
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 
@@ -28,13 +28,13 @@ class Format(StrEnum):
     """RDF/XML."""
 
 
-class Read(Struct, frozen=True, kw_only=True):
+class OwlImport(Struct, frozen=True, kw_only=True):
     """What a file says. `ontology` are the definitions that are in it, under the names that their IRIs give them; `renamings` says which
     of them got another name, `removed` which are marked as deprecated. `notes`: what else is in the file, which is not taken over, and
     what to do about it."""
 
     ontology: Ontology
-    removed: tuple[Named, ...] = ()
+    removed: tuple[DefinitionKey, ...] = ()
     renamings: tuple[Renaming, ...] = ()
     map: Map
     notes: tuple[Problem, ...] = ()
@@ -42,7 +42,7 @@ class Read(Struct, frozen=True, kw_only=True):
 
 def export(ontology: Ontology, map: Map | None = None, format: Format = Format.TURTLE, *, shapes: bool = True) -> bytes:
     """The ontology, and the map if it is given, as a file. Raises UsageError where rdflib is not installed."""
-    _needed()
+    _require_rdflib()
     from somrs.ontology.owl.writing import serialised
 
     return serialised(to_graph(ontology, map, shapes=shapes), format)
@@ -50,22 +50,22 @@ def export(ontology: Ontology, map: Map | None = None, format: Format = Format.T
 
 def to_graph(ontology: Ontology, map: Map | None = None, *, shapes: bool = True) -> Graph:
     """The same as a graph."""
-    _needed()
+    _require_rdflib()
     from somrs.ontology.owl.writing import graph_of
 
     return graph_of(ontology, map, shapes=shapes)
 
 
-def read(text: str, file: str, base: Ontology) -> Read:
+def read(text: str, file: str, base: Ontology) -> OwlImport:
     """What a Turtle or RDF/XML file says, of definitions that build on those of `base`. Raises ModelError with all that is wrong, and
     UsageError where rdflib is not installed."""
-    _needed()
+    _require_rdflib()
     from somrs.ontology.owl.reading import read as reading
 
     return reading(text, file, base)
 
 
-def _needed() -> None:
+def _require_rdflib() -> None:
     try:
         import rdflib  # noqa: F401  # whether it is there
     except ImportError:

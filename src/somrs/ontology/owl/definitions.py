@@ -12,7 +12,7 @@ from rdflib.term import IdentifiedNode, Node
 
 from somrs.ontology.naming import Section
 from somrs.ontology.owl.ordering import ordered
-from somrs.ontology.owl.ranges import Nodes, Range, limited, range_of
+from somrs.ontology.owl.ranges import Nodes, Range, range_node, range_of
 from somrs.ontology.owl.words import HAS_PART, ONTOLOGY, VALUES, V, argument, declarations, iri, literal, quote_name
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, FunctionType, Kind, ObjectType, Ontology, Part, RelationType
@@ -39,13 +39,13 @@ class _Writer:
         for triple in declarations(max((len(relation.joins) for relation in self._ontology.relations.values()), default=0)):
             self._graph.add(triple)
         ontology = self._ontology
-        self._each(ontology.attributes, self._attribute)
-        self._each(ontology.relations, self._relation)
-        self._each(ontology.functions, self._function)
-        self._each(ontology.types, self._type)
-        self._each(ontology.services, self._service)
+        self._write_each(ontology.attributes, self._attribute)
+        self._write_each(ontology.relations, self._relation)
+        self._write_each(ontology.functions, self._function)
+        self._write_each(ontology.types, self._type)
+        self._write_each(ontology.services, self._service)
 
-    def _each(self, definitions: Mapping[str, D], write: Callable[[D, Literal], None]) -> None:
+    def _write_each(self, definitions: Mapping[str, D], write: Callable[[D, Literal], None]) -> None:
         for rank, definition in enumerate(definitions.values()):
             write(definition, Literal(rank))
 
@@ -83,22 +83,22 @@ class _Writer:
         self._add(value, RDF.type, OWL.Class)
         self._add(value, RDFS.subClassOf, V.Value)
         self._add(value, RDFS.label, Literal(f"{attribute.name} value"))
-        self._may_have(value, attribute.attributes)
+        self._allow_attributes(value, attribute.attributes)
         self._note(value, order=ordered(attribute.attributes))
 
-    def _restriction(self, on: Node, *facets: tuple[URIRef, Node]) -> IdentifiedNode:
+    def _restriction(self, property_node: Node, *facets: tuple[URIRef, Node]) -> IdentifiedNode:
         node = self._nodes.new()
         self._add(node, RDF.type, OWL.Restriction)
-        self._add(node, OWL.onProperty, on)
+        self._add(node, OWL.onProperty, property_node)
         for facet, value in facets:
             self._add(node, facet, value)
         return node
 
-    def _may_have(self, subject: IdentifiedNode, attributes: Iterable[str]) -> None:
+    def _allow_attributes(self, subject: IdentifiedNode, attributes: Iterable[str]) -> None:
         for name in attributes:
             self._add(subject, RDFS.subClassOf, self._restriction(iri(Section.ATTRIBUTES, name), (OWL.maxCardinality, count(1))))
 
-    def _must_have(self, subject: IdentifiedNode, attributes: Iterable[str]) -> None:
+    def _require_attributes(self, subject: IdentifiedNode, attributes: Iterable[str]) -> None:
         for name in attributes:
             self._add(subject, RDFS.subClassOf, self._restriction(iri(Section.ATTRIBUTES, name), (OWL.cardinality, count(1))))
 
@@ -118,8 +118,8 @@ class _Writer:
             subject = self._named(Section.RELATIONS, relation.name, rank, relation.doc, OWL.Class)
             self._add(subject, RDFS.subClassOf, V.Fact)
             for number, joined in enumerate(relation.joins, 1):
-                only = self._restriction(argument(number), (OWL.allValuesFrom, iri(Section.TYPES, joined)))
-                self._add(subject, RDFS.subClassOf, only)
+                restriction = self._restriction(argument(number), (OWL.allValuesFrom, iri(Section.TYPES, joined)))
+                self._add(subject, RDFS.subClassOf, restriction)
             # OWL can say neither of facts.
             self._add(subject, V.functional, Literal(True) if relation.functional else None)
             self._add(subject, V.symmetric, Literal(True) if relation.symmetric else None)
@@ -152,8 +152,8 @@ class _Writer:
     def _type(self, type: ObjectType, rank: Literal) -> None:
         subject = self._named(Section.TYPES, type.name, rank, type.doc, OWL.Class)
         self._add(subject, RDFS.subClassOf, iri(Section.TYPES, type.parent) if type.parent is not None else None)
-        self._may_have(subject, type.attributes)
-        self._must_have(subject, type.required)
+        self._allow_attributes(subject, type.attributes)
+        self._require_attributes(subject, type.required)
         self._note(subject, order=ordered([*dict.fromkeys((*type.attributes, *type.required))]), driver=type.driver)
         self._note(subject, parts=ordered([part.type for part in type.parts]))
         for part in type.parts:
@@ -171,7 +171,7 @@ class _Writer:
         target: Node = literal(constraint.formula or "")
         if constraint.attribute is not None:
             limits = Range(minimum=constraint.minimum, maximum=constraint.maximum, values=constraint.values)
-            predicate, target = RDFS.subClassOf, self._only(constraint.attribute, limited(limits, self._graph, self._nodes))
+            predicate, target = RDFS.subClassOf, self._value_restriction(constraint.attribute, range_node(limits, self._graph, self._nodes))
         self._add(subject, predicate, target)
         axiom = self._nodes.new()
         self._add(axiom, RDF.type, OWL.Axiom)
@@ -182,7 +182,7 @@ class _Writer:
         self._note(axiom, order=ordered(constraint.values))
         self._add(axiom, RDFS.comment, Literal(constraint.doc) if constraint.doc else None)
 
-    def _only(self, path: str, values: IdentifiedNode) -> IdentifiedNode:
+    def _value_restriction(self, path: str, values: IdentifiedNode) -> IdentifiedNode:
         """`Shape only (Height only ...)` for `Shape.Height`."""
         for name in reversed(path.split(".")):
             values = self._restriction(iri(Section.ATTRIBUTES, name), (OWL.allValuesFrom, values))

@@ -25,8 +25,8 @@ def write_map(map: Map, ontology: Ontology, graph: Graph, nodes: Nodes) -> None:
             continue
         node = nodes.new()
         graph.add((node, RDF.type, word))
-        for number, one in enumerate(arguments, 1):
-            graph.add((node, argument(number), one))
+        for number, argument_iri in enumerate(arguments, 1):
+            graph.add((node, argument(number), argument_iri))
 
 
 def _object(object: Object, graph: Graph) -> None:
@@ -35,8 +35,8 @@ def _object(object: Object, graph: Graph) -> None:
     graph.add((subject, RDF.type, iri(Section.TYPES, object.type)))
     graph.add((subject, RDFS.label, Literal(object.name)))
     for path, value in object.values.items():
-        *outer, last = path.split(".")
-        graph.add((_owner(object.name, subject, outer, graph), iri(Section.ATTRIBUTES, last), literal(value)))
+        *outer, attribute_name = path.split(".")
+        graph.add((_owner(object.name, subject, outer, graph), iri(Section.ATTRIBUTES, attribute_name), literal(value)))
 
 
 def _owner(name: str, subject: URIRef, outer: list[str], graph: Graph) -> URIRef:

@@ -21,10 +21,10 @@ def in_order(items: Iterable[T], hint: str | None) -> tuple[T, ...]:
     between them, as people write it."""
     text = (hint or "").strip()
     try:
-        wanted = json.loads(text) if text.startswith("[") else text.split()
+        order = json.loads(text) if text.startswith("[") else text.split()
     except ValueError:
-        wanted = []
-    place = {_key(item): number for number, item in enumerate(wanted)}
+        order = []
+    place = {_key(item): number for number, item in enumerate(order)}
     return tuple(sorted(dict.fromkeys(items), key=lambda item: (place.get(_key(item), len(place)), str(item))))
 
 
@@ -38,9 +38,9 @@ def read_default(text: str) -> tuple[str, Value]:
     path, sign, value = text.partition("=")
     if not sign:
         raise ValueError("there is no = in it")
-    found = json.loads(value)
-    if isinstance(found, bool | str):
-        return path.strip(), found
-    if isinstance(found, int | float):
-        return path.strip(), float(found)
+    default_value = json.loads(value)
+    if isinstance(default_value, bool | str):
+        return path.strip(), default_value
+    if isinstance(default_value, int | float):
+        return path.strip(), float(default_value)
     raise ValueError("it is no number, text or truth")

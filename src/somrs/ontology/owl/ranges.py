@@ -53,19 +53,21 @@ class Nodes:
 
 def range_of(attribute: AttributeType, graph: Graph, nodes: Nodes) -> IdentifiedNode:
     """What the values of a simple attribute are."""
-    return limited(Range(kind=attribute.kind, minimum=attribute.minimum, maximum=attribute.maximum, values=attribute.values), graph, nodes)
+    return range_node(
+        Range(kind=attribute.kind, minimum=attribute.minimum, maximum=attribute.maximum, values=attribute.values), graph, nodes
+    )
 
 
-def limited(wanted: Range, graph: Graph, nodes: Nodes) -> IdentifiedNode:
+def range_node(value_range: Range, graph: Graph, nodes: Nodes) -> IdentifiedNode:
     """The node of a data range; its parts are put into the graph."""
     parts: list[IdentifiedNode] = []
-    if wanted.minimum is not None or wanted.maximum is not None:
-        facets = ((XSD.minInclusive, wanted.minimum), (XSD.maxInclusive, wanted.maximum))
+    if value_range.minimum is not None or value_range.maximum is not None:
+        facets = ((XSD.minInclusive, value_range.minimum), (XSD.maxInclusive, value_range.maximum))
         parts.append(_restricted([(facet, value) for facet, value in facets if value is not None], graph, nodes))
-    if wanted.values:
-        parts.append(_one_of(wanted.values, graph, nodes))
+    if value_range.values:
+        parts.append(_enumeration(value_range.values, graph, nodes))
     if not parts:
-        return DATATYPES[wanted.kind or Kind.TEXT]
+        return DATATYPES[value_range.kind or Kind.TEXT]
     if len(parts) == 1:
         return parts[0]
     whole = nodes.new()
@@ -76,18 +78,18 @@ def limited(wanted: Range, graph: Graph, nodes: Nodes) -> IdentifiedNode:
 
 def _restricted(facets: list[tuple[URIRef, float]], graph: Graph, nodes: Nodes) -> BNode:
     whole = nodes.new()
-    each: list[Node] = []
+    facet_nodes: list[Node] = []
     for facet, value in facets:
-        one = nodes.new()
-        graph.add((one, facet, literal(value)))
-        each.append(one)
+        facet_node = nodes.new()
+        graph.add((facet_node, facet, literal(value)))
+        facet_nodes.append(facet_node)
     graph.add((whole, RDF.type, RDFS.Datatype))
     graph.add((whole, OWL.onDatatype, XSD.decimal))
-    graph.add((whole, OWL.withRestrictions, list_of(each, graph, nodes)))
+    graph.add((whole, OWL.withRestrictions, list_of(facet_nodes, graph, nodes)))
     return whole
 
 
-def _one_of(values: tuple[Value, ...], graph: Graph, nodes: Nodes) -> BNode:
+def _enumeration(values: tuple[Value, ...], graph: Graph, nodes: Nodes) -> BNode:
     whole = nodes.new()
     graph.add((whole, RDF.type, RDFS.Datatype))
     graph.add((whole, OWL.oneOf, list_of([literal(value) for value in values], graph, nodes)))
@@ -112,27 +114,27 @@ def read_range(node: Node, graph: Graph) -> Range:
         return Range(kind=_kind(node))
     if (base := graph.value(node, OWL.onDatatype)) is not None:
         return _facets(base, node, graph)
-    if (several := graph.value(node, OWL.oneOf)) is not None:
-        values = tuple(value_of(item) for item in Collection(graph, several))
+    if (item_list := graph.value(node, OWL.oneOf)) is not None:
+        values = tuple(value_of(item) for item in Collection(graph, item_list))
         return Range(kind=_kind_of(values), values=values)
     if (parts := graph.value(node, OWL.intersectionOf)) is not None:
-        found = [read_range(part, graph) for part in Collection(graph, parts)]
+        part_ranges = [read_range(part, graph) for part in Collection(graph, parts)]
         merged: dict[str, Any] = {}
-        for one in found:
-            merged |= {name: value for name in one.__struct_fields__ if (value := getattr(one, name)) not in (None, ())}
+        for part_range in part_ranges:
+            merged |= {name: value for name in part_range.__struct_fields__ if (value := getattr(part_range, name)) not in (None, ())}
         return Range(**merged)
     raise Unclear("a data range that is neither a datatype, nor one within limits, nor a list of values")
 
 
 def _facets(base: Node, node: Node, graph: Graph) -> Range:
-    found: dict[str, float] = {}
+    limits: dict[str, float] = {}
     for facet in Collection(graph, graph.value(node, OWL.withRestrictions) or RDF.nil):
         for name, value in graph.predicate_objects(facet):
             key = {XSD.minInclusive: "minimum", XSD.maxInclusive: "maximum"}.get(name)  # type: ignore[call-overload]  # a predicate is an IRI
             if key is None:
                 raise Unclear(f"a limit of another sort ({name}); limits are xsd:minInclusive and xsd:maxInclusive")
-            found[key] = float(str(value))
-    return Range(kind=_kind(base), minimum=found.get("minimum"), maximum=found.get("maximum"))
+            limits[key] = float(str(value))
+    return Range(kind=_kind(base), minimum=limits.get("minimum"), maximum=limits.get("maximum"))
 
 
 def _kind(datatype: Node) -> Kind:

@@ -10,17 +10,17 @@ from rdflib import OWL, RDF, RDFS, SH, URIRef
 from rdflib.term import Node
 
 from somrs.errors import ModelError
-from somrs.ontology.naming import Section, named
-from somrs.ontology.owl import Read
+from somrs.ontology.naming import Section, key_of
+from somrs.ontology.owl import OwlImport
 from somrs.ontology.owl.kinds import Kinds
 from somrs.ontology.owl.ordering import in_order
 from somrs.ontology.owl.ranges import Range, Unclear, read_range
 from somrs.ontology.owl.reading_map import read_map
 from somrs.ontology.owl.reading_shapes import read_shapes
 from somrs.ontology.owl.reading_types import read_type
-from somrs.ontology.owl.restrictions import Argument, MayHave, MustHave, read_restriction
-from somrs.ontology.owl.source import Source, each
-from somrs.ontology.owl.words import HAS_PART, NOTES, V, local
+from somrs.ontology.owl.restrictions import ArgumentType, OptionalAttribute, RequiredAttribute, read_restriction
+from somrs.ontology.owl.source import Source, sorted_iris
+from somrs.ontology.owl.words import HAS_PART, NOTES, V, local_name
 from somrs.ontology.services import Handler, Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import ROOT, AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
 
@@ -28,19 +28,19 @@ D = TypeVar("D", bound=Definition)
 T = TypeVar("T")
 
 
-def read(text: str, file: str, base: Ontology) -> Read:
+def read(text: str, file: str, base: Ontology) -> OwlImport:
     """What the file says. Raises ModelError."""
     source = Source(text, file, base)
     reading = _Reading(source, base)
     definitions = reading.definitions()
     ontology = Ontology(definitions)
     map = read_map(source, reading.kinds, base.extended(definitions))
-    source.tell_the_rest()
+    source.note_unused()
     if source.problems:
         raise ModelError(sorted(dict.fromkeys(source.problems), key=lambda problem: problem.line or 0))
     notes = sorted(dict.fromkeys(source.notes), key=lambda note: (note.line or 0, note.subject))
     renamings = tuple(dict.fromkeys(source.renamings))
-    return Read(ontology=ontology, removed=tuple(source.removed), renamings=renamings, map=map, notes=tuple(notes))
+    return OwlImport(ontology=ontology, removed=tuple(source.removed), renamings=renamings, map=map, notes=tuple(notes))
 
 
 class _Reading:
@@ -52,45 +52,45 @@ class _Reading:
         """In the order in which they were written."""
         self._vocabulary()
         kinds = self.kinds
-        found: list[Definition] = [
-            *self._each(kinds.attributes, self._attribute),
-            *self._each(kinds.relations, self._relation),
-            *self._each(kinds.functions, self._function),
+        definitions: list[Definition] = [
+            *self._read_each(kinds.attributes, self._attribute),
+            *self._read_each(kinds.relations, self._relation),
+            *self._read_each(kinds.functions, self._function),
         ]
-        types = {type.name: type for type in self._each(kinds.types, self._type)}
-        read_shapes(self._source, kinds, types, self._base.extended(found))
-        return [*found, *types.values(), *self._each(kinds.services, self._service)]
+        types = {type.name: type for type in self._read_each(kinds.types, self._type)}
+        read_shapes(self._source, kinds, types, self._base.extended(definitions))
+        return [*definitions, *types.values(), *self._read_each(kinds.services, self._service)]
 
     def _vocabulary(self) -> None:
         """What every file of ours has."""
         source = self._source
         for node in [*NOTES, V.Value, V.Fact, V.Function, V.Service, HAS_PART]:
-            source.use(node)
-        for subject in each(source.graph.subjects()):
+            source.mark_subtree_used(node)
+        for subject in sorted_iris(source.graph.subjects()):
             if str(subject).startswith((str(V), str(SH))):
-                source.use(subject)
-        for property in each(source.graph.subjects(RDF.type, OWL.AnnotationProperty)):
-            source.used(property, RDF.type, OWL.AnnotationProperty)
+                source.mark_subtree_used(subject)
+        for property in sorted_iris(source.graph.subjects(RDF.type, OWL.AnnotationProperty)):
+            source.mark_used(property, RDF.type, OWL.AnnotationProperty)
         for ontology in set(source.graph.subjects(RDF.type, OWL.Ontology)):
-            source.used(ontology, RDF.type, OWL.Ontology)
-            source.take(ontology, OWL.versionInfo)
-            source.take(ontology, RDFS.comment)
+            source.mark_used(ontology, RDF.type, OWL.Ontology)
+            source.take_objects(ontology, OWL.versionInfo)
+            source.take_objects(ontology, RDFS.comment)
 
-    def _each(self, nodes: Iterable[Node], read: Callable[[URIRef], D | None]) -> list[D]:
-        found = {node: definition for node in each(iter(nodes)) if (definition := read(node)) is not None}
-        found = {node: definition for node, definition in found.items() if not self._is_removed(node, definition)}
+    def _read_each(self, nodes: Iterable[Node], read: Callable[[URIRef], D | None]) -> list[D]:
+        definitions = {node: definition for node in sorted_iris(iter(nodes)) if (definition := read(node)) is not None}
+        definitions = {node: definition for node, definition in definitions.items() if not self._is_removed(node, definition)}
         names: dict[str, URIRef] = {}
-        for node, definition in found.items():
+        for node, definition in definitions.items():
             if definition.name in names:
-                other = names[definition.name]
-                self._source.problem(node, "duplicate", f"is called as <{other}> is; give one of them another name", definition.name)
+                other_node = names[definition.name]
+                self._source.problem(node, "duplicate", f"is called as <{other_node}> is; give one of them another name", definition.name)
             names[definition.name] = node
-        return [found[node] for node in sorted(found, key=self._source.rank)]
+        return [definitions[node] for node in sorted(definitions, key=self._source.rank)]
 
     def _is_removed(self, node: URIRef, definition: Definition) -> bool:
-        if not any(str(mark) in ("true", "1") for mark in self._source.take(node, OWL.deprecated)):
+        if not any(str(mark) in ("true", "1") for mark in self._source.take_objects(node, OWL.deprecated)):
             return False
-        self._source.removed.append(named(definition))
+        self._source.removed.append(key_of(definition))
         return True
 
     def _doc(self, node: Node) -> str:
@@ -103,13 +103,13 @@ class _Reading:
         if self.kinds.is_mentioned_only(node, self._base.attributes, name):
             return None
         for kind in (OWL.DatatypeProperty, OWL.ObjectProperty, OWL.FunctionalProperty):
-            source.used(node, RDF.type, kind)
+            source.mark_used(node, RDF.type, kind)
         doc, unit, tolerance = self._doc(node), source.text_of(node, V.unit), source.number_of(node, V.tolerance)
-        ranges = source.take(node, RDFS.range)
-        value = next((one for one in ranges if one in self.kinds.values), None)
+        ranges = source.take_objects(node, RDFS.range)
+        value = next((range_node for range_node in ranges if range_node in self.kinds.values), None)
         if value is not None:
             assert isinstance(value, URIRef), "a class of values has an IRI"
-            return AttributeType(name=name, kind=Kind.COMPLEX, attributes=self._made_of(value), doc=doc)
+            return AttributeType(name=name, kind=Kind.COMPLEX, attributes=self._inner_attributes(value), doc=doc)
         limits = self._range(node, ranges)
         return AttributeType(
             name=name,
@@ -129,35 +129,35 @@ class _Reading:
         if len(ranges) > 1:
             self._source.problem(node, "range", f"has {len(ranges)} ranges; an attribute has one")
         try:
-            found = read_range(ranges[0], self._source.graph)
+            value_range = read_range(ranges[0], self._source.graph)
         except Unclear as unclear:
             self._source.note(node, f"its range is {unclear}; it is taken for a text")
             return Range(kind=Kind.TEXT)
-        self._source.use(ranges[0])
-        if found.kind is None:
+        self._source.mark_subtree_used(ranges[0])
+        if value_range.kind is None:
             self._source.note(node, "its range lists what are no texts; it is taken for a list of names")
-        return msgspec.structs.replace(found, kind=found.kind or Kind.ENUMERATION)
+        return msgspec.structs.replace(value_range, kind=value_range.kind or Kind.ENUMERATION)
 
-    def _made_of(self, value: URIRef) -> tuple[str, ...]:
+    def _inner_attributes(self, value: URIRef) -> tuple[str, ...]:
         source = self._source
-        source.used(value, RDF.type, OWL.Class)
-        source.take(value, RDFS.label)
-        source.take(value, RDFS.comment)
-        found: list[str] = []
-        for above in source.graph.objects(value, RDFS.subClassOf):
-            if above == V.Value:
-                source.used(value, RDFS.subClassOf, above)
+        source.mark_used(value, RDF.type, OWL.Class)
+        source.take_objects(value, RDFS.label)
+        source.take_objects(value, RDFS.comment)
+        attributes: list[str] = []
+        for superclass in source.graph.objects(value, RDFS.subClassOf):
+            if superclass == V.Value:
+                source.mark_used(value, RDFS.subClassOf, superclass)
                 continue
             try:
-                said = read_restriction(above, source, self.kinds.attributes)
+                restriction = read_restriction(superclass, source, self.kinds.attributes)
             except Unclear as unclear:
                 source.note(value, f"says {unclear}")
             else:
-                if isinstance(said, MayHave | MustHave):
-                    found.append(said.attribute)
-                    source.used(value, RDFS.subClassOf, above)
-                    source.use(above)
-        return in_order(found, source.text_of(value, V.order))
+                if isinstance(restriction, OptionalAttribute | RequiredAttribute):
+                    attributes.append(restriction.attribute)
+                    source.mark_used(value, RDFS.subClassOf, superclass)
+                    source.mark_subtree_used(superclass)
+        return in_order(attributes, source.text_of(value, V.order))
 
     # Relations
 
@@ -167,7 +167,7 @@ class _Reading:
             return None
         functional, symmetric = ((node, RDF.type, kind) in source.graph for kind in (OWL.FunctionalProperty, OWL.SymmetricProperty))
         for kind in (OWL.ObjectProperty, OWL.FunctionalProperty, OWL.SymmetricProperty, OWL.Class):
-            source.used(node, RDF.type, kind)
+            source.mark_used(node, RDF.type, kind)
         if node in self.kinds.facts:
             joins = self._arguments(node)
             functional, symmetric = (source.text_of(node, word) == "true" for word in (V.functional, V.symmetric))
@@ -178,36 +178,36 @@ class _Reading:
 
     def _joined(self, node: URIRef, side: URIRef) -> str:
         source = self._source
-        found = source.take(node, side)
-        named = [one for one in found if isinstance(one, URIRef) and one != OWL.Thing]
-        if len(named) == 1 and len(found) == 1:
+        classes = source.take_objects(node, side)
+        named = [class_node for class_node in classes if isinstance(class_node, URIRef) and class_node != OWL.Thing]
+        if len(named) == 1 and len(classes) == 1:
             return source.name(named[0], Section.TYPES)
-        why = "it has none" if not found else "what it has is not one class"
-        source.note(node, f"{local(side)} is to be one class, and {why}; {ROOT} is taken")
-        for one in found:
-            if not isinstance(one, URIRef):
-                source.use(one)  # a class with a name says more than that it stands here
+        reason = "it has none" if not classes else "what it has is not one class"
+        source.note(node, f"{local_name(side)} is to be one class, and {reason}; {ROOT} is taken")
+        for class_node in classes:
+            if not isinstance(class_node, URIRef):
+                source.mark_subtree_used(class_node)  # a class with a name says more than that it stands here
         return ROOT
 
     def _arguments(self, node: URIRef) -> tuple[str, ...]:
         source = self._source
-        found: dict[int, str] = {}
-        for above in source.graph.objects(node, RDFS.subClassOf):
-            if above == V.Fact:
-                source.used(node, RDFS.subClassOf, above)
+        types_by_number: dict[int, str] = {}
+        for superclass in source.graph.objects(node, RDFS.subClassOf):
+            if superclass == V.Fact:
+                source.mark_used(node, RDFS.subClassOf, superclass)
                 continue
             try:
-                said = read_restriction(above, source, self.kinds.attributes)
+                restriction = read_restriction(superclass, source, self.kinds.attributes)
             except Unclear as unclear:
                 source.note(node, f"says {unclear}")
                 continue
-            if isinstance(said, Argument):
-                found[said.number] = said.type
-                source.used(node, RDFS.subClassOf, above)
-                source.use(above)
-        if not found or sorted(found) != list(range(1, len(found) + 1)):
+            if isinstance(restriction, ArgumentType):
+                types_by_number[restriction.number] = restriction.type
+                source.mark_used(node, RDFS.subClassOf, superclass)
+                source.mark_subtree_used(superclass)
+        if not types_by_number or sorted(types_by_number) != list(range(1, len(types_by_number) + 1)):
             source.problem(node, "relation", "has no arguments, or misses one; say `argument1 only TYPE`, and so on")
-        return tuple(found[number] for number in sorted(found))
+        return tuple(types_by_number[number] for number in sorted(types_by_number))
 
     # Functions and services
 
@@ -215,7 +215,7 @@ class _Reading:
         source = self._source
         name = self.kinds.functions[node]
         for kind in (OWL.NamedIndividual, V.Function):
-            source.used(node, RDF.type, kind)
+            source.mark_used(node, RDF.type, kind)
         table = source.text_of(node, V["values"])
         return FunctionType(
             name=name,
@@ -237,9 +237,9 @@ class _Reading:
         source, name = self._source, self.kinds.services[node]
         if self.kinds.is_mentioned_only(node, self._base.services, name):
             return None
-        source.used(node, RDF.type, OWL.Class)
-        above = [one for one in source.take(node, RDFS.subClassOf) if isinstance(one, URIRef)]
-        parents = sorted(source.name(one, Section.SERVICES) for one in above if one != V.Service)
+        source.mark_used(node, RDF.type, OWL.Class)
+        superclasses = [class_node for class_node in source.take_objects(node, RDFS.subClassOf) if isinstance(class_node, URIRef)]
+        parents = sorted(source.name(class_node, Section.SERVICES) for class_node in superclasses if class_node != V.Service)
         if len(parents) > 1:
             source.problem(node, "parent", f"is below {' and '.join(parents)}; a service type has one parent", name)
         handlers, kind = source.text_of(node, V.handlers), source.text_of(node, V.kind) or ServiceKind.PHYSICAL.value
@@ -263,14 +263,14 @@ class _Reading:
         )
 
     def _parameters(self, node: URIRef, text: str | None) -> tuple[Parameter, ...]:
-        found: list[Parameter] = []
+        parameters: list[Parameter] = []
         for part in (text or "").split(",") if text else ():
-            name, sign, type = (one.strip() for one in part.partition(":"))
+            name, sign, type = (token.strip() for token in part.partition(":"))
             if not (name and sign and type):
                 self._source.problem(node, "value", f"{part.strip()!r} is no variable with its type, such as Object: Graspable")
                 continue
-            found.append(Parameter(name=name.removeprefix("?"), type=type))
-        return tuple(found)
+            parameters.append(Parameter(name=name.removeprefix("?"), type=type))
+        return tuple(parameters)
 
     # Types
 

@@ -10,10 +10,10 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.owl.kinds import Kinds
 from somrs.ontology.owl.ranges import value_of
 from somrs.ontology.owl.source import Source
-from somrs.ontology.owl.words import argument, local, section_of
+from somrs.ontology.owl.words import argument, local_name, section_of
 from somrs.ontology.types import Ontology, Value
 
-DEEP = 8
+MAX_DEPTH = 8
 """So deep may the values of complex attributes be."""
 
 
@@ -21,7 +21,7 @@ def read_map(source: Source, kinds: Kinds, ontology: Ontology) -> Map:
     """Whether it obeys its types is `conformance`'s business."""
     reading = _Reading(source, kinds, ontology)
     objects = [reading.object(node, name) for node, name in kinds.objects.items()]
-    return Map([one for one in objects if one is not None], reading.facts())
+    return Map([map_object for map_object in objects if map_object is not None], reading.facts())
 
 
 class _Reading:
@@ -30,16 +30,20 @@ class _Reading:
 
     def object(self, node: URIRef, name: str) -> Object | None:
         source = self._source
-        source.used(node, RDF.type, OWL.NamedIndividual)
-        types = [kind for kind in source.take(node, RDF.type) if isinstance(kind, URIRef) and self._kinds.is_type(kind)]
+        source.mark_used(node, RDF.type, OWL.NamedIndividual)
+        types = [kind for kind in source.take_objects(node, RDF.type) if isinstance(kind, URIRef) and self._kinds.is_type(kind)]
         names = sorted({source.name(kind, Section.TYPES) for kind in types})
-        names = [one for one in names if not any(other != one and self._ontology.is_a(other, one) for other in names)]
+        names = [
+            type_name
+            for type_name in names
+            if not any(other_name != type_name and self._ontology.is_subtype(other_name, type_name) for other_name in names)
+        ]
         if len(names) != 1:
             if not names and not self._is_spoken_of(node):
                 source.note(node, "it is an individual of no type that there is here, and is left out; give it one of the types")
                 return None
-            how = f"is of the types {' and '.join(names)}" if names else "is of no type"
-            source.problem(node, "type", f"{how}; an object has one type", name)
+            problem = f"is of the types {' and '.join(names)}" if names else "is of no type"
+            source.problem(node, "type", f"{problem}; an object has one type", name)
             return None
         values: dict[str, Value] = {}
         for path, value in self._values(node, "", 0):
@@ -53,45 +57,47 @@ class _Reading:
 
     def _values(self, node: Node, prefix: str, depth: int) -> list[tuple[str, Value]]:
         source = self._source
-        found: list[tuple[str, Value]] = []
+        path_values: list[tuple[str, Value]] = []
         for word, object in source.graph.predicate_objects(node):
             name = self._kinds.attributes.get(word)
             if name is None:
                 continue
-            source.used(node, word, object)
+            source.mark_used(node, word, object)
             path = f"{prefix}{name}"
             if isinstance(object, Literal):
-                found.append((path, value_of(object)))
-            elif depth < DEEP:
-                for kind in source.take(object, RDF.type):
-                    source.used(object, RDF.type, kind)
-                found += self._values(object, f"{path}.", depth + 1)
-        return found
+                path_values.append((path, value_of(object)))
+            elif depth < MAX_DEPTH:
+                for kind in source.take_objects(object, RDF.type):
+                    source.mark_used(object, RDF.type, kind)
+                path_values += self._values(object, f"{path}.", depth + 1)
+        return path_values
 
     def facts(self) -> list[Fact]:
         source, objects = self._source, self._kinds.objects
-        found: list[Fact] = []
-        for one, word, other in source.graph:
+        facts: list[Fact] = []
+        for subject, word, object_node in source.graph:
             relation = self._relation(word)
-            if relation is not None and one in objects and isinstance(other, URIRef):
-                found.append(Fact(relation, (objects[one], objects.get(other) or source.name(other, Section.OBJECTS))))  # type: ignore[index]  # it is in them
-                source.used(one, word, other)
+            if relation is not None and subject in objects and isinstance(object_node, URIRef):
+                facts.append(Fact(relation, (objects[subject], objects.get(object_node) or source.name(object_node, Section.OBJECTS))))  # type: ignore[index]  # it is in them
+                source.mark_used(subject, word, object_node)
         for node, kind in source.graph.subject_objects(RDF.type):
             relation = self._relation(kind)
             if relation is not None and (isinstance(node, BNode) or node in objects):
-                found.append(Fact(relation, self._arguments(node)))
-                source.use(node)
-        return found
+                facts.append(Fact(relation, self._arguments(node)))
+                source.mark_subtree_used(node)
+        return facts
 
     def _relation(self, word: Node) -> str | None:
         if word in self._kinds.relations:
             return self._kinds.relations[word]
         if isinstance(word, URIRef) and section_of(word) is Section.RELATIONS:
-            return local(word)
+            return local_name(word)
         return None
 
     def _arguments(self, node: Node) -> tuple[str, ...]:
-        found: list[str] = []
-        while (one := self._source.graph.value(node, argument(len(found) + 1))) is not None and isinstance(one, URIRef):
-            found.append(self._kinds.objects.get(one) or self._source.name(one, Section.OBJECTS))
-        return tuple(found)
+        arguments: list[str] = []
+        while (argument_node := self._source.graph.value(node, argument(len(arguments) + 1))) is not None and isinstance(
+            argument_node, URIRef
+        ):
+            arguments.append(self._kinds.objects.get(argument_node) or self._source.name(argument_node, Section.OBJECTS))
+        return tuple(arguments)

@@ -11,11 +11,11 @@ from rdflib.term import Node
 from somrs.ontology.naming import Section
 from somrs.ontology.owl.kinds import Kinds
 from somrs.ontology.owl.ranges import Unclear, value_of
-from somrs.ontology.owl.source import Source, each
+from somrs.ontology.owl.source import Source, sorted_iris
 from somrs.ontology.owl.words import SHAPES
 from somrs.ontology.types import Constraint, ObjectType, Ontology
 
-UNDERSTOOD = {
+SUPPORTED_PREDICATES = {
     SH.path,
     SH.minInclusive,
     SH.maxInclusive,
@@ -32,39 +32,39 @@ UNDERSTOOD = {
 def read_shapes(source: Source, kinds: Kinds, types: dict[str, ObjectType], base: Ontology) -> None:
     """Add to the types what shapes say of them."""
     graph = source.graph
-    for shape in each(graph.subjects(RDF.type, SH.NodeShape)):
+    for shape in sorted_iris(graph.subjects(RDF.type, SH.NodeShape)):
         if shape.startswith(str(SHAPES)):
             continue
         targets = [*graph.objects(shape, SH.targetClass), *([shape] if kinds.is_type(shape) else [])]
         for target in targets:
             if kinds.is_type(target):
                 _read_shape(shape, source.name(target, Section.TYPES), source, kinds, types, base)
-                source.used(shape, SH.targetClass, target)
-                source.used(shape, RDF.type, SH.NodeShape)
-    _ours(source)
+                source.mark_used(shape, SH.targetClass, target)
+                source.mark_used(shape, RDF.type, SH.NodeShape)
+    _mark_own_shapes(source)
 
 
 def _read_shape(shape: URIRef, name: str, source: Source, kinds: Kinds, types: dict[str, ObjectType], base: Ontology) -> None:
     type = types.get(name, base.types.get(name))
     if type is None:
         return
-    said: list[tuple[str, Node, Constraint | None]] = []
+    property_rules: list[tuple[str, Node, Constraint | None]] = []
     for node in source.graph.objects(shape, SH.property):
         try:
             path = _path(source.graph.value(node, SH.path), source, kinds)
-            said.append((path, node, _constraint(node, path, source)))
+            property_rules.append((path, node, _constraint(node, path, source)))
         except Unclear as unclear:
             source.note(shape, f"a property shape has {unclear}")
-    for path, node, constraint in sorted(said, key=lambda one: (one[0], str(one[2]))):
+    for path, node, constraint in sorted(property_rules, key=lambda rule: (rule[0], str(rule[2]))):
         if constraint is not None and not any(
-            structs.replace(one, doc="") == structs.replace(constraint, doc="") for one in type.constraints
+            structs.replace(existing_constraint, doc="") == structs.replace(constraint, doc="") for existing_constraint in type.constraints
         ):
             type = structs.replace(type, constraints=(*type.constraints, constraint))
-        least = source.graph.value(node, SH.minCount)
-        if least is not None and int(str(least)) > 0 and path not in type.required and "." not in path:
+        min_count = source.graph.value(node, SH.minCount)
+        if min_count is not None and int(str(min_count)) > 0 and path not in type.required and "." not in path:
             type = structs.replace(type, required=(*type.required, path))
-        source.used(shape, SH.property, node)
-        source.use(node)
+        source.mark_used(shape, SH.property, node)
+        source.mark_subtree_used(node)
     types[name] = type
 
 
@@ -75,33 +75,35 @@ def _path(node: Node | None, source: Source, kinds: Kinds) -> str:
     unknown = next((step for step in steps if step not in kinds.attributes), None)
     if unknown is not None or not steps:
         raise Unclear(
-            f"a path that leads over no attribute ({source.said(unknown) if unknown is not None else 'empty'}); say it as a formula"
+            f"a path that leads over no attribute ({source.display_name(unknown) if unknown is not None else 'empty'}); say it as a formula"
         )
     return ".".join(kinds.attributes[step] for step in steps)
 
 
 def _constraint(node: Node, path: str, source: Source) -> Constraint | None:
     graph = source.graph
-    other = next((word for word in graph.predicates(node) if word not in UNDERSTOOD and word != RDF.type), None)
-    if other is not None:
-        raise Unclear(f"{source.short(other)}, which is not kept; limits are sh:minInclusive, sh:maxInclusive, sh:in and sh:minCount")
-    least, most = (graph.value(node, word) for word in (SH.minInclusive, SH.maxInclusive))
-    several = graph.value(node, SH["in"])
-    values = tuple(value_of(item) for item in Collection(graph, several)) if several is not None else ()
-    if least is None and most is None and not values:
+    unsupported_predicate = next((word for word in graph.predicates(node) if word not in SUPPORTED_PREDICATES and word != RDF.type), None)
+    if unsupported_predicate is not None:
+        raise Unclear(
+            f"{source.short(unsupported_predicate)}, which is not kept; limits are sh:minInclusive, sh:maxInclusive, sh:in and sh:minCount"
+        )
+    lower_limit, upper_limit = (graph.value(node, word) for word in (SH.minInclusive, SH.maxInclusive))
+    value_list = graph.value(node, SH["in"])
+    values = tuple(value_of(item) for item in Collection(graph, value_list)) if value_list is not None else ()
+    if lower_limit is None and upper_limit is None and not values:
         return None
     doc = str(graph.value(node, SH.message) or graph.value(node, SH.description) or "")
-    minimum, maximum = (float(str(limit)) if limit is not None else None for limit in (least, most))
+    minimum, maximum = (float(str(limit)) if limit is not None else None for limit in (lower_limit, upper_limit))
     return Constraint(attribute=path, minimum=minimum, maximum=maximum, values=values, doc=doc)
 
 
-def _ours(source: Source) -> None:
+def _mark_own_shapes(source: Source) -> None:
     """What we wrote counts as understood, also the pieces of it that editors of OWL leave over: they lose lists in what is no OWL."""
     graph = source.graph
-    for shape in each(graph.subjects(RDF.type, SH.NodeShape)):
+    for shape in sorted_iris(graph.subjects(RDF.type, SH.NodeShape)):
         if shape.startswith(str(SHAPES)):
-            source.use(shape)
+            source.mark_subtree_used(shape)
     inner = set(graph.objects())
     for node in set(graph.subjects()):
         if isinstance(node, BNode) and node not in inner and any(str(word).startswith(str(SH)) for word in graph.predicates(node)):
-            source.use(node)
+            source.mark_subtree_used(node)

@@ -11,13 +11,13 @@ from somrs.ontology.naming import Section
 from somrs.ontology.owl.kinds import Kinds
 from somrs.ontology.owl.ordering import in_order, read_default
 from somrs.ontology.owl.ranges import Unclear
-from somrs.ontology.owl.restrictions import MayHave, MustHave, Only, merged, read_restriction
+from somrs.ontology.owl.restrictions import AttributeLimits, OptionalAttribute, RequiredAttribute, merge_parts, read_restriction
 from somrs.ontology.owl.source import Source
 from somrs.ontology.owl.words import V
 from somrs.ontology.types import ROOT, Constraint, ObjectType, Part, Value
 
 
-class _Said(Struct, frozen=True):
+class _RankedConstraint(Struct, frozen=True):
     """A constraint, and its place among those of its type."""
 
     rank: float
@@ -26,16 +26,16 @@ class _Said(Struct, frozen=True):
 
 def read_type(node: URIRef, source: Source, kinds: Kinds, doc: str) -> ObjectType:
     name = kinds.types[node]
-    source.used(node, RDF.type, OWL.Class)
-    source.used(node, RDF.type, RDFS.Class)
+    source.mark_used(node, RDF.type, OWL.Class)
+    source.mark_used(node, RDF.type, RDFS.Class)
     reading = _Reading(node, source, kinds)
     reading.restrictions()
     hint = source.text_of(node, V.order)
     return ObjectType(
         name=name,
         parent=reading.parent(name),
-        attributes=in_order(reading.may_have, hint),
-        required=in_order(reading.must_have, hint),
+        attributes=in_order(reading.optional_attributes, hint),
+        required=in_order(reading.required_attributes, hint),
         parts=tuple(_parts(reading.parts, source.text_of(node, V.parts))),
         constraints=reading.constraints(),
         defaults=reading.defaults(),
@@ -45,50 +45,58 @@ def read_type(node: URIRef, source: Source, kinds: Kinds, doc: str) -> ObjectTyp
 
 
 def _parts(parts: list[Part], hint: str | None) -> list[Part]:
-    found = {part.type: part for part in merged(iter(parts))}
-    return [found[name] for name in in_order(found, hint)]
+    part_by_type = {part.type: part for part in merge_parts(iter(parts))}
+    return [part_by_type[name] for name in in_order(part_by_type, hint)]
 
 
 class _Reading:
     def __init__(self, node: URIRef, source: Source, kinds: Kinds) -> None:
         self._node, self._source, self._kinds = node, source, kinds
-        self.may_have: list[str] = self._by_domain()
-        self.must_have: list[str] = []
+        self.optional_attributes: list[str] = self._by_domain()
+        self.required_attributes: list[str] = []
         self.parts: list[Part] = []
-        self._limits: list[Only] = []
+        self._limits: list[AttributeLimits] = []
 
     def restrictions(self) -> None:
         source = self._source
-        for above in source.graph.objects(self._node, RDFS.subClassOf):
-            if isinstance(above, URIRef):
+        for superclass in source.graph.objects(self._node, RDFS.subClassOf):
+            if isinstance(superclass, URIRef):
                 continue
             try:
-                said = read_restriction(above, source, self._kinds.attributes)
+                restriction = read_restriction(superclass, source, self._kinds.attributes)
             except Unclear as unclear:
                 source.note(self._node, f"it is said to be below {unclear}")
-                source.used(self._node, RDFS.subClassOf, above)
-                source.use(above)
+                source.mark_used(self._node, RDFS.subClassOf, superclass)
+                source.mark_subtree_used(superclass)
                 continue
-            source.used(self._node, RDFS.subClassOf, above)
-            source.use(above)
-            match said:
-                case MayHave(attribute):
-                    self.may_have.append(attribute)
-                case MustHave(attribute):
-                    self.must_have.append(attribute)
-                case Only():
-                    self._limits.append(said)
+            source.mark_used(self._node, RDFS.subClassOf, superclass)
+            source.mark_subtree_used(superclass)
+            match restriction:
+                case OptionalAttribute(attribute):
+                    self.optional_attributes.append(attribute)
+                case RequiredAttribute(attribute):
+                    self.required_attributes.append(attribute)
+                case AttributeLimits():
+                    self._limits.append(restriction)
                 case Part():
-                    self.parts.append(said)
+                    self.parts.append(restriction)
                 case _:
                     source.note(self._node, "it says something of an argument, and is no relation")
 
     def parent(self, name: str) -> str | None:
         """The nearest class above it."""
         source = self._source
-        above = [one for one in source.take(self._node, RDFS.subClassOf) if isinstance(one, URIRef) and one != OWL.Thing]
-        nearest = [one for one in above if not any(one in self._far_above(other) for other in above if other != one)]
-        names = sorted({source.name(one, Section.TYPES) for one in nearest})
+        superclasses = [
+            class_node
+            for class_node in source.take_objects(self._node, RDFS.subClassOf)
+            if isinstance(class_node, URIRef) and class_node != OWL.Thing
+        ]
+        nearest = [
+            class_node
+            for class_node in superclasses
+            if not any(class_node in self._superclasses(other_class) for other_class in superclasses if other_class != class_node)
+        ]
+        names = sorted({source.name(class_node, Section.TYPES) for class_node in nearest})
         if len(names) > 1:
             source.problem(self._node, "parent", f"is below {' and '.join(names)}; a type has one parent: keep one of them", name)
         if not names and name != ROOT:
@@ -96,65 +104,70 @@ class _Reading:
             return ROOT
         return names[0] if names else None
 
-    def _far_above(self, node: Node) -> set[Node]:
-        seen: set[Node] = set()
+    def _superclasses(self, node: Node) -> set[Node]:
+        superclasses: set[Node] = set()
         waiting = [node]
         while waiting:
-            for above in self._source.graph.objects(waiting.pop(), RDFS.subClassOf):
-                if above not in seen:
-                    seen.add(above)
-                    waiting.append(above)
-        return seen
+            for superclass in self._source.graph.objects(waiting.pop(), RDFS.subClassOf):
+                if superclass not in superclasses:
+                    superclasses.add(superclass)
+                    waiting.append(superclass)
+        return superclasses
 
     def _by_domain(self) -> list[str]:
         """Attributes that say themselves of what they are."""
-        source, found = self._source, []
+        source, names = self._source, []
         for property, name in self._kinds.attributes.items():
             for domain in source.graph.objects(property, RDFS.domain):
                 union = source.graph.value(domain, OWL.unionOf)
                 if domain == self._node or (union is not None and self._node in Collection(source.graph, union)):
-                    found.append(name)
-                    source.used(property, RDFS.domain, domain)
+                    names.append(name)
+                    source.mark_used(property, RDFS.domain, domain)
                     if isinstance(domain, BNode):
-                        source.use(domain)
-        return found
+                        source.mark_subtree_used(domain)
+        return names
 
     def defaults(self) -> dict[str, Value]:
-        found: dict[str, Value] = {}
-        for one in sorted(map(str, self._source.take(self._node, V.default))):
+        default_values: dict[str, Value] = {}
+        for text in sorted(map(str, self._source.take_objects(self._node, V.default))):
             try:
-                path, value = read_default(one)
+                path, value = read_default(text)
             except ValueError as error:
-                self._source.problem(self._node, "value", f"the default {one!r} cannot be read ({error}); write such as Weight = 0.3")
+                self._source.problem(self._node, "value", f"the default {text!r} cannot be read ({error}); write such as Weight = 0.3")
             else:
-                found[path] = value
-        return found
+                default_values[path] = value
+        return default_values
 
     # Constraints
 
     def constraints(self) -> tuple[Constraint, ...]:
-        found = [self._constraint(only) for only in self._limits]
-        for formula in self._source.take(self._node, V.constraint):
-            found.append(Constraint(formula=str(formula)))
-        said = [self._annotated(constraint) for constraint in found]
-        return tuple(one.constraint for one in sorted(said, key=lambda one: (one.rank, str(one.constraint))))
+        constraints = [self._constraint(restriction) for restriction in self._limits]
+        for formula in self._source.take_objects(self._node, V.constraint):
+            constraints.append(Constraint(formula=str(formula)))
+        ranked_constraints = [self._annotated(constraint) for constraint in constraints]
+        return tuple(
+            ranked_constraint.constraint
+            for ranked_constraint in sorted(
+                ranked_constraints, key=lambda ranked_constraint: (ranked_constraint.rank, str(ranked_constraint.constraint))
+            )
+        )
 
-    def _constraint(self, only: Only) -> Constraint:
-        limits = only.limits
-        return Constraint(attribute=only.path, minimum=limits.minimum, maximum=limits.maximum, values=limits.values)
+    def _constraint(self, restriction: AttributeLimits) -> Constraint:
+        limits = restriction.limits
+        return Constraint(attribute=restriction.path, minimum=limits.minimum, maximum=limits.maximum, values=limits.values)
 
-    def _annotated(self, constraint: Constraint) -> _Said:
+    def _annotated(self, constraint: Constraint) -> _RankedConstraint:
         """With its place and its meaning, which are said of the statement."""
         source = self._source
         for axiom in source.graph.subjects(OWL.annotatedSource, self._node):
-            if self._is_about(axiom, constraint):
+            if self._is_annotation_of(axiom, constraint):
                 doc, rank = source.text_of(axiom, RDFS.comment) or "", source.number_of(axiom, V.rank)
                 values = in_order(constraint.values, source.text_of(axiom, V.order))
-                source.use(axiom)
-                return _Said(float("inf") if rank is None else rank, structs.replace(constraint, values=values, doc=doc))
-        return _Said(float("inf"), constraint)
+                source.mark_subtree_used(axiom)
+                return _RankedConstraint(float("inf") if rank is None else rank, structs.replace(constraint, values=values, doc=doc))
+        return _RankedConstraint(float("inf"), constraint)
 
-    def _is_about(self, axiom: Node, constraint: Constraint) -> bool:
+    def _is_annotation_of(self, axiom: Node, constraint: Constraint) -> bool:
         """Editors may write what is annotated a second time; so what it says counts, not which node it is."""
         target = self._source.graph.value(axiom, OWL.annotatedTarget)
         if target is None:
@@ -162,10 +175,13 @@ class _Reading:
         if constraint.formula is not None:
             return str(target) == constraint.formula
         try:
-            said = read_restriction(target, self._source, self._kinds.attributes)
+            restriction = read_restriction(target, self._source, self._kinds.attributes)
         except Unclear:
             return False
-        if not isinstance(said, Only):
+        if not isinstance(restriction, AttributeLimits):
             return False
-        meant = self._constraint(said)
-        return set(meant.values) == set(constraint.values) and structs.replace(meant, values=constraint.values) == constraint
+        target_constraint = self._constraint(restriction)
+        return (
+            set(target_constraint.values) == set(constraint.values)
+            and structs.replace(target_constraint, values=constraint.values) == constraint
+        )

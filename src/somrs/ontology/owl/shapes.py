@@ -26,16 +26,16 @@ def write_shapes(ontology: Ontology, graph: Graph, nodes: Nodes) -> None:
 class _Shapes:
     def __init__(self, ontology: Ontology, graph: Graph, nodes: Nodes) -> None:
         self._ontology, self._graph, self._nodes = ontology, graph, nodes
-        self._having: dict[str, list[IdentifiedNode]] = {}
+        self._owner_classes: dict[str, list[IdentifiedNode]] = {}
         """The classes whose instances may have an attribute."""
 
     def write(self) -> None:
         for type in self._ontology.types.values():
             for name in (*type.attributes, *type.required):
-                self._having.setdefault(name, []).append(iri(Section.TYPES, type.name))
+                self._owner_classes.setdefault(name, []).append(iri(Section.TYPES, type.name))
         for attribute in self._ontology.attributes.values():
             for name in attribute.attributes:
-                self._having.setdefault(name, []).append(VALUES[quote_name(attribute.name)])
+                self._owner_classes.setdefault(name, []).append(VALUES[quote_name(attribute.name)])
         for attribute in self._ontology.attributes.values():
             self._attribute(attribute)
         for type in self._ontology.types.values():
@@ -65,39 +65,39 @@ class _Shapes:
         return list_of(items, self._graph, self._nodes)
 
     def _of_class(self, classes: Iterable[Node]) -> list[Node]:
-        found: list[Node] = []
+        class_nodes: list[Node] = []
         for name in classes:
             node = self._nodes.new()
             self._add(node, **{"class": name})
-            found.append(node)
-        return found
+            class_nodes.append(node)
+        return class_nodes
 
     # Attributes
 
     def _attribute(self, attribute: AttributeType) -> None:
         word = iri(Section.ATTRIBUTES, attribute.name)
         shape = self._shape(f"attribute.{quote_name(attribute.name)}", targetSubjectsOf=word)
-        one = Literal(1)
+        max_count = Literal(1)
         if attribute.kind is Kind.COMPLEX:
-            self._property(shape, word, maxCount=one, **{"class": VALUES[quote_name(attribute.name)]})
+            self._property(shape, word, maxCount=max_count, **{"class": VALUES[quote_name(attribute.name)]})
         else:
             limits = self._limits(attribute.minimum, attribute.maximum, attribute.values)
-            self._property(shape, word, maxCount=one, datatype=DATATYPES[attribute.kind], **limits)
-        having = self._having.get(attribute.name, [])
-        if having:
-            self._add(shape, **{"or": self._list(self._of_class(having))})
+            self._property(shape, word, maxCount=max_count, datatype=DATATYPES[attribute.kind], **limits)
+        owner_classes = self._owner_classes.get(attribute.name, [])
+        if owner_classes:
+            self._add(shape, **{"or": self._list(self._of_class(owner_classes))})
         else:
             self._property(shape, word, maxCount=Literal(0))
 
     def _limits(self, minimum: float | None, maximum: float | None, values: Sequence[float | str | bool]) -> dict[str, Node]:
-        found: dict[str, Node] = {}
+        facets: dict[str, Node] = {}
         if minimum is not None:
-            found["minInclusive"] = literal(minimum)
+            facets["minInclusive"] = literal(minimum)
         if maximum is not None:
-            found["maxInclusive"] = literal(maximum)
+            facets["maxInclusive"] = literal(maximum)
         if values:
-            found["in"] = self._list([literal(value) for value in values])
-        return found
+            facets["in"] = self._list([literal(value) for value in values])
+        return facets
 
     # Types
 
@@ -115,27 +115,27 @@ class _Shapes:
     def _required(self, shape: URIRef, type_name: str, name: str) -> None:
         """Of objects whose type gives it a default it is not asked."""
         path = iri(Section.ATTRIBUTES, name)
-        if any(self._defaults(above, name) for above in self._ontology.ancestors(type_name)):
+        if any(self._defaults(ancestor, name) for ancestor in self._ontology.ancestors(type_name)):
             return
-        exempt = [iri(Section.TYPES, below) for below in self._ontology.subtypes(type_name) if self._defaults(below, name)]
+        exempt = [iri(Section.TYPES, subtype) for subtype in self._ontology.subtypes(type_name) if self._defaults(subtype, name)]
         if not exempt:
             self._property(shape, path, minCount=Literal(1))
             return
-        having = self._nodes.new()
-        self._property(having, path, minCount=Literal(1))
-        one_of = self._list([having, *self._of_class(exempt)])
-        self._graph.add((shape, SH["or"], one_of))
+        attribute_shape = self._nodes.new()
+        self._property(attribute_shape, path, minCount=Literal(1))
+        alternatives = self._list([attribute_shape, *self._of_class(exempt)])
+        self._graph.add((shape, SH["or"], alternatives))
 
     def _defaults(self, type_name: str, name: str) -> bool:
         return any(path.split(".")[0] == name for path in self._ontology.types[type_name].defaults)
 
     def _part(self, shape: URIRef, part: Part) -> None:
-        below, inverse = self._nodes.new(), self._nodes.new()
+        part_path, inverse = self._nodes.new(), self._nodes.new()
         self._add(inverse, inversePath=iri(Section.RELATIONS, PART_OF))
-        self._add(below, oneOrMorePath=inverse)
+        self._add(part_path, oneOrMorePath=inverse)
         (of_class,) = self._of_class([iri(Section.TYPES, part.type)])
-        most = Literal(part.maximum) if part.maximum is not None else None
-        self._property(shape, below, qualifiedValueShape=of_class, qualifiedMinCount=Literal(part.minimum), qualifiedMaxCount=most)
+        max_count = Literal(part.maximum) if part.maximum is not None else None
+        self._property(shape, part_path, qualifiedValueShape=of_class, qualifiedMinCount=Literal(part.minimum), qualifiedMaxCount=max_count)
 
     def _constraint(self, shape: URIRef, constraint: Constraint) -> None:
         assert constraint.attribute is not None, "only those are asked for"
@@ -157,8 +157,8 @@ class _Shapes:
         self._add(self._shape(f"{name}.to", targetObjectsOf=word), **{"class": joined[1]})
         if relation.functional:
             self._property(SHAPES[f"{name}.from"], word, maxCount=Literal(1))
-        many = self._shape(f"{name}.many", f"{relation.name} joins 2 objects", targetClass=word)
-        self._property(many, argument(1), maxCount=Literal(0))
+        arity_shape = self._shape(f"{name}.many", f"{relation.name} joins 2 objects", targetClass=word)
+        self._property(arity_shape, argument(1), maxCount=Literal(0))
 
     def _facts(self, relation: RelationType, name: str, word: URIRef, joined: Sequence[URIRef]) -> None:
         shape = self._shape(name, targetClass=word)
@@ -167,8 +167,8 @@ class _Shapes:
         self._add(shape, closed=Literal(True), ignoredProperties=self._list([RDF.type]))
         if relation.functional:
             twice = f"?one a <{word}> ; <{argument(1)}> $this . ?other a <{word}> ; <{argument(1)}> $this . FILTER (?one != ?other)"
-            once = self._shape(f"{name}.once", f"{relation.name} holds once of an object", targetObjectsOf=argument(1))
-            self._sparql(once, twice)
+            functional_shape = self._shape(f"{name}.once", f"{relation.name} holds once of an object", targetObjectsOf=argument(1))
+            self._sparql(functional_shape, twice)
 
     def _sparql(self, shape: URIRef, pattern: str) -> None:
         node = self._nodes.new()
@@ -182,7 +182,11 @@ class _Shapes:
             if relation.excludes:
                 groups.setdefault(relation.excludes, []).append(relation)
         for group, relations in groups.items():
-            pairs = [f"{{ {_holds(one, 1)} {_holds(other, 2)} }}" for at, one in enumerate(relations) for other in relations[at + 1 :]]
+            pairs = [
+                f"{{ {_fact_pattern(first_relation, 1)} {_fact_pattern(second_relation, 2)} }}"
+                for index, first_relation in enumerate(relations)
+                for second_relation in relations[index + 1 :]
+            ]
             if not pairs:
                 continue
             message = f"Of {', '.join(relation.name for relation in relations)}, one holds at a time"
@@ -199,11 +203,11 @@ class _Shapes:
             part_of = iri(Section.RELATIONS, PART_OF)
             shape = self._shape("cycle", "Nothing is a part of itself", targetSubjectsOf=part_of)
             self._sparql(shape, f"$this <{part_of}>+ $this")
-        known = self._shape("object", "Every object is of a type that there is", targetClass=OWL.NamedIndividual)
-        self._add(known, **{"or": self._list(self._of_class([iri(Section.TYPES, ROOT), V.Value, V.Function]))})
+        object_shape = self._shape("object", "Every object is of a type that there is", targetClass=OWL.NamedIndividual)
+        self._add(object_shape, **{"or": self._list(self._of_class([iri(Section.TYPES, ROOT), V.Value, V.Function]))})
 
 
-def _holds(relation: RelationType, number: int) -> str:
+def _fact_pattern(relation: RelationType, number: int) -> str:
     """A pattern: the relation holds, with `$this` as its first argument."""
     word = iri(Section.RELATIONS, relation.name)
     if is_binary(relation):

@@ -12,8 +12,8 @@ from rdflib.term import IdentifiedNode, Node
 
 from somrs.errors import ModelError, Problem
 from somrs.ontology.files.loading import NAME
-from somrs.ontology.naming import SINGULAR, Named, Renaming, Section, find
-from somrs.ontology.owl.words import ONTOLOGY, V, local, section_of
+from somrs.ontology.naming import SINGULAR, DefinitionKey, Renaming, Section, find_definition
+from somrs.ontology.owl.words import ONTOLOGY, V, local_name, section_of
 from somrs.ontology.types import Ontology
 
 WORDS = frozenset(("AND", "OR", "NOT", "TRUE", "FALSE"))
@@ -46,7 +46,7 @@ KINDS = {
 }
 """By what a thing is said to be."""
 
-NOT_KEPT = "there are no words for it here, and it is not kept"
+UNSUPPORTED_NOTE = "there are no words for it here, and it is not kept"
 
 
 class Source:
@@ -57,9 +57,9 @@ class Source:
         self.problems: list[Problem] = []
         self.notes: list[Problem] = []
         self.renamings: list[Renaming] = []
-        self.removed: list[Named] = []
+        self.removed: list[DefinitionKey] = []
         self.graph = self._parsed()
-        self._used: set[tuple[Node, Node, Node]] = set()
+        self._used_statements: set[tuple[Node, Node, Node]] = set()
         self._names: dict[IdentifiedNode, str] = {}
 
     # Text
@@ -86,72 +86,74 @@ class Source:
         """Where a thing is first spoken of as what a statement is about, as far as can be told."""
         if not isinstance(node, URIRef):
             return None
-        name = re.escape(str(node)[len(str(node)) - len(local(node)) :] or str(node))
+        name = re.escape(str(node)[len(str(node)) - len(local_name(node)) :] or str(node))
         whole = rf"(?:[^<>\"'\n]*[#/:])?{name}"
         for pattern in (rf"^\s*(?:<{whole}>|[\w.-]*:{name})\s", rf"rdf:about=([\"']){whole}\1", rf"(?<![\w-]){name}(?![\w-])"):
-            if (found := re.search(pattern, self.text, re.MULTILINE)) is not None:
-                start = found.start() + len(found[0]) - len(found[0].lstrip())
+            if (match := re.search(pattern, self.text, re.MULTILINE)) is not None:
+                start = match.start() + len(match[0]) - len(match[0].lstrip())
                 return self.text.count("\n", 0, start) + 1
         return None
 
     def problem(self, node: Node, rule: str, message: str, name: str = "") -> None:
         """Something is wrong, and nothing can be taken over before it is mended."""
-        self.problems.append(Problem(file=self.file, line=self.line(node), subject=name or self.said(node), rule=rule, message=message))
+        self.problems.append(
+            Problem(file=self.file, line=self.line(node), subject=name or self.display_name(node), rule=rule, message=message)
+        )
 
     def note(self, node: Node, message: str) -> None:
         """Something is not taken over."""
-        self.notes.append(Problem(file=self.file, line=self.line(node), subject=self.said(node), rule="not-kept", message=message))
+        self.notes.append(Problem(file=self.file, line=self.line(node), subject=self.display_name(node), rule="not-kept", message=message))
 
-    def said(self, node: Node) -> str:
+    def display_name(self, node: Node) -> str:
         """A node as people know it."""
         if isinstance(node, BNode):
             return "something without a name"
-        return local(node) if isinstance(node, URIRef) else str(node)
+        return local_name(node) if isinstance(node, URIRef) else str(node)
 
     # Statements
 
-    def take(self, subject: Node, predicate: Node) -> list[Node]:
+    def take_objects(self, subject: Node, predicate: Node) -> list[Node]:
         """The objects, in no order."""
-        found = list(self.graph.objects(subject, predicate))
-        self._used.update((subject, predicate, object) for object in found)
-        return found
+        objects = list(self.graph.objects(subject, predicate))
+        self._used_statements.update((subject, predicate, object) for object in objects)
+        return objects
 
     def text_of(self, subject: Node, predicate: Node) -> str | None:
         """The text; None if there is none. Of several, the first in order of the alphabet."""
-        found = sorted(str(object) for object in self.take(subject, predicate) if isinstance(object, Literal))
-        if len(found) > 1:
-            self.note(subject, f"{self.said(predicate)} is there {len(found)} times; the first counts")
-        return found[0] if found else None
+        texts = sorted(str(object) for object in self.take_objects(subject, predicate) if isinstance(object, Literal))
+        if len(texts) > 1:
+            self.note(subject, f"{self.display_name(predicate)} is there {len(texts)} times; the first counts")
+        return texts[0] if texts else None
 
     def number_of(self, subject: Node, predicate: Node) -> float | None:
         text = self.text_of(subject, predicate)
         try:
             return float(text) if text is not None else None
         except ValueError:
-            self.problem(subject, "value", f"{self.said(predicate)} is a number, not {text!r}")
+            self.problem(subject, "value", f"{self.display_name(predicate)} is a number, not {text!r}")
             return None
 
     def rank(self, subject: Node) -> tuple[float, str]:
         """To put things into the order in which they were written; what is new comes last, by name."""
-        found = self.number_of(subject, V.rank)
-        return (found if found is not None else float("inf"), self.said(subject))
+        number = self.number_of(subject, V.rank)
+        return (number if number is not None else float("inf"), self.display_name(subject))
 
-    def use(self, node: Node) -> None:
+    def mark_subtree_used(self, node: Node) -> None:
         """All that is said of a node, and of nodes without a name in it, counts as understood."""
-        waiting, seen = [node], set[Node]()
+        waiting, visited_nodes = [node], set[Node]()
         while waiting:
             current = waiting.pop()
-            seen.add(current)
+            visited_nodes.add(current)
             for predicate, object in self.graph.predicate_objects(current):
-                self._used.add((current, predicate, object))
-                if isinstance(object, BNode) and object not in seen:
+                self._used_statements.add((current, predicate, object))
+                if isinstance(object, BNode) and object not in visited_nodes:
                     waiting.append(object)
 
-    def used(self, subject: Node, predicate: Node, object: Node) -> None:
-        self._used.add((subject, predicate, object))
+    def mark_used(self, subject: Node, predicate: Node, object: Node) -> None:
+        self._used_statements.add((subject, predicate, object))
 
     def is_new(self, statement: tuple[Node, Node, Node]) -> bool:
-        return statement not in self._used
+        return statement not in self._used_statements
 
     # Names
 
@@ -164,34 +166,34 @@ class Source:
 
     def _named(self, node: URIRef, section: Section) -> str:
         plain = self._labels(node)
-        name = local(node)
+        name = local_name(node)
         if section_of(node) is section and (not plain or name in plain):
             return name
         if section is Section.OBJECTS and section_of(node) is section:
             self.note(node, f"the label {plain[0]!r} does not rename an object; give it another name on the map itself")
             return name
-        if section_of(node) is section and find(self._base, Named(section=section, name=name)) is not None:
+        if section_of(node) is section and find_definition(self._base, DefinitionKey(section=section, name=name)) is not None:
             if is_name(plain[0]):
                 self.renamings.append(Renaming(section=section, name=name, to=plain[0]))
             else:
                 self.note(node, f"the label {plain[0]!r} is no name (letters, digits, _ and -), so that it keeps its own")
             return name
-        found = next((label for label in [*plain, name] if is_name(label)), None)
-        if found is None:
+        chosen_label = next((label for label in [*plain, name] if is_name(label)), None)
+        if chosen_label is None:
             message = f"is no name for a {SINGULAR[section]}; give it a label of a letter and then letters, digits, _ or -"
             self.problem(node, "name", message)
-        return found or name
+        return chosen_label or name
 
     def _labels(self, node: Node) -> list[str]:
         """Its labels in no language in particular."""
         labels = [label for label in self.graph.objects(node, RDFS.label) if isinstance(label, Literal) and not label.language]
         for label in labels:
-            self.used(node, RDFS.label, label)
+            self.mark_used(node, RDFS.label, label)
         return sorted(map(str, labels))
 
     # What was not understood
 
-    def tell_the_rest(self) -> None:
+    def note_unused(self) -> None:
         """Name what nobody has taken."""
         inner = {object for _, _, object in self.graph if isinstance(object, BNode)}
         rest = sorted(
@@ -207,16 +209,16 @@ class Source:
 
     def _unknown(self, subject: Node, predicate: Node, object: Node) -> str:
         if predicate == RDF.type:
-            return f"it is said to be of {self.short(object)}: {KINDS.get(object, NOT_KEPT)}"  # type: ignore[call-overload]  # any node
+            return f"it is said to be of {self.short(object)}: {KINDS.get(object, UNSUPPORTED_NOTE)}"  # type: ignore[call-overload]  # any node
         if subject == ONTOLOGY and predicate not in ADVICE:
-            return f"{self.short(predicate)} of the ontology: {NOT_KEPT}"
-        advice = ADVICE.get(predicate, NOT_KEPT)  # type: ignore[call-overload]  # any node
-        what = f" {self.short(object)}" if not isinstance(object, BNode) else ""
-        return f"{self.short(predicate)}{what}: {advice}"
+            return f"{self.short(predicate)} of the ontology: {UNSUPPORTED_NOTE}"
+        advice = ADVICE.get(predicate, UNSUPPORTED_NOTE)  # type: ignore[call-overload]  # any node
+        object_text = f" {self.short(object)}" if not isinstance(object, BNode) else ""
+        return f"{self.short(predicate)}{object_text}: {advice}"
 
     def short(self, node: Node) -> str:
         """A node with the prefix of the common vocabularies."""
-        text = self.said(node)
+        text = self.display_name(node)
         for prefix, space in (("owl", OWL), ("rdfs", RDFS), ("rdf", RDF), ("sh", SH), ("somrs", V)):
             if isinstance(node, URIRef) and node.startswith(str(space)):
                 return f"{prefix}:{text}"
@@ -227,6 +229,6 @@ def is_name(text: str) -> bool:
     return NAME.fullmatch(text) is not None and text not in WORDS
 
 
-def each(nodes: Iterator[Node]) -> list[URIRef]:
+def sorted_iris(nodes: Iterator[Node]) -> list[URIRef]:
     """Those with an IRI, each once, in the order of their IRIs."""
     return sorted({node for node in nodes if isinstance(node, URIRef)})

@@ -85,7 +85,7 @@ def quote_name(name: str) -> str:
     return name if name.replace("-", "_").isidentifier() else quote(name, safe="")
 
 
-def local(node: URIRef) -> str:
+def local_name(node: URIRef) -> str:
     """The last part of an IRI."""
     text = str(node)
     return unquote(text[max(text.rfind(sign) for sign in "#/:") + 1 :])
@@ -114,7 +114,7 @@ def literal(value: Value) -> Literal:
             return Literal(value)
 
 
-def bound(graph: Graph) -> Graph:
+def bind_prefixes(graph: Graph) -> Graph:
     """The graph with our prefixes."""
     for prefix, space in PREFIXES.items():
         graph.bind(prefix, space, replace=True)

@@ -15,7 +15,7 @@ from somrs.ontology.owl.definitions import write_definitions
 from somrs.ontology.owl.individuals import write_map
 from somrs.ontology.owl.ranges import Nodes
 from somrs.ontology.owl.shapes import write_shapes
-from somrs.ontology.owl.words import bound
+from somrs.ontology.owl.words import bind_prefixes
 from somrs.ontology.types import Ontology
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 def graph_of(ontology: Ontology, map: Map | None = None, *, shapes: bool = True) -> Graph:
     """Definitions, shapes if they are wanted, and the map if there is one."""
-    graph, nodes = bound(Graph(bind_namespaces="none")), Nodes()
+    graph, nodes = bind_prefixes(Graph(bind_namespaces="none")), Nodes()
     write_definitions(ontology, graph, nodes)
     if shapes:
         write_shapes(ontology, graph, nodes)
@@ -39,9 +39,9 @@ def graph_of(ontology: Ontology, map: Map | None = None, *, shapes: bool = True)
 def serialised(graph: Graph, format: Format) -> bytes:
     """The file. Raises UsageError for a text that XML cannot hold."""
     if format == "turtle":
-        out = io.BytesIO()
-        TurtleSerializer(graph).serialize(out, encoding="utf-8")
-        return out.getvalue()
+        buffer = io.BytesIO()
+        TurtleSerializer(graph).serialize(buffer, encoding="utf-8")
+        return buffer.getvalue()
     for subject, _, object in graph:
         if isinstance(object, Literal) and (wrong := NOT_XML.search(str(object))) is not None:
             raise UsageError(f"a text of {subject} has the character {wrong[0]!r}, which XML cannot hold; take it out, or write Turtle")

@@ -13,7 +13,7 @@ from somrs.entish import Attribute, Comparison, Name, Not, Number, Relation, Ter
 from somrs.entish.formula import Constant, Literal, substitute, substitute_term, variables
 from somrs.ontology.services import PROVIDER
 from somrs.ontology.types import AttributeType, Kind
-from somrs.ontology.units import converted
+from somrs.ontology.units import convert_unit
 from somrs.ontology.values import attribute_at, constant, measure
 from somrs.planner.grounding.relevance import Demand
 from somrs.planner.model.facts import Facts
@@ -255,7 +255,7 @@ class Grounding:
         for predicate, terms in operator.adds:
             for place, term in enumerate(terms):
                 if isinstance(term, Variable) and term.name == name and not predicate.startswith("."):
-                    standing = islice(self.world.map.standing(predicate, place), MOST_LOOKED_AT)
+                    standing = islice(self.world.map.objects_at(predicate, place), MOST_LOOKED_AT)
                     yield from (other for other in standing if other in self.world.map.objects and self.world.is_a(other, types))
 
     # Actions
@@ -316,7 +316,7 @@ class Grounding:
             return None
         match attribute.kind, measured.constant:
             case Kind.NUMBER, Number(value, unit):
-                number = value if unit is None or attribute.unit is None else converted(value, unit, attribute.unit)
+                number = value if unit is None or attribute.unit is None else convert_unit(value, unit, attribute.unit)
                 within = number is not None and _at_least(number, attribute.minimum) and _at_least(attribute.maximum, number)
                 return constant(number, attribute) if number is not None and within else None
             case Kind.TRUTH, Truth() as truth:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
 from somrs.entish.formula import Literal, alternatives, conjunction, conjuncts, substitute, terms, variables
 from somrs.ontology.objects import Map
-from somrs.ontology.truth import bindings, holds
+from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import measure
 from somrs.planner.model.plan import Link, Step
@@ -113,11 +113,11 @@ class _Fates:
             case Not(Relation(name, arguments)):
                 wanted = False
             case _:
-                return holds(condition, map, self._ontology)
+                return formula_holds(condition, map, self._ontology)
         fact = tuple(argument.name for argument in arguments if isinstance(argument, Name))
         if len(fact) < len(arguments) or name not in self._ontology.relations:
-            return holds(condition, map, self._ontology)
-        there = map.holds(name, fact) or (self._ontology.relations[name].symmetric and map.holds(name, fact[::-1]))
+            return formula_holds(condition, map, self._ontology)
+        there = map.has_fact(name, fact) or (self._ontology.relations[name].symmetric and map.has_fact(name, fact[::-1]))
         return there is wanted
 
     def _subjects(self, part: Formula) -> Iterator[tuple[object, Term | None]]:

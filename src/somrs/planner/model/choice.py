@@ -15,7 +15,7 @@ from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relati
 from somrs.entish.formula import Arithmetic, Literal, conjunction, conjuncts, names, terms
 from somrs.entish.parse import parse
 from somrs.ontology.services import PROVIDER, ServiceType
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import Ontology
 from somrs.planner.model.causal import touches
 from somrs.planner.model.plan import NoPlan, Plan, Step
@@ -41,7 +41,9 @@ def _opened(plan: Plan, problem: Problem) -> Plan:
             needed = _needed(provider, group, plan, problem.ontology)
             if needed is not None:
                 alike = [
-                    one for one in sorted(able) if all(holds(_for(part, provider, one), problem.map, problem.ontology) for part in needed)
+                    one
+                    for one in sorted(able)
+                    if all(formula_holds(_for(part, provider, one), problem.map, problem.ontology) for part in needed)
                 ]
                 said.update({step.id: (f"device{number}", tuple(alike)) for step in group if alike})
     if not said:

@@ -326,7 +326,7 @@ class _Compiler:
         for argument, joined in zip(atom.arguments[1:], relation.joins[1:], strict=True):
             if not isinstance(argument, Variable) or self.occurrences[argument.name] != 1:
                 return None
-            if argument.type is not None and not self.known.ontology.is_a(joined, argument.type):
+            if argument.type is not None and not self.known.ontology.is_subtype(joined, argument.type):
                 return None
         return atom.relation + SOME, (bare(atom.arguments[0]),)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from somrs.entish.formula import substitute, variables
 from somrs.entish.parse import parse
-from somrs.ontology.effects import applied, settled
+from somrs.ontology.effects import apply_effect, evaluate_effect
 from somrs.ontology.objects import Map
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.problem import Problem
 
@@ -20,17 +20,17 @@ def validate(plan: Plan, problem: Problem) -> list[str]:
         if step.service_type not in known:
             wrong.append(f"{step.id}: nobody offers {step.service_type}")
             continue
-        if step.precondition is not None and not holds(step.precondition, map, problem.ontology):
+        if step.precondition is not None and not formula_holds(step.precondition, map, problem.ontology):
             wrong.append(f"{step.id}: {step} needs {step.precondition}, which does not hold by then")
         promised = substitute(parse(known[step.service_type].effect), step.bindings)
-        if not variables(promised) and step.effect != settled(promised, map, problem.ontology):
+        if not variables(promised) and step.effect != evaluate_effect(promised, map, problem.ontology):
             wrong.append(f"{step.id}: {step.effect} is not what {step} brings about")
         map = after(step, map, problem)
-    if not holds(problem.goal, map, problem.ontology):
+    if not formula_holds(problem.goal, map, problem.ontology):
         wrong.append(f"after all steps {problem.goal} does not hold")
     return wrong
 
 
 def after(step: Step, map: Map, problem: Problem) -> Map:
     """The map once the step is done."""
-    return applied(step.effect, map, problem.ontology)
+    return apply_effect(step.effect, map, problem.ontology)

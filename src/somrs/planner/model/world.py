@@ -11,7 +11,7 @@ from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import ROOT, Ontology
-from somrs.ontology.values import Measured, attribute_at, compare, constant, measure, value_of
+from somrs.ontology.values import MeasuredValue, attribute_at, compare, constant, measure, value_of
 from somrs.planner.model.operators import SOME, Argument, Fact, Test, providers_of
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.repertoire import repertoire
@@ -92,7 +92,7 @@ class World:
     def _type_is_a(self, type_name: str, ancestor: str) -> bool:
         key = type_name, ancestor
         if key not in self._is_a:
-            self._is_a[key] = self.ontology.is_a(type_name, ancestor)
+            self._is_a[key] = self.ontology.is_subtype(type_name, ancestor)
         return self._is_a[key]
 
     def has(self, name: str, path: str) -> bool:
@@ -125,7 +125,7 @@ class World:
         names = self._names(arguments)
         if predicate.endswith(SOME):
             return bool(self.map.facts_with(predicate.removesuffix(SOME), 0, names[0]))
-        return self.map.holds(predicate, names) or (self.known.symmetric(predicate) and self.map.holds(predicate, names[::-1]))
+        return self.map.has_fact(predicate, names) or (self.known.symmetric(predicate) and self.map.has_fact(predicate, names[::-1]))
 
     def count(self, predicate: str, known: Sequence[Argument | None]) -> int:
         """About how many facts hold now that `like` would look at; never fewer."""
@@ -223,7 +223,7 @@ class World:
         for side in (test.comparison.left, test.comparison.right):
             measured = measure(side, self.map, self.ontology, terms)
             if measured is not None and isinstance(side, Variable) and side.name in test.hidden:
-                measured = Measured(measured.constant, test.hidden[side.name])
+                measured = MeasuredValue(measured.constant, test.hidden[side.name])
             sides.append(measured)
         left, right = sides
         return left is not None and right is not None and compare(left, test.comparison.operator, right)

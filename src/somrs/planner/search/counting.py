@@ -9,8 +9,8 @@ from heapq import heappop, heappush
 from somrs.entish import Arithmetic, Attribute, Comparison, Name, Not, Number, Term, Variable
 from somrs.entish.formula import Literal
 from somrs.ontology.types import AttributeType
-from somrs.ontology.units import converted
-from somrs.ontology.values import Measured, attribute_at, compare, measure, value_of
+from somrs.ontology.units import convert_unit
+from somrs.ontology.values import MeasuredValue, attribute_at, compare, measure, value_of
 from somrs.planner.grounding.task import Move, State, Task
 from somrs.planner.model.world import World
 from somrs.planner.search.search import Estimate
@@ -115,11 +115,11 @@ class Counters:
         so = left is not None and right is not None and compare(left, atom.operator, right)
         return so is not isinstance(condition.literal, Not)
 
-    def _measured(self, side: Term, bound: dict[str, Term]) -> Measured | None:
+    def _measured(self, side: Term, bound: dict[str, Term]) -> MeasuredValue | None:
         found = measure(side, self._world.map, self._world.ontology, bound)
         if found is not None and isinstance(side, Variable):
             attribute = attribute_at(side.name.partition(".")[2], self._world.ontology)
-            return Measured(found.constant, attribute.tolerance if attribute is not None else 0.0)
+            return MeasuredValue(found.constant, attribute.tolerance if attribute is not None else 0.0)
         return found
 
     def _value(self, setting: Setting, numbers: Numbers) -> float | None:
@@ -129,7 +129,7 @@ class Counters:
             return None
         value: float | None = measured.constant.value
         if measured.constant.unit is not None and attribute.unit is not None:
-            value = converted(measured.constant.value, measured.constant.unit, attribute.unit)
+            value = convert_unit(measured.constant.value, measured.constant.unit, attribute.unit)
         low, high = attribute.minimum, attribute.maximum
         within = value is not None and (low is None or value >= low) and (high is None or value <= high)
         return value if within else None

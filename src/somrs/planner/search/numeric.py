@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from somrs.entish import Arithmetic, Comparison, Name, Not, Number, Term, Variable
-from somrs.ontology.units import converted
+from somrs.ontology.units import convert_unit
 from somrs.ontology.values import ROUNDING
 from somrs.planner.grounding.task import Assignment, Move, Task
 from somrs.planner.model.operators import Inexpressible
@@ -150,7 +150,7 @@ def _plain(number: float) -> str:
 def _converted(number: Number, unit: str | None, term: Term) -> str:
     if number.unit is None or unit is None:
         return _plain(number.value)
-    value = converted(number.value, number.unit, unit)
+    value = convert_unit(number.value, number.unit, unit)
     if value is None:
         raise Inexpressible(term, f"{number.unit} and {unit} do not measure the same thing")
     return _plain(value)
@@ -159,7 +159,7 @@ def _converted(number: Number, unit: str | None, term: Term) -> str:
 def _scaled(text: str, unit: str | None, wanted: str | None, term: Term) -> str:
     if unit is None or wanted is None or unit == wanted:
         return text
-    none, one = converted(0.0, unit, wanted), converted(1.0, unit, wanted)
+    none, one = convert_unit(0.0, unit, wanted), convert_unit(1.0, unit, wanted)
     if none != 0 or one is None:
         raise Inexpressible(term, f"{unit} and {wanted} differ by more than a factor")
     return f"(* {_plain(one)} {text})"

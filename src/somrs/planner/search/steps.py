@@ -8,7 +8,7 @@ from msgspec import structs
 
 from somrs.entish import Formula, Term
 from somrs.entish.formula import conjunction, substitute, variables
-from somrs.ontology.effects import settled
+from somrs.ontology.effects import evaluate_effect
 from somrs.ontology.objects import Map
 from somrs.planner.grounding.grounding import Action
 from somrs.planner.grounding.task import Move
@@ -27,7 +27,7 @@ def stated(problem: Problem, moves: Sequence[Move]) -> Plan:
     for move in moves:
         step = _step(f"step{len(steps) + 1}", move.action, maps[-1], problem)
         written.append(step.effect)
-        steps.append(structs.replace(step, effect=settled(step.effect, maps[-1], problem.ontology)))
+        steps.append(structs.replace(step, effect=evaluate_effect(step.effect, maps[-1], problem.ontology)))
         maps.append(after(steps[-1], maps[-1], problem))
     made = Plan(tuple(steps), linked(steps, maps, problem, written))
     wrong = validate(made, problem)

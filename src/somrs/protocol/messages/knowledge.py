@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
-from somrs.ontology.naming import Named, Renaming
+from somrs.ontology.naming import DefinitionKey, Renaming
 from somrs.ontology.objects import Change, Fact, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, RelationType
@@ -73,7 +73,7 @@ class Define(MessageBody, frozen=True, kw_only=True, tag=True):
 
     definitions: Definitions = Definitions()
     author: str = ""
-    removed: tuple[Named, ...] = ()
+    removed: tuple[DefinitionKey, ...] = ()
     renamed: tuple[Renaming, ...] = ()
     expected_version: int | None = None
 
@@ -275,6 +275,6 @@ class OntologyChanged(MessageBody, frozen=True, kw_only=True, tag=True):
 
     definitions: Definitions
     version: int
-    removed: tuple[Named, ...] = ()
+    removed: tuple[DefinitionKey, ...] = ()
     changes: tuple[Change, ...] = ()
     renamed: tuple[Renaming, ...] = ()

@@ -13,7 +13,7 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
-from somrs.ontology.truth import bindings, holds
+from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages.clients import Policy, Submit
@@ -112,5 +112,5 @@ def about(step: Step, situation: Formula | None, map: Map, ontology: Ontology) -
     if situation is None:
         return None
     inputs = {name for term in step.inputs.values() for name in names(term)}
-    told = [part for part in conjuncts(situation) if names(part) and names(part)[0] in inputs and holds(part, map, ontology)]
+    told = [part for part in conjuncts(situation) if names(part) and names(part)[0] in inputs and formula_holds(part, map, ontology)]
     return conjunction(*told) if told else None

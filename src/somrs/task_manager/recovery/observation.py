@@ -159,7 +159,7 @@ def _step(service_type: ServiceType, object: str, map: Map, ontology: Ontology) 
     (parameter,) = service_type.inputs
     known = Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(False))
     effect = substitute(parse(service_type.effect), {parameter.name: Name(object)})
-    if effect != known or not ontology.is_a(map.objects[object].type, parameter.type):
+    if effect != known or not ontology.is_subtype(map.objects[object].type, parameter.type):
         return None
     return Step(id="step1", service_type=service_type.name, inputs={parameter.name: Name(object)}, effect=effect)
 

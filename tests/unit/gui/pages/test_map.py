@@ -47,8 +47,8 @@ def test_a_thing_stands_on_what_it_is_put_on(known: tuple[Map, Ontology]) -> Non
     map, ontology = known
     put = after(known, moved(map, ontology, Move(name="Jar002", x=4.1, y=2.3, turned=0, target="Table001")))
     assert at(put, ontology, "Jar002") == (4.1, 2.3, 0.74)
-    assert put.holds("isOn", ("Jar002", "Table001"))
-    assert not put.holds("isOn", ("Jar002", "Cupboard001"))
+    assert put.has_fact("isOn", ("Jar002", "Table001"))
+    assert not put.has_fact("isOn", ("Jar002", "Cupboard001"))
     floor = after(known, moved(map, ontology, Move(name="Jar002", x=2, y=2, turned=0, target="Floor001")))
     assert at(floor, ontology, "Jar002")[2] == pytest.approx(0)
 
@@ -60,7 +60,7 @@ def test_what_stands_on_a_table_moves_and_turns_with_it(known: tuple[Map, Ontolo
     dx, dy = cx - tx, cy - ty
     assert at(turned, ontology, "Carton001") == pytest.approx((5 - dy, 5 + dx, cz), abs=1e-4)
     assert value_of("Carton001", "RotationZ", turned, ontology) == pytest.approx(math.pi / 2, abs=1e-5)
-    assert turned.holds("isOn", ("Carton001", "Table002"))
+    assert turned.has_fact("isOn", ("Carton001", "Table002"))
 
 
 def test_only_what_changed_is_said(known: tuple[Map, Ontology]) -> None:
@@ -104,7 +104,7 @@ def test_what_has_no_place_is_a_part_of_the_building(known: tuple[Map, Ontology]
 def test_a_thing_that_is_added_on_a_table_stands_on_it(known: tuple[Map, Ontology]) -> None:
     map, ontology = known
     made = after(known, adding("Cup", "Cup001", {}, Spot(x=4, y=2.2, target="Table001", storey="Storey001"), map, ontology))
-    assert made.holds("isOn", ("Cup001", "Table001"))
+    assert made.has_fact("isOn", ("Cup001", "Table001"))
     assert at(made, ontology, "Cup001")[2] == 0.74
 
 

@@ -13,7 +13,7 @@ from somrs.errors import ModelError, Problem, UsageError
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Fact, Map, Object
-from somrs.ontology.owl import Format, Read, export, read
+from somrs.ontology.owl import Format, OwlImport, export, read
 from somrs.ontology.types import AttributeType, Constraint, Definition, Kind, ObjectType, Ontology, RelationType
 from tests.support.examples import examples
 from tests.support.paths import ROOT
@@ -36,11 +36,11 @@ PREFIXES = """\
 """
 
 
-def turtle(text: str, base: Ontology | None = None) -> Read:
+def turtle(text: str, base: Ontology | None = None) -> OwlImport:
     return read(PREFIXES + text, "vases.ttl", base or upper())
 
 
-def noted(found: Read) -> list[tuple[str, str]]:
+def noted(found: OwlImport) -> list[tuple[str, str]]:
     return [(note.subject, note.message) for note in found.notes]
 
 
@@ -130,7 +130,7 @@ relations:
 """
 
 
-def edited(name: str) -> Read:
+def edited(name: str) -> OwlImport:
     """`teapots` with a map, as the OWL API that Protégé is made with wrote it anew after these edits: a new class Vase below Jar, a new
     property Temperature of it, an individual Vase7, and another label for Cup; and Vase and Cup were made disjoint."""
     return read((HERE / name).read_text("utf-8"), name, load_text(EDITED).ontology)
@@ -150,7 +150,7 @@ def test_an_editor_may_write_it_anew_and_change_it(name: str) -> None:
     }
     assert [*found.ontology.types][-1] == "Vase", "what is new comes last"
     assert found.map.objects["Vase7"] == Object(name="Vase7", type="Vase", values={"Temperature": 21.5})
-    assert found.map.holds("isOn", ("Vase7", "Table1"))
+    assert found.map.has_fact("isOn", ("Vase7", "Table1"))
     assert len(found.map.objects) == len(the_map(load_text(HOUSE)).objects) + 1
     assert [note.subject for note in found.notes] == ["Vase"]
     assert "owl:disjointWith Cup" in found.notes[0].message

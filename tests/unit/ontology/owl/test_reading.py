@@ -6,7 +6,7 @@ import pytest
 
 from somrs.errors import ModelError, Problem
 from somrs.ontology.files.loading import upper
-from somrs.ontology.naming import Named, Renaming, Section
+from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import Fact, Object
 from somrs.ontology.owl import read
 from somrs.ontology.services import Handler, Occasion, Parameter, ServiceKind, ServiceType
@@ -438,7 +438,7 @@ def test_definitions_come_in_the_order_in_which_they_were_written_and_what_is_ne
 def test_what_is_deprecated_is_removed() -> None:
     marks = {"Cup": "true", "Can": '"1"', "Jar": "false", "Box": '"no"'}
     found = turtle("\n".join(f"type:{name} {GRASPABLE} ; owl:deprecated {mark} ." for name, mark in marks.items()))
-    assert found.removed == (Named(section=Section.TYPES, name="Can"), Named(section=Section.TYPES, name="Cup"))
+    assert found.removed == (DefinitionKey(section=Section.TYPES, name="Can"), DefinitionKey(section=Section.TYPES, name="Cup"))
     assert [*found.ontology.types] == ["Box", "Jar"]
     assert found.notes == ()
 

@@ -12,7 +12,7 @@ pytest.importorskip("rdflib", reason="rdflib is not installed")
 from rdflib import Literal, URIRef
 
 from somrs.ontology.owl.ordering import in_order, ordered, read_default
-from somrs.ontology.owl.words import argument, iri, literal, local, section_of
+from somrs.ontology.owl.words import argument, iri, literal, local_name, section_of
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ from somrs.ontology.owl.words import argument, iri, literal, local, section_of
 def test_an_iri_says_the_section_and_the_name(section: Section, name: str, written: str) -> None:
     node = iri(section, name)
     assert node == URIRef(written)
-    assert (section_of(node), local(node)) == (section, name)
+    assert (section_of(node), local_name(node)) == (section, name)
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_an_iri_says_the_section_and_the_name(section: Section, name: str, writt
     ],
 )
 def test_the_last_part_of_an_iri_of_others_is_a_name(node: str, name: str) -> None:
-    assert local(URIRef(node)) == name
+    assert local_name(URIRef(node)) == name
     assert section_of(URIRef(node)) is None
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from somrs.errors import UsageError
-from somrs.ontology.files.loading import Loaded, load
+from somrs.ontology.files.loading import LoadedModel, load
 from somrs.ontology.objects import Fact, Map, Object
-from somrs.ontology.owl import Format, Read, export, read, to_graph
+from somrs.ontology.owl import Format, OwlImport, export, read, to_graph
 from somrs.ontology.types import Ontology
 
 pytest.importorskip("rdflib", reason="rdflib is not installed")
@@ -22,7 +22,7 @@ HERE = Path(__file__).parent
 
 
 @lru_cache(maxsize=1)
-def yard() -> Loaded:
+def yard() -> LoadedModel:
     return load([HERE / "yard.yaml"], base=Ontology())
 
 
@@ -62,7 +62,7 @@ def test_a_map_and_shapes_may_be_left_out() -> None:
 
 def test_what_is_written_is_read_back() -> None:
     found = read(export(yard().ontology, yard().map, shapes=False).decode(), "yard", Ontology())
-    assert found == Read(ontology=found.ontology, map=found.map)
+    assert found == OwlImport(ontology=found.ontology, map=found.map)
     assert [*found.ontology] == [*yard().ontology]
     assert found.map == yard().map
 

@@ -13,7 +13,7 @@ from somrs.entish import Formula
 from somrs.entish.formula import conjunction, terms
 from somrs.entish.parse import parse
 from somrs.ontology.objects import Map, Object
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.causal import linked, touches, useful
 from somrs.planner.model.plan import Link, Plan, Step, linearisations
@@ -47,11 +47,11 @@ def random_plan(seed: int) -> tuple[list[Step], list[Map], Problem]:
         map = after(_step("start", atom), map, start)
     maps, steps = [map], list[Step]()
     for number in range(dice.randint(4, 5)):
-        so = [literal for literal in _literals() if holds(parse(literal), maps[-1], ONTOLOGY)]
+        so = [literal for literal in _literals() if formula_holds(parse(literal), maps[-1], ONTOLOGY)]
         needs = conjunction(*map_parse(dice.sample(so, dice.randint(0, 2)))) if so else None
         steps.append(_step(f"step{number}", dice.choice([*_literals()]), needs))
         maps.append(after(steps[-1], maps[-1], start))
-    so = [literal for literal in _literals() if holds(parse(literal), maps[-1], ONTOLOGY)]
+    so = [literal for literal in _literals() if formula_holds(parse(literal), maps[-1], ONTOLOGY)]
     goal = conjunction(*map_parse(dice.sample(so, dice.randint(1, 2))))
     return steps, maps, Problem(ontology=ONTOLOGY, map=map, goal=goal)
 
@@ -74,10 +74,10 @@ def _step(id: str, effect: str, needs: Formula | None = None) -> Step:
 def can_be_done(steps: tuple[Step, ...], problem: Problem) -> bool:
     map = problem.map
     for step in steps:
-        if step.precondition is not None and not holds(step.precondition, map, problem.ontology):
+        if step.precondition is not None and not formula_holds(step.precondition, map, problem.ontology):
             return False
         map = after(step, map, problem)
-    return holds(problem.goal, map, problem.ontology)
+    return formula_holds(problem.goal, map, problem.ontology)
 
 
 def closed(order: Order) -> Order:

@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from somrs.entish.parse import parse
-from somrs.ontology.effects import applied
+from somrs.ontology.effects import apply_effect
 from somrs.ontology.files.loading import load_text
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.model.causal import linked
@@ -97,7 +97,7 @@ def test_who_is_charged_for_it_cannot_be_replaced_by_whom_that_leaves_as_it_is()
     charge = ServiceType(name="Charge", inputs=(Parameter(name="Robot", type="PioneerP3DX"),), effect="?Robot.Charge = 80 %")
     problem = gripping("Jar001 isOn Platform001", picking(" AND ?Provider.Charge >= 20 %"), PUT, charge)
     charged = parse("Robot1.Charge = 10 % AND Robot2.Charge = 50 % AND Robot3.Charge = 50 %")
-    problem = replace(problem, map=applied(charged, problem.map, problem.ontology))
+    problem = replace(problem, map=apply_effect(charged, problem.map, problem.ontology))
     found = planned(replace(problem, excluded=frozenset({"Robot2", "Robot3"})))
     assert [(step.service_type, step.provider) for step in found.steps] == [
         ("Charge", None),
@@ -115,7 +115,7 @@ def test_couriers_that_move_cannot_take_each_others_place() -> None:
 
 def test_only_those_are_alike_of_which_the_same_is_so() -> None:
     problem = gripping("Jar001 isOn Platform001", picking(" AND ?Provider.Working = TRUE"), PUT)
-    working = applied(parse("Robot2.Working = FALSE"), problem.map, problem.ontology)
+    working = apply_effect(parse("Robot2.Working = FALSE"), problem.map, problem.ontology)
     found = planned(replace(problem, map=working))
     assert {(step.provider, *step.alike) for step in found.steps} <= {("Robot1", "Robot3"), ("Robot3", "Robot1")}
 
@@ -154,7 +154,7 @@ def test_three_robots_take_a_thing_each() -> None:
     for robot in robots:
         assert [order.method for order in robot.orders] == ["PickUp", "PutDown"]
         assert len({order.inputs["Object"] for order in robot.orders}) == 1
-    assert made.map.holds("isOn", ("Tin001", "Platform001"))
+    assert made.map.has_fact("isOn", ("Tin001", "Platform001"))
 
 
 def test_the_cheapest_takes_them_all_when_that_is_wanted() -> None:

@@ -49,7 +49,7 @@ class Navigator:
         solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
         self.solids = {solid.name: solid for solid in solids if _stands(solid) and solid.z < level + height and solid.top > level + 0.02}
         floors = [solid for solid in solids if solid.role is Role.FLOOR and abs(solid.top - level) < 0.1]
-        passages = [solid for solid in solids if ontology.is_a(solid.type, "Passage")]
+        passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
         self.grid = Grid.around(floors or solids, margin=0.5 if floors else 4.0)
         self._clearance = clearances(self.grid, list(self.solids.values()), floors, passages if floors else [])
 

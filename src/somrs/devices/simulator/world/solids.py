@@ -130,7 +130,7 @@ def _polygon_distance(outline: tuple[Point, ...], u: float, v: float) -> float:
 
 def role_of(object: Object, ontology: Ontology) -> Role:
     """The role of the object's type; a type that the ontology does not know plays none."""
-    return next((role for ancestor, role in ROLES if ontology.is_a(object.type, ancestor)), Role.NOTHING)
+    return next((role for ancestor, role in ROLES if ontology.is_subtype(object.type, ancestor)), Role.NOTHING)
 
 
 def solid_of(object: Object, ontology: Ontology) -> Solid | None:
@@ -152,7 +152,7 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
     if role is Role.NOTHING or form is None or value("PositionX") is None or value("PositionY") is None:
         return None
     color = value("Color")
-    gripper = ontology.is_a(object.type, "MobileManipulator")
+    gripper = ontology.is_subtype(object.type, "MobileManipulator")
     solid = Solid(
         name=object.name,
         type=object.type,

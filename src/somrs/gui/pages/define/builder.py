@@ -123,12 +123,12 @@ class _Row:
         if object is None or (self.line.thing and (not self.line.relation or self.line.other)):
             return False
         if self.line.thing:
-            fits = context.ontology.is_a(object.type, context.ontology.relations[self.line.relation].joins[1])
+            fits = context.ontology.is_subtype(object.type, context.ontology.relations[self.line.relation].joins[1])
             if fits and name != self.line.thing:
                 self._pick_other(name)
                 self._fill()
             return True
-        if any(context.ontology.is_a(object.type, fixed) for fixed in FIXED):
+        if any(context.ontology.is_subtype(object.type, fixed) for fixed in FIXED):
             return False
         self._thing.choose(name)
         await self._pick_thing(name)

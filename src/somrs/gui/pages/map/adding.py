@@ -103,7 +103,7 @@ class _New:
         with ui.dialog() as self._dialog, ui.card().classes("somrs-map-dialog").props(f'role="dialog" aria-label="{title}"'):
             ui.label(title).classes("somrs-title")
             if spot is not None:
-                on = f", on {spot.target}" if spot.target is not None and ontology.is_a(type_name, "Graspable") else ""
+                on = f", on {spot.target}" if spot.target is not None and ontology.is_subtype(type_name, "Graspable") else ""
                 ui.label(f"At x {spot.x:.2f} m, y {spot.y:.2f} m{on}").classes("somrs-soft")
             with ui.element("form").props(f'aria-label="{title}" novalidate').classes("somrs-map-form") as form:
                 self._name = ui.input("Name", value=name_for(type_name, map)).props(

@@ -93,7 +93,7 @@ class ObjectForm:
         if first.startswith(PLACE):
             return "Place"
         own = self._ontology.types[self.type]
-        inherited = self._ontology.attributes_of("PhysicalObject") if self._ontology.is_a(self.type, "PhysicalObject") else {}
+        inherited = self._ontology.attributes_of("PhysicalObject") if self._ontology.is_subtype(self.type, "PhysicalObject") else {}
         return "" if first in (*own.attributes, *own.required) or first not in inherited or first == "Label" else "More"
 
     # Writing

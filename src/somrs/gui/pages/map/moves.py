@@ -76,7 +76,7 @@ def riders(map: Map, ontology: Ontology, name: str) -> list[str]:
 def put(map: Map, ontology: Ontology, name: str, target: str) -> Iterator[Change]:
     """The facts change so that the object stands on the target, and nowhere else."""
     wanted = Fact(ON, (name, target))
-    if map.holds(wanted.relation, wanted.arguments):
+    if map.has_fact(wanted.relation, wanted.arguments):
         return
     group = ontology.relations[ON].excludes if ON in ontology.relations else None
     for fact in map.facts_about(name):
@@ -114,7 +114,7 @@ def _turned(map: Map, ontology: Ontology, name: str, before: float, after: float
 
 def _is_thing(map: Map, ontology: Ontology, name: str) -> bool:
     """Whether it is put on things: what can be carried, and what stands on something already."""
-    return ontology.is_a(map.objects[name].type, "Graspable") or bool(map.facts_with(ON, 0, name))
+    return ontology.is_subtype(map.objects[name].type, "Graspable") or bool(map.facts_with(ON, 0, name))
 
 
 def _left(map: Map, ontology: Ontology, move: Move) -> Iterator[Change]:

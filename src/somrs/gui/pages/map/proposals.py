@@ -70,7 +70,7 @@ def form_for(type_name: str, map: Map, ontology: Ontology) -> dict[str, Value]:
         own = {path: value for path, value in map.objects[name].values.items() if path.startswith("Shape.") and path != "Shape.Outline"}
         if own.get("Shape.Form") in ("Box", "Cylinder"):
             return own
-    return dict(next(form for ancestor, form in FORMS if ontology.is_a(type_name, ancestor)))
+    return dict(next(form for ancestor, form in FORMS if ontology.is_subtype(type_name, ancestor)))
 
 
 def _must(type_name: str, attribute: str, ontology: Ontology) -> bool:
@@ -85,14 +85,14 @@ def adding(type_name: str, name: str, values: dict[str, Value], spot: Spot | Non
         floor = _elevation(spot.storey, map, ontology)
         values = {X: round(float(spot.x), 4), Y: round(float(spot.y), 4), **values}
         z = _height(type_name, values, floor, ontology)
-        if spot.target is not None and ontology.is_a(type_name, "Graspable"):
+        if spot.target is not None and ontology.is_subtype(type_name, "Graspable"):
             facts.append(Fact(ON, (name, spot.target)))
             z = round(top(map, ontology, spot.target), 4)
         if z != ontology.default(type_name, Z):
             values[Z] = z
         if spot.turned and TURNED in known:
             values[TURNED] = round(spot.turned, 5)
-        if ontology.is_a(type_name, "BuildingElement") and (whole := _whole(type_name, spot, map, ontology)) is not None:
+        if ontology.is_subtype(type_name, "BuildingElement") and (whole := _whole(type_name, spot, map, ontology)) is not None:
             facts.append(Fact(PART_OF, (name, whole)))
     elif (root := next(iter(map.roots()), None)) is not None:
         facts.append(Fact(PART_OF, (name, root)))  # else it would be nowhere at all
@@ -102,11 +102,11 @@ def adding(type_name: str, name: str, values: dict[str, Value], spot: Spot | Non
 
 def _height(type_name: str, values: dict[str, Value], floor: float, ontology: Ontology) -> float:
     thick = values.get("Shape.Height")
-    if ontology.is_a(type_name, "Floor") and isinstance(thick, int | float):
+    if ontology.is_subtype(type_name, "Floor") and isinstance(thick, int | float):
         return round(floor - thick, 4)
-    if ontology.is_a(type_name, "Camera"):
+    if ontology.is_subtype(type_name, "Camera"):
         return floor + CEILING
-    return floor + 0.9 if ontology.is_a(type_name, "Window") else floor
+    return floor + 0.9 if ontology.is_subtype(type_name, "Window") else floor
 
 
 def _elevation(storey: str, map: Map, ontology: Ontology) -> float:
@@ -115,13 +115,13 @@ def _elevation(storey: str, map: Map, ontology: Ontology) -> float:
 
 def _whole(type_name: str, spot: Spot, map: Map, ontology: Ontology) -> str | None:
     """What a wall or a door is made a part of: what the floor there is a part of; a floor, of its storey."""
-    if not ontology.is_a(type_name, "Floor") and spot.target in map.objects and spot.target is not None:
+    if not ontology.is_subtype(type_name, "Floor") and spot.target in map.objects and spot.target is not None:
         floor = spot.target
-        while floor is not None and floor in map.objects and not ontology.is_a(map.objects[floor].type, "AbstractObject"):
+        while floor is not None and floor in map.objects and not ontology.is_subtype(map.objects[floor].type, "AbstractObject"):
             above = map.whole(floor)
             if above is None:
                 break
             floor = above
-        if floor in map.objects and ontology.is_a(map.objects[floor].type, "AbstractObject"):
+        if floor in map.objects and ontology.is_subtype(map.objects[floor].type, "AbstractObject"):
             return floor
     return spot.storey or next(iter(map.roots()), None)

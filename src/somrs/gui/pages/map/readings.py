@@ -8,7 +8,7 @@ import re
 from somrs.errors import InputError
 from somrs.ontology.conformance import value_problem
 from somrs.ontology.types import AttributeType, Constraint, Kind, Ontology, Value
-from somrs.ontology.units import converted
+from somrs.ontology.units import convert_unit
 
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 SHOWN = {"rad": "°", "percent": "%"}
@@ -54,7 +54,7 @@ def _number(text: str, attribute: AttributeType) -> float:
             raise InputError(f"{attribute.name} is a number without a unit; leave {written!r} out")
         return number
     asked = WRITTEN.get(written or own, written or own)
-    value = converted(number, asked, attribute.unit)
+    value = convert_unit(number, asked, attribute.unit)
     if value is None:
         raise InputError(f"{attribute.name} is a number in {own}, and {text.strip()!r} cannot be expressed in it")
     return round(value, 12)

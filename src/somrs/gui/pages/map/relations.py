@@ -50,7 +50,7 @@ def seats(type_name: str, ontology: Ontology) -> list[Seat]:
         Seat(relation, place)
         for relation in ontology.relations.values()
         for place, joined in enumerate(relation.joins)
-        if ontology.is_a(type_name, joined) and not (relation.symmetric and place)
+        if ontology.is_subtype(type_name, joined) and not (relation.symmetric and place)
     ]
     return sorted(found, key=lambda seat: (seat.place, seat.relation.name))
 

@@ -84,7 +84,7 @@ class Stage:
     def _scene_turned(self, told: dict[str, Any]) -> None:
         self._all = told["name"] is None
         map, ontology = self._desk.context.map, self._desk.context.ontology
-        storeys = (one.name for one in map.objects.values() if ontology.is_a(one.type, "Storey"))
+        storeys = (one.name for one in map.objects.values() if ontology.is_subtype(one.type, "Storey"))
         storey = next((one for one in storeys if self._called(one) == told["name"]), None)
         if storey is not None:
             self._storey = storey

@@ -15,7 +15,7 @@ from somrs.gui.pages.ontology.pieces import Word, lasting, titled
 from somrs.gui.pages.ontology.sections import SERVICES, TYPES, Section
 from somrs.gui.pages.ontology.seen import Seen
 from somrs.gui.shell import author, guarded, tell
-from somrs.ontology.naming import Named, Renaming
+from somrs.ontology.naming import DefinitionKey, Renaming
 from somrs.ontology.naming import Section as Naming
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import ObjectType
@@ -96,7 +96,9 @@ class Actions:
     @guarded
     async def remove(self, section: Section, name: str) -> bool:
         """Show what would break, and remove it if nothing does."""
-        change = Define(removed=(Named(section=Naming(section.key), name=name),), author=author(), expected_version=self._seen.version)
+        change = Define(
+            removed=(DefinitionKey(section=Naming(section.key), name=name),), author=author(), expected_version=self._seen.version
+        )
         if await self._carried_out(change, f"Remove the {section.one} {name}", "Remove") is None:
             return False
         tell(f"The {section.one} {name} is removed; it can be brought back by Undo")

@@ -54,7 +54,7 @@ def _parent(fields: Fields, ontology: Ontology) -> None:
     own = fields.draft.name
     if fields.draft.section is TYPES:
         if own != ROOT:
-            below = {one for one in ontology.types if own is not None and ontology.is_a(one, own)}
+            below = {one for one in ontology.types if own is not None and ontology.is_subtype(one, own)}
             fields.choice("parent", "Parent", sorted(ontology.types.keys() - below), hint="What it inherits from")
     else:
         nothing: dict[str | None, str] = {None: "none"}

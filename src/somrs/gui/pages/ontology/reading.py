@@ -12,7 +12,7 @@ import msgspec
 from somrs.gui.pages.ontology.drafts import FORMULA, READ, TABLE, Draft, Form
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, FUNCTIONS, RELATIONS, SERVICES, TYPES
 from somrs.ontology.types import AttributeType, Definition, Kind, ObjectType, Ontology, Value
-from somrs.ontology.units import converted
+from somrs.ontology.units import convert_unit
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)
 
@@ -77,7 +77,7 @@ class _Reading:
         value, written = float(match[1]), match[2].strip()
         if not written:
             return value
-        into = converted(value, written, unit) if unit else None
+        into = convert_unit(value, written, unit) if unit else None
         if into is None:
             self.mistakes[path] = f"{written} cannot be expressed in {unit}" if unit else f"this number has no unit; leave out {written}"
         return into

@@ -108,7 +108,7 @@ class Seen:
     def relations_of(self, type_name: str) -> list[tuple[RelationType, list[int]]]:
         """The relations that objects of the type can stand in, and at which places, counted from 0."""
         places = (
-            (relation, [place for place, joined in enumerate(relation.joins) if self.ontology.is_a(type_name, joined)])
+            (relation, [place for place, joined in enumerate(relation.joins) if self.ontology.is_subtype(type_name, joined)])
             for relation in self.ontology.relations.values()
         )
         return [(relation, found) for relation, found in places if found]
@@ -117,7 +117,7 @@ class Seen:
         """The service types that take or give objects of the type, as what; or whose formulas name it."""
         found = []
         for service in self.ontology.services.values():
-            roles = [f"?{one.name}" for one in (*service.inputs, *service.outputs) if self.ontology.is_a(type_name, one.type)]
+            roles = [f"?{one.name}" for one in (*service.inputs, *service.outputs) if self.ontology.is_subtype(type_name, one.type)]
             named = [f"?{name}" for text in _texts(service) for name, of in _typed(text) if of == type_name]
             if roles or named:
                 found.append((service, list(dict.fromkeys(roles + named))))

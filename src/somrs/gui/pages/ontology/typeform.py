@@ -10,7 +10,7 @@ from somrs.gui.pages.ontology.drafts import FORMULA, LIMITS
 from somrs.gui.pages.ontology.fields import Fields
 from somrs.gui.pages.ontology.reading import attributes_with, written
 from somrs.gui.pages.ontology.seen import Seen
-from somrs.ontology.conformance import SELF
+from somrs.ontology.conformance import SELF_VARIABLE
 from somrs.ontology.types import AttributeType, Kind
 
 Make = Callable[[Callable[[str], None]], None]
@@ -112,7 +112,7 @@ class TypeForm:
         if self._fields.get(f"{path}.sort") == FORMULA:
             hint = "?Self is the object; other typed variables are parts of it"
             meant = written(self._fields.draft.form, self._fields.draft.name or "type")
-            self._fields.formula(f"{path}.formula", "Formula", {SELF: meant.name}, hint=hint, types=[meant])
+            self._fields.formula(f"{path}.formula", "Formula", {SELF_VARIABLE: meant.name}, hint=hint, types=[meant])
         else:
             self._limits(path)
         self._fields.text(f"{path}.doc", "In words, for whoever breaks it", width="full")
