@@ -26,7 +26,7 @@ from somrs.ports import Reservation
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.knowledge import Define, Definitions, RenameObject, UpdateMap
 from somrs.protocol.messages.orders import Blank, Daily, OrderSaved, TemplateSaved
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 from tests.support.small_system import Porter, SmallSystem, running
 
 VAT = ObjectType(name="Vat", parent="Support", attributes=("Label",))
@@ -169,7 +169,7 @@ def test_who_gave_no_name_is_told_short_and_recorded_whole(tmp_path: Path) -> No
         with pytest.raises(Refused) as refused:
             await desk.ontology.change(late)
         told = trouble(refused.value).problem
-        assert f"{person(who())} changed it in version 1" in told
+        assert f"{person_name(who())} changed it in version 1" in told
         assert "urn:" not in told
 
     desk(tmp_path, use)

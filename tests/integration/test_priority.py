@@ -9,7 +9,7 @@ from somrs.kernel.codec import Codec, encoded
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
 from somrs.protocol.messages.clients import CancelTask, Phase, Policy, ReadTasks, Tasks
-from somrs.protocol.messages.directory import AT_ONCE, Offer
+from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer
 from somrs.protocol.messages.frp import Execute, Outcome, State
 from somrs.protocol.messages.records import TaskRecord
 from somrs.service_manager.participant.participant import ServiceManager
@@ -248,7 +248,7 @@ class Bench:
 
 
 def _offer(at_once: int = 1) -> Offer:
-    attributes: dict[str, Value] = {AT_ONCE: at_once} if at_once != 1 else {}
+    attributes: dict[str, Value] = {CAPACITY_ATTRIBUTE: at_once} if at_once != 1 else {}
     service_type = ServiceType(name="Work", effect="")
     return Offer(
         service="Robot1.Work", provider="Robot1", provider_type="Robot", address="", service_type=service_type, attributes=attributes

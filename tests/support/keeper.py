@@ -116,7 +116,7 @@ class Keeper:
         maps = [self.say(ReadMap(at_version=version), MapPage)]
         while maps[-1].more:
             maps.append(self.say(ReadMap(at_version=version, after=maps[-1].objects[-1].name), MapPage))
-        ontology = Ontology(definition for page in pages for definition in page.definitions.each())
+        ontology = Ontology(definition for page in pages for definition in page.definitions.all_definitions())
         return ontology, Map([o for page in maps for o in page.objects], [f for page in maps for f in page.facts])
 
     def settle(self) -> None:

@@ -61,10 +61,12 @@ WRONG = [
 
 @pytest.mark.parametrize("mutation", WRONG, ids=str)
 def test_a_wrong_table_is_noticed(mutation: Mutation) -> None:
-    before = repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDS
+    before = repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDING_STATES
     assert mutation in all_mutations()
     assert noticed(mutation)
-    assert before == (repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDS), "the tables are as before"
+    assert before == (repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDING_STATES), (
+        "the tables are as before"
+    )
 
 
 def test_a_stop_that_crosses_a_report_may_not_be_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,10 +89,10 @@ def test_a_participant_that_nobody_sends_home_is_found(monkeypatch: pytest.Monke
 
 
 def test_mutations_are_undone() -> None:
-    before = list(states.GIVES_UP.items())
+    before = list(states.ABANDONED_STATES.items())
     with altered(Mutation("GIVES_UP", "Executing", "", "ignored")):
-        assert State.EXECUTING not in states.GIVES_UP
-    assert before == list(states.GIVES_UP.items())
+        assert State.EXECUTING not in states.ABANDONED_STATES
+    assert before == list(states.ABANDONED_STATES.items())
 
 
 def test_two_parts_joined_are_as_their_quotients_joined() -> None:

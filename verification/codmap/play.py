@@ -19,7 +19,7 @@ from somrs.planner.model.problem import Available, Problem
 from somrs.planner_service.engines import plan_in_process
 from somrs.protocol.messages.clients import Policy, Submit, Submitted
 from somrs.protocol.messages.envelope import Header, Message
-from somrs.protocol.messages.event_text import joined, sentence
+from somrs.protocol.messages.event_text import join_reasons, sentence
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
@@ -170,7 +170,7 @@ def _trouble(result: Result, stage: Play, transaction: TaskState | None, place: 
     if transaction is None:
         return "the task did not come to an end"
     if not isinstance(first, Plan):
-        return first.explanation if first is not None else f"nothing was planned: {joined(transaction.reasons)}"
+        return first.explanation if first is not None else f"nothing was planned: {join_reasons(transaction.reasons)}"
     wrong = objections(*classical(place / "domain.pddl", place / "problem.pddl"), stage.imported.pddl_plan(first.topological()))
     if wrong:
         return "; ".join(wrong)
@@ -182,10 +182,10 @@ def _trouble(result: Result, stage: Play, transaction: TaskState | None, place: 
     if result.accomplished:
         return "" if reached else "it is called accomplished, and the goal does not hold in the world"
     if not stage.faults.share:
-        return joined(transaction.reasons)
+        return join_reasons(transaction.reasons)
     rest = stage.still_possible()
     if isinstance(rest, Plan):
-        return f"given up ({joined(transaction.reasons)[:200]}), and {len(rest.steps)} more steps would reach the goal"
+        return f"given up ({join_reasons(transaction.reasons)[:200]}), and {len(rest.steps)} more steps would reach the goal"
     if rest.undecided:
         return f"given up, and it is not known whether the goal could be reached: {rest.explanation}"
     result.out_of_reach = True

@@ -196,7 +196,11 @@ class Witness:
             return
         self._known.add(header.message_id)
         member = next((member for member in transaction.members if member.id == header.participant), None)
-        if member is not None and kind in member.session.heard and member.session.heard[kind].id == header.message_id:
+        if (
+            member is not None
+            and kind in member.session.received_messages
+            and member.session.received_messages[kind].id == header.message_id
+        ):
             reports = self._unsaid.setdefault(transaction.id, {})
             report = member.offer.service, situation
             # It may be there already: when the report came first, the Task Manager was killed, and it was said again.

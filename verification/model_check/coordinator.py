@@ -83,14 +83,14 @@ class Coordinators(Side[Coordinator]):
         return self._number((known, one.phase, one.left, one.given_up, one.overdue), one)
 
     def _receive(self, at: int, token: int, what: str) -> Step:
-        one, session = self.states[at], self.states[at].session.kept()
+        one, session = self.states[at], self.states[at].session.copy()
         message = self.hears.messages[token]
-        self.says.ready(session, states.COORDINATOR[session.state][type(message.body)].send)
+        self.says.ready(session, states.COORDINATOR[session.state][type(message.body)].answer)
         heard = session.receive(message)
         says, wrong = self._spoken(session, heard.answers)
-        if heard.before is State.ENDED and heard.state is not State.ENDED:
+        if heard.state_before is State.ENDED and heard.state is not State.ENDED:
             wrong = f"a participant whose part is over becomes {heard.state}"
-        if heard.moved and heard.state is not heard.before:
+        if heard.moved and heard.state is not heard.state_before:
             one = replace(one, given_up=False)
         return Step(what, self._moved(one, session, one.phase), says, wrong=wrong)
 
@@ -105,7 +105,7 @@ class Coordinators(Side[Coordinator]):
     def _all_moves(self, at: int) -> Iterator[Step]:
         """`joint` names the moves that depend on the other participants, or move them, too."""
         one = self.states[at]
-        state, said = one.session.state, one.session.said
+        state, said = one.session.state, one.session.sent_messages
         allowed = states.COORDINATOR_SENDS.get(state, {})
         undo = state in UNDONE_AT_LAST and "Execute" in said
         if one.phase is Phase.OPEN:
@@ -131,7 +131,7 @@ class Coordinators(Side[Coordinator]):
             if state not in states.WORKING and not undo:
                 yield self._end(at, "end", Phase.BROKEN, fair=Fair.YES)
             yield self._end(at, "overdue", Phase.BROKEN)
-        if one.phase in (Phase.OPEN, Phase.STOPPING) and state in states.GIVES_UP:
+        if one.phase in (Phase.OPEN, Phase.STOPPING) and state in states.ABANDONED_STATES:
             yield self._give_up(at)
         if one.phase in (Phase.OPEN, Phase.STOPPING) and state in MUST_SAY_AGAIN:
             yield self._say(at, MUST_SAY_AGAIN[state], joint="again")
@@ -143,9 +143,9 @@ class Coordinators(Side[Coordinator]):
         return trial(lambda: self._spoken_up(at, kind, what, fair, joint), what, at)
 
     def _spoken_up(self, at: int, kind: type[object], what: str, fair: Fair, joint: str) -> Step:
-        one, session = self.states[at], self.states[at].session.kept()
+        one, session = self.states[at], self.states[at].session.copy()
         if kind is frp.Query:
-            session.said = {name: said for name, said in session.said.items() if name != "Query"}
+            session.sent_messages = {name: said for name, said in session.sent_messages.items() if name != "Query"}
             session.number = [*State].index(session.state)  # questions asked in one state are the same question
         elif joint == "again":
             self.says.ready_again(session, kind)
@@ -158,7 +158,7 @@ class Coordinators(Side[Coordinator]):
         """As `Participants.stop` of the Task Manager: whoever works is told to stop, the others go home."""
 
         def step() -> Step:
-            one, session = self.states[at], self.states[at].session.kept()
+            one, session = self.states[at], self.states[at].session.copy()
             kind: type[object] | None = frp.Stop if session.state is State.EXECUTING else frp.Cancel
             if kind is frp.Cancel and kind not in states.COORDINATOR_SENDS.get(session.state, {}):
                 kind = None
@@ -171,9 +171,9 @@ class Coordinators(Side[Coordinator]):
         """As `Participants.end` of the Task Manager: End to everyone that was committed, Cancel to the others."""
 
         def step() -> Step:
-            one, session = self.states[at], self.states[at].session.kept()
+            one, session = self.states[at], self.states[at].session.copy()
             overdue = rule == "overdue"
-            if session.state in states.WORKING and session.give_up():
+            if session.state in states.WORKING and session.abandon():
                 one = replace(one, given_up=True)
             left, allowed = session.state, states.COORDINATOR_SENDS.get(session.state, {})
             numbers = self._say_to(session, next((kind for kind in (frp.End, frp.Cancel) if kind in allowed), None))
@@ -190,8 +190,8 @@ class Coordinators(Side[Coordinator]):
         return (self.says.number(session.send(COORDINATOR_SAYS[kind]), session.number),)
 
     def _give_up(self, at: int) -> Step:
-        one, session = self.states[at], self.states[at].session.kept()
-        session.give_up()
+        one, session = self.states[at], self.states[at].session.copy()
+        session.abandon()
         return Step("gives it up", self._moved(replace(one, given_up=True), session, one.phase), joint="give up")
 
     def without_memory(self, at: int) -> int:
@@ -204,9 +204,9 @@ class Coordinators(Side[Coordinator]):
         orders = {"Execute": State.EXECUTING, "Compensate": State.COMPENSATING}
         return tuple(
             self.says.number(message, 1)
-            for name in session.said
+            for name in session.sent_messages
             if name != "Query" and orders.get(name, session.state) is session.state
-            for message in session._again(name)
+            for message in session._repeat(name)
         )
 
 

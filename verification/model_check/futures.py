@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from functools import cache
 
 from somrs.protocol.frp import states
-from somrs.protocol.frp.states import Kind, Said
+from somrs.protocol.frp.states import Kind, MessageType
 from somrs.protocol.messages.frp import Cancel, End, State, Status
 
 
@@ -24,13 +24,13 @@ class Futures:
         self.moves_participant = cache(self._moves_participant)
         self.moves_coordinator = cache(self._moves_coordinator)
         participant = {
-            state: {entry.next for entry in row.values()} | set(states.PARTICIPANT_SENDS.get(state, {}).values())
+            state: {entry.next_state for entry in row.values()} | set(states.PARTICIPANT_SENDS.get(state, {}).values())
             for state, row in states.PARTICIPANT.items()
         }
         coordinator = {
-            state: {entry.next for entry in row.values()}
+            state: {entry.next_state for entry in row.values()}
             | set(states.COORDINATOR_SENDS.get(state, {}).values())
-            | ({states.GIVES_UP[state]} if state in states.GIVES_UP else set())
+            | ({states.ABANDONED_STATES[state]} if state in states.ABANDONED_STATES else set())
             for state, row in states.COORDINATOR.items()
         }
         if lost_disk:
@@ -49,26 +49,26 @@ class Futures:
     def _moves_coordinator(self, state: State, name: str) -> bool:
         return any(states.COORDINATOR[at][kind].kind is Kind.MOVES for at in self.coordinator[state] for kind in _named(name, at, False))
 
-    def _past(self, coordinator: State, participant: State) -> tuple[frozenset[Said], frozenset[Said]]:
+    def _past(self, coordinator: State, participant: State) -> tuple[frozenset[MessageType], frozenset[MessageType]]:
         """The types of messages to the participant, and of those to the coordinator, that can have no effect any more."""
         down = frozenset(kind for kind in states.TO_PARTICIPANT if self._without_effect_down(participant, kind, frozenset()))
         silent = End in down and Cancel in down
         up = frozenset(kind for kind in states.TO_COORDINATOR if self._without_effect_up(coordinator, kind, silent))
         return frozenset(kind for kind in states.TO_PARTICIPANT if self._without_effect_down(participant, kind, up)), up
 
-    def _without_effect_down(self, participant: State, kind: Said, unheard: frozenset[Said]) -> bool:
+    def _without_effect_down(self, participant: State, kind: MessageType, unheard: frozenset[MessageType]) -> bool:
         entries = [states.PARTICIPANT[at][kind] for at in self.participant[participant]]
-        return all(entry.kind is not Kind.MOVES and (entry.send is None or entry.send in unheard) for entry in entries)
+        return all(entry.kind is not Kind.MOVES and (entry.answer is None or entry.answer in unheard) for entry in entries)
 
-    def _without_effect_up(self, coordinator: State, kind: Said, silent: bool) -> bool:
+    def _without_effect_up(self, coordinator: State, kind: MessageType, silent: bool) -> bool:
         """`silent`: End and Cancel, with which a coordinator answers again, have no effect."""
         if kind is Status and self.queries and self.coordinator[coordinator] & states.CONTRACTED:
             return False
         entries = [states.COORDINATOR[at][kind] for at in self.coordinator[coordinator]]
-        return all(entry.kind is not Kind.MOVES and (entry.send is None or (silent and entry.kind is Kind.ALREADY)) for entry in entries)
+        return all(entry.kind is not Kind.MOVES and (entry.answer is None or (silent and entry.kind is Kind.REPEATED)) for entry in entries)
 
 
-def _named(name: str, at: State, participant: bool) -> Iterable[Said]:
+def _named(name: str, at: State, participant: bool) -> Iterable[MessageType]:
     row = (states.PARTICIPANT if participant else states.COORDINATOR)[at]
     return (kind for kind in row if kind.__name__ == name)
 

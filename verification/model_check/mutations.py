@@ -82,13 +82,13 @@ def all_mutations() -> list[Mutation]:
                 found.append(Mutation(table, state, message.__name__, "ignored"))
                 if after is not State.ENDED:
                     found.append(Mutation(table, state, message.__name__, "Ended"))
-    for state, after in states.GIVES_UP.items():
+    for state, after in states.ABANDONED_STATES.items():
         found.append(Mutation("GIVES_UP", state, "", "ignored"))
         found += [Mutation("GIVES_UP", state, "", to) for to in (State.FAILED, State.ENDED) if to is not after]
     for state, report in states.RESUMES.items():
         found.append(Mutation("RESUMES", state, "", "ignored"))
         found += [Mutation("RESUMES", state, "", kind.__name__) for kind in (Completed, Failed, Stopped, Stranded) if kind is not report]
-    found += [Mutation("HOLDS", state, "", "ignored") for state in sorted(states.HOLDS)]
+    found += [Mutation("HOLDS", state, "", "ignored") for state in sorted(states.HOLDING_STATES)]
     return found
 
 

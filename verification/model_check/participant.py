@@ -81,24 +81,24 @@ class Participants(Side[Participant]):
         return self._number((known, one.moving, one.verdict, one.halted, one.deed, one.committed, one.forgot), one)
 
     def _receive(self, at: int, token: int, what: str) -> Step:
-        one, session = self.states[at], self.states[at].session.kept()
+        one, session = self.states[at], self.states[at].session.copy()
         message = self.hears.messages[token]
         late = is_late(message)
         if late and isinstance(message.body, frp.Execute) and session.state in UNBEGUN:
             says = self._refused(session, UNBEGUN[session.state])
             return Step(what, self._add(replace(one, session=session)), says)
-        self.says.ready(session, states.PARTICIPANT[session.state][type(message.body)].send)
+        self.says.ready(session, states.PARTICIPANT[session.state][type(message.body)].answer)
         heard = session.receive(message)
         forget_fleeting(session)
         says, wrong = self._spoken(session, heard.answers)
         after = replace(
             one, session=session, committed=one.committed or (heard.moved and isinstance(message.body, frp.Accept | frp.Execute))
         )
-        if heard.before is State.ENDED and heard.state is not State.ENDED:
+        if heard.state_before is State.ENDED and heard.state is not State.ENDED:
             wrong = f"a participant that is over becomes {heard.state}"
         elif late and heard.moved and heard.state is State.COMPENSATING:
             says = (*says, *self._refused(session, frp.Stranded))
-        elif heard.moved and heard.state in (State.EXECUTING, State.COMPENSATING) and heard.before is not heard.state:
+        elif heard.moved and heard.state in (State.EXECUTING, State.COMPENSATING) and heard.state_before is not heard.state:
             began = heard.state is State.EXECUTING
             after = replace(after, moving=True, halted=False, verdict=None, deed=Deed.BEGUN if began else one.deed)
         elif heard.moved and heard.state is State.ENDED:
@@ -129,7 +129,7 @@ class Participants(Side[Participant]):
         return trial(lambda: self._spoken_up(at, kind, what), what, at)
 
     def _spoken_up(self, at: int, kind: type[object], what: str) -> Step:
-        one, session = self.states[at], self.states[at].session.kept()
+        one, session = self.states[at], self.states[at].session.copy()
         self.says.ready(session, kind)
         message = session.send(PARTICIPANT_SAYS[kind])
         forget_fleeting(session)

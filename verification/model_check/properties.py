@@ -48,7 +48,7 @@ def wrongs(coordinator: Coordinator, participant: Participant) -> Iterator[Wrong
         yield Property.HALF_DONE, f"the work was {participant.deed.value}, and the coordinator last knew {coordinator.left}"
     if coordinator.phase in (Phase.ACCOMPLISHED, Phase.BROKEN) and believed not in (State.NEW, State.ENDED):
         yield Property.ORPHAN, f"the transaction is over, and {believed} was not told so"
-    dismissed = {"End", "Cancel"} & coordinator.session.said.keys()
+    dismissed = {"End", "Cancel"} & coordinator.session.sent_messages.keys()
     if believed is State.ENDED and participant.committed and not dismissed:
         yield Property.ORPHAN, f"the coordinator is done with a committed participant that is {real}, and told it nothing"
 
@@ -58,19 +58,19 @@ def _fits(coordinator: Coordinator, participant: Participant) -> Iterator[Wrong]
         return  # nothing is believed of it
     believed = coordinator.session.state
     known = coordinator.left if believed is State.ENDED else believed
-    if known in REPORTS and known.value not in participant.session.said:
+    if known in REPORTS and known.value not in participant.session.sent_messages:
         yield Property.FITS, f"the coordinator holds it for {known}, and it never said so"
-    if participant.moving and believed not in states.HOLDS:
+    if participant.moving and believed not in states.HOLDING_STATES:
         yield Property.FITS, f"its device moves, and the coordinator holds it for {believed}"
 
 
 def _contract(coordinator: Coordinator, participant: Participant) -> Iterator[Wrong]:
-    said, session = coordinator.session.said, participant.session
-    accept, terms = said.get("Accept"), session.said.get("Terms")
+    said, session = coordinator.session.sent_messages, participant.session
+    accept, terms = said.get("Accept"), session.sent_messages.get("Terms")
     agreed = accept is not None and terms is not None and isinstance(accept.body, Accept) and accept.body.terms == terms.id
     if participant.deed is not Deed.NOTHING and not (agreed and "Execute" in said):
         yield Property.CONTRACT, "it began without terms that were accepted, or without an Execute"
-    if participant.deed is not Deed.NOTHING and "Refuse" in session.said:
+    if participant.deed is not Deed.NOTHING and "Refuse" in session.sent_messages:
         yield Property.CONTRACT, "it began on terms that had expired"
     if session.state is State.COMPENSATING and "Compensate" not in said:
         yield Property.CONTRACT, "it undoes what nobody asked it to undo"

@@ -65,6 +65,6 @@ def quotient(space: Space) -> Quotient:
 
 def _shows(space: Space, at: int) -> Shows:
     coordinator, participant = space.link.coordinator(space.states[at]), space.link.participant(space.states[at])
-    holds = coordinator.phase is not Phase.LOST and coordinator.session.state in states.HOLDS
+    holds = coordinator.phase is not Phase.LOST and coordinator.session.state in states.HOLDING_STATES
     ended = outcome(coordinator, participant) if at_home(coordinator, participant) else None
     return Shows(coordinator.phase, holds, participant.moving, ended)

@@ -71,7 +71,7 @@ class Post:
     def ready(self, session: CoordinatorSession | ParticipantSession, kind: type[object] | None) -> None:
         """Have the session count the messages of each type apart. Messages of one type are told apart as before, and
         what was said before it does not make it another message."""
-        before = session.said.get(kind.__name__) if kind is not None else None
+        before = session.sent_messages.get(kind.__name__) if kind is not None else None
         session.number = self._count.get(before.id, 0) if before is not None else 0
 
     def lapsed(self, token: int) -> int:
@@ -115,8 +115,8 @@ def is_late(message: Message) -> bool:
 
 
 def key(session: CoordinatorSession | ParticipantSession, matters: Callable[[State, str], bool]) -> object:
-    said = sorted((name, one.id, one.state if name == "Query" else "") for name, one in session.said.items())
-    heard = sorted((name, one.id) for name, one in session.heard.items() if matters(session.state, name))
+    said = sorted((name, one.id, one.state if name == "Query" else "") for name, one in session.sent_messages.items())
+    heard = sorted((name, one.id) for name, one in session.received_messages.items() if matters(session.state, name))
     return session.state, tuple(said), tuple(heard)
 
 
@@ -178,4 +178,4 @@ def trial(step: Callable[[], Step], what: str, at: int) -> Step:
 
 def forget_fleeting(session: ParticipantSession | CoordinatorSession) -> None:
     """Signs of life are all the same; that keeps the states finite."""
-    session.said = {name: one for name, one in session.said.items() if name not in FLEETING or name == "Query"}
+    session.sent_messages = {name: one for name, one in session.sent_messages.items() if name not in FLEETING or name == "Query"}

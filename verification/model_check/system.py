@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
-from somrs.protocol.frp.states import WORKING, Said
+from somrs.protocol.frp.states import WORKING, MessageType
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.execution.participants import IDLE
 from verification.model_check.coordinator import Coordinator, Coordinators, Phase
@@ -126,7 +126,7 @@ class _Channels:
             self._lapsed[at] = tuple(found)
         return self._lapsed[at]
 
-    def without(self, at: int, kinds: frozenset[Said]) -> int:
+    def without(self, at: int, kinds: frozenset[MessageType]) -> int:
         """None of these types arrives any more."""
         return self.number(self.medium.without(self.all[at], self.post.of(kinds))) if at and kinds else at
 
@@ -140,7 +140,7 @@ class _After(dict[int, int]):
     """What becomes of each channel of one direction when these messages are put into it, and then none of these types counts any
     more; worked out once for each."""
 
-    def __init__(self, channels: _Channels, says: tuple[int, ...], past: frozenset[Said]) -> None:
+    def __init__(self, channels: _Channels, says: tuple[int, ...], past: frozenset[MessageType]) -> None:
         self.channels, self.says, self.past = channels, says, past
 
     def __missing__(self, at: int) -> int:
@@ -202,7 +202,7 @@ class Link:
         self.participants = Participants(hears=self.down, says=self.up, futures=self._futures)
         self._to_participant, self._to_coordinator = _Channels(model.medium, self.down), _Channels(model.medium, self.up)
         self._pairs: dict[tuple[int, int], _Pair] = {}
-        self._afters: dict[tuple[_Channels, tuple[int, ...], frozenset[Said]], _After] = {}
+        self._afters: dict[tuple[_Channels, tuple[int, ...], frozenset[MessageType]], _After] = {}
         self._wanted: dict[tuple[int, int], bool] = {}
 
     @property
@@ -292,13 +292,13 @@ class Link:
         up = self._after(self._to_coordinator, () if from_coordinator else step.says, past_up)
         return _Act(kind, c, p, down, up, who, step)
 
-    def _after(self, channels: _Channels, says: tuple[int, ...], past: frozenset[Said]) -> _After:
+    def _after(self, channels: _Channels, says: tuple[int, ...], past: frozenset[MessageType]) -> _After:
         key = channels, says, past
         if key not in self._afters:
             self._afters[key] = _After(channels, says, past)
         return self._afters[key]
 
-    def _without_effect(self, c: int, p: int) -> tuple[frozenset[Said], frozenset[Said]]:
+    def _without_effect(self, c: int, p: int) -> tuple[frozenset[MessageType], frozenset[MessageType]]:
         """The types of messages to the participant, and of those to the coordinator, that can have no effect any more."""
         coordinator, participant = self.coordinators.states[c], self.participants.states[p]
         done = participant.forgot or coordinator.phase is Phase.LOST

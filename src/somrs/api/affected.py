@@ -19,7 +19,7 @@ from somrs.ontology.types import Ontology
 from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import Revision
-from somrs.protocol.messages.orders import StandingOrder, Template, opened
+from somrs.protocol.messages.orders import StandingOrder, Template, blanks_to_variables
 
 
 class User(StrEnum):
@@ -57,8 +57,8 @@ def gone(revision: Revision | None, renamed: Iterable[Renaming]) -> dict[Definit
     words = {DefinitionKey(section=one.section, name=one.name): one.to for one in renamed}
     if revision is None:
         return words
-    there = set(map(key_of, revision.after.each()))
-    return words | {what: "" for what in map(key_of, revision.before.each()) if what not in there and what not in words}
+    there = set(map(key_of, revision.after.all_definitions()))
+    return words | {what: "" for what in map(key_of, revision.before.all_definitions()) if what not in there and what not in words}
 
 
 def affected(
@@ -76,7 +76,7 @@ def affected(
     for task in tasks:
         for what, to in used(_Words(task)):
             yield Affected(user=User.TASK, id=task.task, name=task.effect, what=what, to=to)
-    known = {name: _Words(opened(template), (blank.type for blank in template.blanks)) for name, template in templates.items()}
+    known = {name: _Words(blanks_to_variables(template), (blank.type for blank in template.blanks)) for name, template in templates.items()}
     for order in orders:
         by = _Words(order.task) if order.task is not None else known.get(order.template or "")
         for what, to in used(by) if by is not None else ():

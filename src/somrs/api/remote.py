@@ -104,7 +104,7 @@ class Known:
 
     async def _read_ontology(self) -> None:
         seen = await self._api.ontology.read()
-        self.ontology, self._versions["ontology"] = Ontology(seen.definitions.each()), seen.version
+        self.ontology, self._versions["ontology"] = Ontology(seen.definitions.all_definitions()), seen.version
 
 
 class LiveApi(Api):

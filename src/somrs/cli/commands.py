@@ -14,7 +14,7 @@ from somrs.errors import ModelError, RemoteError, UsageError
 from somrs.ontology.types import Value
 from somrs.protocol.messages.directory import Discover
 from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 from somrs.service_manager.sdk.values import python_value
 
 
@@ -150,7 +150,7 @@ async def history(name: str, data: Path, *, json: bool) -> None:
     if json:
         terminal.print_json(found.events)
         return
-    rows = ((event.version, terminal.clock(event.at), person(event.author), "\n".join(told(event))) for event in found.events)
+    rows = ((event.version, terminal.clock(event.at), person_name(event.author), "\n".join(told(event))) for event in found.events)
     terminal.console().print(
         terminal.table(name, ("version", "when", "who", "what"), rows) if found.events else f"nothing happened to {name} yet"
     )

@@ -12,7 +12,7 @@ from somrs.client.client import Addresses, Client
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.naming import SINGULAR, DefinitionKey, Renaming, Section, key_of
 from somrs.protocol.messages.knowledge import Alteration, Considered, Define, Event, ReadEvents, RenameObject, Revision, Undo
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 from somrs.repository.ontology_diff import leading_to
 
 if TYPE_CHECKING:
@@ -41,7 +41,9 @@ async def history(limit: int, data: Path, *, ontology: bool, before: int | None,
     elif not found.events:
         print("nothing changed yet" if before is None else f"nothing changed before version {before}")
     else:
-        rows = ((event.version, terminal.moment(event.at), person(event.author), "\n".join(_shortened(event))) for event in found.events)
+        rows = (
+            (event.version, terminal.moment(event.at), person_name(event.author), "\n".join(_shortened(event))) for event in found.events
+        )
         terminal.console().print(terminal.table("the ontology" if ontology else "the map", ("version", "when", "who", "what"), rows))
         if found.more:
             print(f"and more before version {found.events[-1].version}; --before {found.events[-1].version} shows them")
@@ -68,7 +70,7 @@ def told(event: Event) -> Iterator[str]:
 
 def revised(revision: Revision, known: set[tuple[Section, str]]) -> Iterator[str]:
     """What became of definitions, but for those of which it is `known`."""
-    before, after = ({key_of(one): one for one in side.each()} for side in (revision.before, revision.after))
+    before, after = ({key_of(one): one for one in side.all_definitions()} for side in (revision.before, revision.after))
     for what in dict.fromkeys((*before, *after)):
         if (what.section, what.name) in known:
             continue

@@ -12,8 +12,20 @@ from somrs.cli.task_commands import do
 from somrs.client import terminal
 from somrs.client.client import Addresses, who
 from somrs.errors import UsageError
-from somrs.protocol.messages.orders import Blank, Daily, Every, Filled, Once, OrderSaved, Run, RunState, StandingOrder, TemplateSaved, When
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.orders import (
+    Blank,
+    Daily,
+    Every,
+    Filled,
+    Once,
+    OrderSaved,
+    Run,
+    RunState,
+    Schedule,
+    StandingOrder,
+    TemplateSaved,
+)
+from somrs.protocol.messages.people import person_name
 from somrs.scheduling.recurrence import DAYS, in_words
 
 _SO_LONG = re.compile(r"(\d+(?:\.\d+)?)\s*(m|min|h|d)")
@@ -22,7 +34,7 @@ _MINUTES = {"m": 1, "min": 1, "h": 60, "d": 1440}
 
 def me() -> str:
     """Who changes something, as the histories of templates and orders name them."""
-    return person(who())
+    return person_name(who())
 
 
 def values(said: Sequence[str]) -> dict[str, str]:
@@ -43,7 +55,7 @@ def blank(said: str) -> Blank:
     return Blank(name=name.strip(), type=type.strip() or "Object", default=default.strip())
 
 
-def when(every: str | None, daily: str | None, days: str | None, at: str | None) -> When:
+def when(every: str | None, daily: str | None, days: str | None, at: str | None) -> Schedule:
     """One of them. Raises UsageError."""
     if sum(one is not None for one in (every, daily, at)) != 1:
         raise UsageError("say when: --every 2h, or --daily 07:30 (and perhaps --days Mon,Thu), or --at 2026-11-24T08:00")

@@ -14,7 +14,7 @@ from somrs.client.task_report import Story
 from somrs.client.trace import TASK_MANAGER, Line, without_heartbeats
 from somrs.protocol.messages.clients import ContractView, WorkView
 from somrs.protocol.messages.frp import State
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 
 def tell(story: Story, console: Console) -> None:
@@ -39,7 +39,7 @@ def _facts(story: Story) -> Table:
         ("task", seen.task),
         ("submitted", terminal.moment(seen.submitted_at)),
         *([("ended", terminal.moment(record.ended_at))] if record is not None else []),
-        ("by", person(seen.client)),
+        ("by", person_name(seen.client)),
         ("policy", seen.policy.value),
         *([("priority", f"{seen.priority}")] if seen.priority else []),
         *([("from", seen.precondition)] if seen.precondition else []),

@@ -19,7 +19,7 @@ from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages import clients, directory, frp, knowledge, records
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
-from somrs.protocol.messages.people import client
+from somrs.protocol.messages.people import client_address
 from somrs.runtime.wire import Wire, asked_again
 
 SYSTEM_FILE = "system.json"
@@ -80,7 +80,7 @@ def who() -> str:
         user = getpass.getuser()
     except (OSError, KeyError):  # a container may run as a user that has no name
         user = str(os.getuid())
-    return client(f"{user}@{socket.gethostname()}")
+    return client_address(f"{user}@{socket.gethostname()}")
 
 
 class Client:
@@ -112,7 +112,7 @@ class Client:
         `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same, and so is what
         is sent again with the same `id`. `by`: who asks, if it is not who runs this program.
         """
-        header = Header(sender=client(by) if by else self._who, recipient=address, message_id=id or uuid.uuid4().urn)
+        header = Header(sender=client_address(by) if by else self._who, recipient=address, message_id=id or uuid.uuid4().urn)
         message = Message(header=header, body=body)
         answer = await asked_again(lambda: self._wire.post(message, timeout=timeout), patience)
         if answer is None:
@@ -136,7 +136,7 @@ class Client:
             while more:
                 question = knowledge.ReadOntology(after=after, at_version=version)
                 page = await self.ask(self.addresses.repository, question, knowledge.OntologyPage)
-                found += page.definitions.each()
+                found += page.definitions.all_definitions()
                 changed.add(page.changed_at)
                 after, more = page.next, page.more
             if len(changed) <= 1:

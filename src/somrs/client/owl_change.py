@@ -32,7 +32,7 @@ class OwlChange:
 
     @property
     def changes_ontology(self) -> bool:
-        return bool(self.define.removed or self.define.renamed or any(self.define.definitions.each()))
+        return bool(self.define.removed or self.define.renamed or any(self.define.definitions.all_definitions()))
 
     def on_map(self, now: Map, file: str) -> tuple[Change, ...]:
         """How the file's individuals change the map, once the ontology is as it says: they are as it says, with the facts whose first

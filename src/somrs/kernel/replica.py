@@ -222,7 +222,7 @@ class Replica(Struct):
                 return self._give_up_reading(now)  # the pages are counted, and what is counted is another list now
             case OntologyPage():
                 reading.changed_at = page.changed_at
-                reading.ontology = reading.ontology.extended(page.definitions.each())
+                reading.ontology = reading.ontology.extended(page.definitions.all_definitions())
                 return [self._read(ReadOntology(after=page.next) if page.more else ReadMap(), now)]
             case MapPage():
                 reading.objects += page.objects
@@ -252,9 +252,9 @@ class Replica(Struct):
                 self.map = self.map.changed(applied)
                 changes += applied
             if isinstance(event, OntologyChanged):
-                definitions += event.definitions.each()
+                definitions += event.definitions.all_definitions()
                 removed += event.removed
-                self.ontology = revise_ontology(self.ontology, event.removed, event.definitions.each())
+                self.ontology = revise_ontology(self.ontology, event.removed, event.definitions.all_definitions())
         self._forget()
         self._watch_gap(self.version != before, now)
         return News(

@@ -40,7 +40,7 @@ from somrs.protocol.messages.directory import (
 )
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.leases import granted
+from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.paging import PAGE_BYTES
 from somrs.registry.state import LeasesDue, Provider, RegistryState, Timer
 
@@ -122,7 +122,7 @@ class Registry:
             case SubscribeServices(lease=lease):
                 if message.header.sender == ANONYMOUS:
                     raise UsageError("news can only be sent to somebody who has an address: set the sender to one that can be reached")
-                self.state.subscribers[message.header.sender] = until = now + granted(lease)
+                self.state.subscribers[message.header.sender] = until = now + grant_lease(lease)
                 yield self._answer(message, ServicesSubscribed(until=until))
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
@@ -149,7 +149,7 @@ class Registry:
         yield from news
 
     def _publish(self, publish: Publish, now: float) -> tuple[Answer, list[Effect]]:
-        lease, providers = granted(publish.lease), self.state.providers
+        lease, providers = grant_lease(publish.lease), self.state.providers
         offers = self._checked(publish)
         known = providers.get(publish.provider)
         old = known.offers if known is not None else {}
@@ -184,7 +184,7 @@ class Registry:
         return offers
 
     def _renew(self, renew: Renew, now: float) -> tuple[Answer, list[Effect]]:
-        lease = granted(renew.lease)
+        lease = grant_lease(renew.lease)
         if (provider := self.state.providers.get(renew.provider)) is None:
             return Fault(code="Sender", text=f"nothing is registered for {renew.provider}: publish its services anew"), []
         provider.until = now + lease

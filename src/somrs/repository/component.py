@@ -61,8 +61,8 @@ from somrs.protocol.messages.knowledge import (
     Updated,
     UpdateMap,
 )
-from somrs.protocol.messages.leases import granted
-from somrs.protocol.messages.paging import PAGE_BYTES, fitting, size
+from somrs.protocol.messages.leases import grant_lease
+from somrs.protocol.messages.paging import PAGE_BYTES, fit_page, size
 from somrs.repository.definition import object_renamed, redefined
 from somrs.repository.looking_back import events_wanted, history_wanted, page_wanted, told, undone_wanted
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
@@ -185,7 +185,7 @@ class Repository:
             Row(bindings={name: str(term) for name, term in row.items()})
             for row in islice(bindings(formula, self.contents.map, self.contents.ontology), limit + 1)
         ]
-        rows = tuple(fitting(found, limit))
+        rows = tuple(fit_page(found, limit))
         return Rows(rows=rows, version=self.contents.version, more=len(rows) < len(found))
 
     def _answered(self, message: Message, value: object, now: float) -> Effects:
@@ -280,7 +280,7 @@ class Repository:
         subscriber = message.header.sender
         if subscriber == ANONYMOUS:
             raise InputError("changes can only be sent to somebody who has an address: set the sender to one that can be reached")
-        self.contents.subscriptions[subscriber] = Subscription(until=now + granted(lease), version=self.contents.version)
+        self.contents.subscriptions[subscriber] = Subscription(until=now + grant_lease(lease), version=self.contents.version)
         yield self._answer(message, self._subscribed(subscriber))
         yield self._next_expiry()
 

@@ -27,7 +27,7 @@ def redefined(map: Map, ontology: Ontology, define: Define) -> Outcome:
         return Outcome(map=map, ontology=ontology, broken=impossible)
     renamer = Renamer(define.renamed, ontology)
     left = revise_ontology(ontology, define.removed, ())
-    after = revise_ontology(renamer.ontology(left), (), define.definitions.each())
+    after = revise_ontology(renamer.ontology(left), (), define.definitions.all_definitions())
     changes = tuple(renamer.changes(map)) if define.renamed else ()
     map_after = map.changed(changes)
     broken = [*lost_dependencies(ontology, after), *ontology_violations(after)]
@@ -68,7 +68,7 @@ def _replaced(define: Define) -> Iterator[DefinitionKey]:
 def _adopted(ontology: Ontology, left: Ontology, define: Define, replaced: Iterable[DefinitionKey]) -> Iterator[Violation]:
     """Definitions that speak of something that is removed, and unchanged would speak of what gets its name."""
     renamer = Renamer(define.renamed, ontology)
-    given = {key_of(definition): definition for definition in define.definitions.each()}
+    given = {key_of(definition): definition for definition in define.definitions.all_definitions()}
     for what in replaced:
         for definition in left:
             after = renamer.definition(definition)
@@ -98,7 +98,7 @@ def _impossible(ontology: Ontology, define: Define) -> Iterator[Violation]:
         elif find_definition(ontology, what) is None:
             yield _wrong(what, "unknown-name", _unknown(what, ontology))
     yield from _wrong_renamings(ontology, define)
-    given = Counter(map(key_of, define.definitions.each()))
+    given = Counter(map(key_of, define.definitions.all_definitions()))
     for what, count in given.items():
         yield from _unusable(what, what.name)
         if count > 1:
@@ -106,7 +106,7 @@ def _impossible(ontology: Ontology, define: Define) -> Iterator[Violation]:
 
 
 def _unspeakable(define: Define) -> Iterator[Violation]:
-    for definition in define.definitions.each():
+    for definition in define.definitions.all_definitions():
         for path, text in texts(definition):
             if message := unspeakable(text):
                 yield Violation(subject=definition.name, rule="text", message=message, path=path, section=section_of(definition))

@@ -19,7 +19,7 @@ from somrs.protocol.messages.knowledge import (
     ReadOntology,
     Undo,
 )
-from somrs.protocol.messages.paging import fitting
+from somrs.protocol.messages.paging import fit_page
 from somrs.repository.past import shortened
 from somrs.repository.state import Contents, EventsOf, Happened, HistoryOf, PageOf
 
@@ -59,7 +59,7 @@ def told(message: Message, value: object, contents: Contents) -> Body:
         case ReadHistory(object=name), Happened(events):
             return _history(name, events, contents)
         case ReadEvents(limit=limit), Happened(events):
-            page = tuple(fitting(map(shortened, events), _limit(limit)))
+            page = tuple(fit_page(map(shortened, events), _limit(limit)))
             return Events(events=page, more=len(page) < len(events), since=contents.since)
         case ReadMap() | ReadOntology(), MapPage() | OntologyPage() as page_:
             return page_
@@ -76,4 +76,4 @@ def _history(name: str, events: tuple[Event, ...], contents: Contents) -> Body:
     if not events and name not in contents.map.objects:
         hint = nearest(name, contents.map.objects)
         return Fault(code="Sender", text=f"there never was an object {name} on the map. {hint}".rstrip())
-    return History(object=name, events=tuple(fitting(map(shortened, events), MOST_EVENTS)))
+    return History(object=name, events=tuple(fit_page(map(shortened, events), MOST_EVENTS)))

@@ -11,6 +11,6 @@ from somrs.repository.outcome import revision
 def leading_to(known: Ontology, wanted: Ontology, author: str = "", expected_version: int | None = None) -> Define:
     """What has to be removed and defined so that the known ontology becomes the wanted one."""
     change = revision(known, wanted) or Revision()
-    there = set(map(key_of, change.after.each()))
-    removed = tuple(what for what in map(key_of, change.before.each()) if what not in there)
+    there = set(map(key_of, change.after.all_definitions()))
+    removed = tuple(what for what in map(key_of, change.before.all_definitions()) if what not in there)
     return Define(definitions=change.after, removed=removed, author=author, expected_version=expected_version)

@@ -10,7 +10,7 @@ from somrs.ontology.naming import DefinitionKey, Renaming, find_definition, key_
 from somrs.ontology.objects import Change, Map, objects_of
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages.knowledge import BrokenRule, Considered, Definitions, OntologyChanged, Rejected, Revision, by_kind
-from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fitting
+from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fit_page
 
 SITUATION, VERSION = "situation", "version"
 """Sections of a request, in which rules may be broken, too."""
@@ -43,7 +43,9 @@ class Outcome:
         """The definitions that are other than they were, by the names that they have and had."""
         if self.revision is None:
             return ()
-        return tuple(dict.fromkeys(key_of(one) for one in (*self.revision.before.each(), *self.revision.after.each())))
+        return tuple(
+            dict.fromkeys(key_of(one) for one in (*self.revision.before.all_definitions(), *self.revision.after.all_definitions()))
+        )
 
     def told(self, version: int) -> OntologyChanged:
         """What subscribers hear of a change of the ontology."""
@@ -69,8 +71,8 @@ def taken_back(ontology: Ontology, revision: Revision) -> Ontology:
 
 
 def _led(ontology: Ontology, old: Definitions, new: Definitions) -> Ontology:
-    there = set(map(key_of, new.each()))
-    return revise_ontology(ontology, (what for what in map(key_of, old.each()) if what not in there), new.each())
+    there = set(map(key_of, new.all_definitions()))
+    return revise_ontology(ontology, (what for what in map(key_of, old.all_definitions()) if what not in there), new.all_definitions())
 
 
 def differing(one: Ontology, other: Ontology) -> Iterator[Definition]:
@@ -102,16 +104,16 @@ def considered(outcome: Outcome, version: int) -> Considered:
     known = outcome.revision
     return Considered(
         version=version,
-        broken=tuple(fitting(map(broken_rule, broken), PAGE_ITEMS, room)),
+        broken=tuple(fit_page(map(broken_rule, broken), PAGE_ITEMS, room)),
         revision=Revision(before=_some(known.before, room), after=_some(known.after, room)) if known is not None else None,
-        changes=tuple(fitting(outcome.changes, PAGE_ITEMS, room)),
+        changes=tuple(fit_page(outcome.changes, PAGE_ITEMS, room)),
         all_broken=len(broken),
         all_changes=len(outcome.changes),
     )
 
 
 def _some(definitions: Definitions, room: int) -> Definitions:
-    return by_kind(fitting(definitions.each(), PAGE_ITEMS, room))
+    return by_kind(fit_page(definitions.all_definitions(), PAGE_ITEMS, room))
 
 
 def broken_rule(violation: Violation) -> BrokenRule:

@@ -7,13 +7,13 @@ from bisect import bisect_right
 from somrs.ontology.objects import Fact, Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import MapPage, OntologyPage, by_kind
-from somrs.protocol.messages.paging import fitting
+from somrs.protocol.messages.paging import fit_page
 
 
 def ontology_page(ontology: Ontology, version: int, after: int, changed_at: int) -> OntologyPage:
     """The page behind the first `after` definitions. `changed_at`: the version in which the ontology changed last."""
     everything = list(ontology)
-    page = list(fitting(everything[max(after, 0) :]))
+    page = list(fit_page(everything[max(after, 0) :]))
     end = max(after, 0) + len(page)
     return OntologyPage(definitions=by_kind(page), version=version, next=end, more=end < len(everything), changed_at=changed_at)
 
@@ -32,7 +32,7 @@ class MapPages:
         """The page behind the object `after`. Facts about nothing in particular are on the first page."""
         start = bisect_right(self._names, after) if after else 0
         rows = ((self.map.objects[name], self._facts.get(name, [])) for name in self._names[start:])
-        page = list(fitting(rows))
+        page = list(fit_page(rows))
         facts = [fact for _, facts in page for fact in facts]
         return MapPage(
             objects=tuple(object for object, _ in page),

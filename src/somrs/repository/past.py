@@ -10,7 +10,7 @@ from msgspec import structs
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Event, Revision
-from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fitting, size
+from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fit_page, size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ def shortened(event: Event, room: int = PAGE_BYTES) -> Event:
     """The event as it goes into a message: of one that is too long, the first of its changes, and how many there are."""
     if size(event) <= room:
         return event
-    changes = tuple(fitting(event.changes, PAGE_ITEMS, room // 2))
+    changes = tuple(fit_page(event.changes, PAGE_ITEMS, room // 2))
     revision = event.revision
     if revision is not None and size(revision) > room // 2:
         revision = Revision()

@@ -16,7 +16,7 @@ from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, 
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Definition
 from somrs.protocol.messages.knowledge import Define, Event, RenameObject, Revision, by_kind
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 from somrs.repository.definition import object_renamed, redefined
 from somrs.repository.outcome import Outcome
 from somrs.repository.state import Contents
@@ -44,9 +44,9 @@ def _definitions(event: Event, revision: Revision, contents: Contents) -> tuple[
     # What made room for something that got its name comes back once that has its own name again.
     targets = {DefinitionKey(section=renaming.section, name=renaming.to) for renaming in event.renamed}
     targets -= {DefinitionKey(section=renaming.section, name=renaming.name) for renaming in event.renamed}
-    restored: list[Definition] = [one for one in revision.before.each() if key_of(one) in targets]
-    before = {renamer.renamed_key(key_of(one)): one for one in revision.before.each() if key_of(one) not in targets}
-    after = {key_of(one): one for one in revision.after.each()}
+    restored: list[Definition] = [one for one in revision.before.all_definitions() if key_of(one) in targets]
+    before = {renamer.renamed_key(key_of(one)): one for one in revision.before.all_definitions() if key_of(one) not in targets}
+    after = {key_of(one): one for one in revision.after.all_definitions()}
     broken: list[Violation] = []
     for what in {**before, **after}:
         old, new, now = before.get(what), after.get(what), find_definition(contents.ontology, what)
@@ -67,7 +67,7 @@ def _changed_since(what: DefinitionKey, was_gone: bool, is_gone: bool, contents:
     if was_gone:
         return f"there is a {what} again; remove it or rename it first"
     latest = contents.defined(what)
-    by = f" by {person(latest.author)} in version {latest.version}; undo that first" if latest is not None else ""
+    by = f" by {person_name(latest.author)} in version {latest.version}; undo that first" if latest is not None else ""
     return f"the {what} was changed since{by}"
 
 

@@ -8,7 +8,7 @@ from somrs.ontology.conformance import Violation
 from somrs.ontology.naming import DefinitionKey, find_definition, key_of
 from somrs.ontology.objects import objects_of
 from somrs.protocol.messages.knowledge import Alteration, Define, RenameObject, Undo, UpdateMap
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 from somrs.repository.outcome import VERSION, Outcome
 from somrs.repository.state import Contents
 
@@ -33,14 +33,14 @@ def overtaken(alteration: Alteration, outcome: Outcome, contents: Contents) -> I
 
 
 def _definitions(define: Define, expected: int, contents: Contents) -> Iterator[Violation]:
-    changed = (key_of(one) for one in define.definitions.each() if find_definition(contents.ontology, key_of(one)) != one)
+    changed = (key_of(one) for one in define.definitions.all_definitions() if find_definition(contents.ontology, key_of(one)) != one)
     renamed = (DefinitionKey(section=renaming.section, name=renaming.name) for renaming in define.renamed)
     for what in dict.fromkeys((*define.removed, *renamed, *changed)):
         latest = contents.defined(what)
         if latest is not None and latest.version > expected:
             is_now = "changed" if find_definition(contents.ontology, what) is not None else "removed or renamed"
             message = (
-                f"{person(latest.author)} {is_now} it in version {latest.version}, after version {expected} that was expected; "
+                f"{person_name(latest.author)} {is_now} it in version {latest.version}, after version {expected} that was expected; "
                 "look at it again and decide anew"
             )
             yield Violation(subject=what.name, rule="overtaken", message=message, section=what.section)

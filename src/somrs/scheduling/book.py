@@ -7,7 +7,7 @@ from msgspec import Struct, field, structs
 from somrs.client.refusals import Changed, NotFound
 from somrs.entish.parse import nearest
 from somrs.protocol.messages.orders import Run, StandingOrder, Template
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 MOST_RUNS = 200
 """Of each order, so many times at which it was due are known."""
@@ -65,7 +65,7 @@ class Book(Struct, kw_only=True):
 def expect(version: int | None, now: int, what: str, by: str = "") -> None:
     """Raises Changed if somebody else changed it since it had that version."""
     if version is not None and version != now:
-        who = f" by {person(by)}" if by else ""
+        who = f" by {person_name(by)}" if by else ""
         changed = f"was changed{who} meanwhile" if now else "was removed meanwhile"
         there = f"{what} is there already" if version == 0 else f"{what} {changed}"
         raise Changed(f"{there}; nothing was saved: look at it as it is now, and say again what is to be otherwise")

@@ -19,9 +19,9 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
 from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.leases import granted
+from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.orders import OrderSaved, OrdersChanged, Run, RunState, StandingOrder, Template
-from somrs.protocol.messages.paging import fitting
+from somrs.protocol.messages.paging import fit_page
 from somrs.scheduling.book import Book, expect
 from somrs.scheduling.execution import LATE, Execution, task_for
 from somrs.scheduling.recurrence import checked, due_after, due_between, zone_of
@@ -176,7 +176,7 @@ class Scheduler:
         try:
             match message.body:
                 case orders.SubscribeOrders(lease=lease):
-                    yield self._subscribe(message, granted(lease), now)
+                    yield self._subscribe(message, grant_lease(lease), now)
                 case Fault():
                     pass  # a Fault is never answered, least of all by a Fault
                 case body if isinstance(body, NEED_MAP) and not self.replica.ready:
@@ -310,7 +310,7 @@ class Scheduler:
         self.book.order(wanted.id)
         runs = [run for run in reversed(self.book.runs_of(wanted.id)) if wanted.before is None or run.due < wanted.before]
         runs = runs[: max(wanted.limit, 0)]
-        page = tuple(fitting(runs))
+        page = tuple(fit_page(runs))
         return orders.RunsPage(runs=page, more=len(page) < len(runs))
 
     # News
@@ -342,7 +342,7 @@ REJECTED = orders.OrdersRejected.__struct_fields__
 def _page(kept: dict[str, T], after: str) -> tuple[list[T], bool]:
     """As many as one message holds of those behind that name, and whether there are others."""
     names = sorted(name for name in kept if name > after)
-    page = [*fitting(kept[name] for name in names)]
+    page = [*fit_page(kept[name] for name in names)]
     return page, len(page) < len(names)
 
 

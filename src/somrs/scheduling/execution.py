@@ -18,7 +18,7 @@ from somrs.protocol.messages.clients import Phase, Submit, Submitted, TaskNews, 
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault, Outcome
 from somrs.protocol.messages.orders import Run, RunState, StandingOrder
-from somrs.protocol.messages.people import client
+from somrs.protocol.messages.people import client_address
 from somrs.protocol.messages.records import ReadRecords, Records
 from somrs.scheduling.state import Question, SchedulerState
 
@@ -116,7 +116,7 @@ class Execution:
             wait = body.wait if isinstance(body, WatchTask) else 0.0
             id, until = message_id(here, order, run.due, known.asked, now), now + wait + ANSWER_TIME
         known.questions[id] = Question(order=order, due=run.due, body=body, about=about, until=until)
-        sender = client(by) if by is not None else here
+        sender = client_address(by) if by is not None else here
         header = Header(sender=sender, recipient=known.located.task_manager, message_id=id, reply_to=here)
         return Send(Message(header=header, body=body), until=until, strict=isinstance(body, Submit))
 

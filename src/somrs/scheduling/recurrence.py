@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo
 import msgspec
 
 from somrs.errors import UsageError
-from somrs.protocol.messages.orders import Daily, Every, Once, When
+from somrs.protocol.messages.orders import Daily, Every, Once, Schedule
 
 LEAST_MINUTES = 0.1
 DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
@@ -29,7 +29,7 @@ def zone_of(name: str) -> tzinfo | None:
         return None
 
 
-def checked(when: When, now: float) -> When:
+def checked(when: Schedule, now: float) -> Schedule:
     """As it is to be kept, if it was given now. Raises UsageError for what is no time, or over."""
     match when:
         case Once(at=at):
@@ -49,7 +49,7 @@ def checked(when: When, now: float) -> When:
             return Daily(at=f"{int(found[1]):02}:{found[2]}", days=tuple(sorted({*days})))
 
 
-def due_after(when: When, after: float, zone: tzinfo | None = None) -> float | None:
+def due_after(when: Schedule, after: float, zone: tzinfo | None = None) -> float | None:
     """The first time that is later than that; None if there is none. `zone`: whose local time counts; None: this machine's."""
     match when:
         case Once(at=at):
@@ -71,7 +71,7 @@ def due_after(when: When, after: float, zone: tzinfo | None = None) -> float | N
             raise AssertionError("in nine days there is one of each")
 
 
-def due_between(when: When, after: float, until: float, zone: tzinfo | None = None) -> tuple[int, float | None]:
+def due_between(when: Schedule, after: float, until: float, zone: tzinfo | None = None) -> tuple[int, float | None]:
     """How often it was due later than `after` and not later than `until`, and when the last time was."""
     if isinstance(when, Every):
         first = due_after(when, after, zone)
@@ -85,7 +85,7 @@ def due_between(when: When, after: float, until: float, zone: tzinfo | None = No
     return count, last
 
 
-def in_words(when: When, zone: tzinfo | None = None) -> str:
+def in_words(when: Schedule, zone: tzinfo | None = None) -> str:
     """As people say it."""
     match when:
         case Once(at=at):

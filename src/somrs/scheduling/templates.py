@@ -11,7 +11,7 @@ from somrs.errors import FormulaError, UsageError
 from somrs.kernel.replica import Replica
 from somrs.ontology.check import check as check_formula
 from somrs.protocol.messages.clients import Submit
-from somrs.protocol.messages.orders import BLANK, Blank, Template, write_into, written
+from somrs.protocol.messages.orders import BLANK, Blank, Template, fill_blanks, fill_formula
 from somrs.task_manager.context import wrong_with
 
 VALUES = ("number", "text", "truth")
@@ -49,13 +49,13 @@ def check(task: Submit, blanks: tuple[Blank, ...], replica: Replica) -> None:
     for formula in (task.effect, task.precondition):
         if formula is not None:
             _check_formula(formula, examples, replica)
-    if (wrong := wrong_with(written(task, examples), replica)) is not None:
+    if (wrong := wrong_with(fill_blanks(task, examples), replica)) is not None:
         raise UsageError(wrong)
 
 
 def _check_formula(formula: str, examples: Mapping[str, str], replica: Replica) -> None:
     """Raises FormulaError, which says where in the formula as it was written, with its blanks."""
-    written = write_into(formula, examples)
+    written = fill_formula(formula, examples)
     try:
         check_formula(written, replica.ontology, replica.map)
     except FormulaError as error:
@@ -76,7 +76,7 @@ def filled(template: Template, values: Mapping[str, str], replica: Replica) -> S
         if name not in named:
             hint = nearest(name, named) or (f"it has {', '.join(named)}" if named else "it has none at all")
             raise UsageError(f"{template.name} has no blank {name}; {hint}")
-    return written(template.task, {name: _value(blank, values.get(name, ""), replica) for name, blank in named.items()})
+    return fill_blanks(template.task, {name: _value(blank, values.get(name, ""), replica) for name, blank in named.items()})
 
 
 def _value(blank: Blank, text: str, replica: Replica) -> str:

@@ -14,7 +14,7 @@ import msgspec
 from msgspec import structs
 
 from somrs.protocol.messages.envelope import normalised_id
-from somrs.protocol.messages.paging import PAGE_BYTES, fitting, size
+from somrs.protocol.messages.paging import PAGE_BYTES, fit_page, size
 from somrs.protocol.messages.records import PARTS as LISTS
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.storage.disk import Disk
@@ -122,7 +122,7 @@ def cut(record: TaskRecord, after: int, room: int = PAGE_BYTES) -> tuple[TaskRec
     """The record with as many of its parts behind the first `after` as fit; how many parts that makes, or None if these are the last."""
     parts = [(name, part) for name in LISTS for part in getattr(record, name)][max(after, 0) :]
     bare = _without(record, LISTS)
-    page = list(fitting(parts, len(parts), room - size(bare)))
+    page = list(fit_page(parts, len(parts), room - size(bare)))
     kept = {name: tuple(part for of, part in page if of == name) for name in LISTS}
     return structs.replace(bare, **kept), (max(after, 0) + len(page) if len(page) < len(parts) else None)
 

@@ -126,6 +126,6 @@ def _json(value: object) -> str:
 def _told(event: Event) -> object:
     """What an event says, in whatever order it says it: the order of what happened at once may be another after a restart."""
     revision = event.revision if event.revision is not None else Revision()
-    told = (event.changes, event.before, tuple(revision.before.each()), tuple(revision.after.each()))
+    told = (event.changes, event.before, tuple(revision.before.all_definitions()), tuple(revision.after.all_definitions()))
     lists = [sorted(msgspec.json.encode(one, order="sorted") for one in each) for each in told]
     return event.version, event.at, event.author, event.revision is None, event.renamed, event.undoes, lists

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 from msgspec import Struct, field
 
-from somrs.protocol.messages.directory import AT_ONCE, Offer
+from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer
 
 Rank = tuple[float, float, float, str]
 """The lowest comes first."""
@@ -75,5 +75,5 @@ class DeviceQueues(Struct, kw_only=True):
             self.at_work[offer.provider] = at_work
         else:
             self.at_work.pop(offer.provider, None)
-        many = offer.attributes.get(AT_ONCE, 1)
+        many = offer.attributes.get(CAPACITY_ATTRIBUTE, 1)
         return len(at_work) < (many if isinstance(many, int | float) and not isinstance(many, bool) else 1)

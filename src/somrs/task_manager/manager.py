@@ -10,7 +10,7 @@ from somrs.kernel.component import Answered, Ask, Doing, Effect, Effects, Input,
 from somrs.protocol.messages import clients, frp, records
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
-from somrs.protocol.messages.paging import fitting
+from somrs.protocol.messages.paging import fit_page
 from somrs.task_manager.context import Commitments, Context, Interval, wrong_with
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.participants import sent_home
@@ -209,7 +209,7 @@ class TaskManager:
         if wanted.behind is not None:
             last = tasks.get(wanted.behind)
             newest = [each for each in newest if last is not None and (each.submitted_at, each.id) < (last.submitted_at, last.id)]
-        page = tuple(fitting((view_in_parts(each, 0)[0] for each in newest), max(wanted.limit, 0)))
+        page = tuple(fit_page((view_in_parts(each, 0)[0] for each in newest), max(wanted.limit, 0)))
         return clients.Tasks(tasks=page, more=len(page) < len(newest))
 
     def _read_messages(self, request: Message, wanted: clients.ReadMessages) -> Effect:
@@ -217,7 +217,7 @@ class TaskManager:
         after = max(wanted.after, 0)
         if wanted.task in self.state.running:
             passed = self.state.tasks[wanted.task].messages
-            page = tuple(fitting(message_view(one.at, one.message) for one in islice(passed, after, None)))
+            page = tuple(fit_page(message_view(one.at, one.message) for one in islice(passed, after, None)))
             return self._reply(request, clients.Messages(messages=page, more=after + len(page) < len(passed)))
         parts = tuple(name for name in records.PARTS if name != "messages")
         return self._read_records(request, records.ReadRecords(task=wanted.task, limit=1, after=after, without=parts))

@@ -17,7 +17,7 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Preview, Previewed, Quotation, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.event_text import waiting
+from somrs.protocol.messages.event_text import waiting_text
 from somrs.protocol.messages.events import Event, WaitsForTasks
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
@@ -115,7 +115,7 @@ class Previewing:
         reservations.leave(state.id)
         if isinstance(found, Held):
             tasks = {task: reservations.goal(task) for task in found.by}
-            state.waits, found = waiting(WaitsForTasks(tasks=tasks, objects=found.objects)), found.plan
+            state.waits, found = waiting_text(WaitsForTasks(tasks=tasks, objects=found.objects)), found.plan
         if not isinstance(found, Plan) or not state.wanted.quotes or not found.steps:
             return (yield from self._end(structs.replace(previewed(found), waits=state.waits)))
         state.asked_at, state.workflow = now, Workflow.of(found)

@@ -11,7 +11,7 @@ from somrs.kernel.component import Doing, Effects, Send, Wake
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Discover, Discovered, Offer
 from somrs.protocol.messages.envelope import Header, Message, message_id
-from somrs.protocol.messages.event_text import joined
+from somrs.protocol.messages.event_text import join_reasons
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, UpdateMap
 from somrs.task_manager.timers import AnswerDue
@@ -125,7 +125,7 @@ class Requests(Struct, kw_only=True):
         if isinstance(purpose, ForReport):
             return ReportAnswered(purpose, answer)
         if not isinstance(answer.body, Discovered):
-            return ServicesKnown(purpose, f"the Service Registry answered: {joined(said(answer))}")
+            return ServicesKnown(purpose, f"the Service Registry answered: {join_reasons(said(answer))}")
         offers = request.found + answer.body.offers
         if answer.body.more and answer.body.offers:
             yield from self.discover(purpose, now, offers)

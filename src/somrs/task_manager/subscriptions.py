@@ -11,7 +11,7 @@ from somrs.kernel.component import Wake
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.clients import ContractView, TaskNews, TasksNews, WatchTask, WatchTasks
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.paging import PAGE_BYTES, fitting, size
+from somrs.protocol.messages.paging import PAGE_BYTES, fit_page, size
 from somrs.task_manager.timers import NewsDue
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import contract_view, event_view, row, view_in_parts
@@ -107,7 +107,7 @@ class SubscriptionsOf:
             if state.changed[id] <= after:
                 break
             changed.append(id)
-        rows = tuple(fitting(row(self._tasks[id]) for id in reversed(changed)))
+        rows = tuple(fit_page(row(self._tasks[id]) for id in reversed(changed)))
         version = state.changed[rows[-1].task] if rows else state.version
         return TasksNews(rows=rows, version=version, begun=state.begun, more=len(rows) < len(changed))
 
@@ -120,13 +120,13 @@ def _news(task: TaskState, wanted: WatchTask) -> TaskNews:
         return TaskNews(view=seen, events=(), more=True, messages=task.passed, contracts_at=since, rest=rest)
     room = PAGE_BYTES - size(seen)
     logged = (event_view(number, noted) for number, noted in enumerate(task.events[after:], after + 1))
-    events = tuple(fitting(logged, room=room))
+    events = tuple(fit_page(logged, max_bytes=room))
     more = after + len(events) < len(task.events)
     changed: list[tuple[int, ContractView]] = []
     if wanted.contracts is not None and not more and task.outcome is None:
         members = sorted((member for member in task.members if member.changed > since), key=lambda member: member.changed)
         views = ((member.changed, contract_view(member)) for member in members)
-        changed = [*fitting(views, room=room - _size(events))]
+        changed = [*fit_page(views, max_bytes=room - _size(events))]
         more = len(changed) < len(members)
     return TaskNews(
         view=seen,

@@ -135,7 +135,7 @@ def test_names_that_become_free_may_be_taken(define: Define) -> None:
     assert (outcome.broken, outcome.renamed, outcome.changes, outcome.map) == ((), define.renamed, (), MAP)
     assert outcome.revision is not None
     assert [*outcome.ontology] == [*applied(ONTOLOGY, outcome.revision)]
-    assert {one.name for one in outcome.revision.after.each()} >= {one.name for one in define.definitions.each()}
+    assert {one.name for one in outcome.revision.after.all_definitions()} >= {one.name for one in define.definitions.all_definitions()}
 
 
 def test_a_change_that_says_what_is_changes_nothing() -> None:

@@ -88,7 +88,7 @@ def test_what_is_read_page_by_page_is_the_ontology_and_the_map(repository: Repos
     pages = [ask(repository, ReadOntology(), OntologyPage)]
     while pages[-1].more:
         pages.append(ask(repository, ReadOntology(after=pages[-1].next), OntologyPage))
-    assert [*Ontology([d for page in pages for d in page.definitions.each()])] == [*repository.contents.ontology]
+    assert [*Ontology([d for page in pages for d in page.definitions.all_definitions()])] == [*repository.contents.ontology]
     assert read_map(repository)[1] == repository.contents.map
 
 

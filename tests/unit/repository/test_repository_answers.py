@@ -305,13 +305,13 @@ def test_the_ontology_by_pages() -> None:
     everything = list(ontology)
     found = ontology_page(ontology, 3, len(everything) - 2, 2)
     assert (found.version, found.next, found.more, found.changed_at) == (3, len(everything), False, 2)
-    assert list(found.definitions.each()) == everything[-2:]
+    assert list(found.definitions.all_definitions()) == everything[-2:]
     assert ontology_page(ontology, 3, -5, 2) == ontology_page(ontology, 3, 0, 2)
     many = ontology.extended(AttributeType(name=f"Smell{number}", kind=Kind.TEXT) for number in range(200))
     first = ontology_page(many, 3, 0, 2)
-    assert (first.more, first.next, len(list(first.definitions.each()))) == (True, 200, 200)
+    assert (first.more, first.next, len(list(first.definitions.all_definitions()))) == (True, 200, 200)
     second = ontology_page(many, 3, 200, 2)
-    assert [*first.definitions.each(), *second.definitions.each()] == list(many)
+    assert [*first.definitions.all_definitions(), *second.definitions.all_definitions()] == list(many)
     assert (second.more, second.next) == (False, len(list(many)))
     assert ontology_page(ontology, 3, len(everything), 2) == OntologyPage(
         definitions=Definitions(), version=3, next=len(everything), more=False, changed_at=2

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.errors import UsageError
-from somrs.protocol.messages.orders import Daily, Every, Once, When
+from somrs.protocol.messages.orders import Daily, Every, Once, Schedule
 from somrs.scheduling.recurrence import checked, due_after, due_between, in_words
 
 WARSAW = ZoneInfo("Europe/Warsaw")
@@ -21,7 +21,7 @@ def stamp(text: str, zone: ZoneInfo = WARSAW) -> float:
     return datetime.fromisoformat(text).replace(tzinfo=zone).timestamp()
 
 
-def dues(when: When, after: str, count: int) -> list[str]:
+def dues(when: Schedule, after: str, count: int) -> list[str]:
     found, at = list[str](), stamp(after)
     while len(found) < count and (due := due_after(when, at, WARSAW)) is not None:
         found.append(f"{datetime.fromtimestamp(due, WARSAW):%a %m-%d %H:%M}")
@@ -72,7 +72,7 @@ def test_once_is_once() -> None:
     after=st.integers(0, 20_000),
     length=st.integers(0, 20_000),
 )
-def test_against_looking_at_the_clock_every_minute(when: When, after: int, length: int) -> None:
+def test_against_looking_at_the_clock_every_minute(when: Schedule, after: int, length: int) -> None:
     start = stamp("2026-03-22T00:00") + after * MINUTE  # the clock is put forward on the 29th
     naive: list[float] = []
     for minute in range(length + 1):
@@ -86,7 +86,7 @@ def test_against_looking_at_the_clock_every_minute(when: When, after: int, lengt
     assert not naive or first == naive[0]
 
 
-def _is_due(when: When, moment: float) -> bool:
+def _is_due(when: Schedule, moment: float) -> bool:
     match when:
         case Every(minutes=minutes, since=since):
             return since is not None and moment >= since and (moment - since) % (minutes * MINUTE) == 0
@@ -111,7 +111,7 @@ def _is_due(when: When, moment: float) -> bool:
         (Daily(at="08:00", days=(7,)), "7 is no day of the week"),
     ],
 )
-def test_what_is_no_time_is_refused(when: When, wrong: str) -> None:
+def test_what_is_no_time_is_refused(when: Schedule, wrong: str) -> None:
     with pytest.raises(UsageError, match=wrong):
         checked(when, 10.0)
 

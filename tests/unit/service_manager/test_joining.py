@@ -10,7 +10,7 @@ from somrs.ontology.objects import Object, ObjectAdded
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import ObjectType
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.directory import AT_ONCE, Offer, Publish, Published, Renew, Retract
+from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer, Publish, Published, Renew, Retract
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import (
@@ -124,7 +124,7 @@ def test_a_request_has_five_seconds() -> None:
     ]
 
 
-@pytest.mark.parametrize(("capacity", "attributes"), [(1, {}), (3, {AT_ONCE: 3})])
+@pytest.mark.parametrize(("capacity", "attributes"), [(1, {}), (3, {CAPACITY_ATTRIBUTE: 3})])
 def test_who_is_on_the_map_publishes_as_what_it_is_there(capacity: int, attributes: dict[str, float]) -> None:
     joiner = Joiner(structs.replace(PROFILE, capacity=capacity))
     joiner.published("BigWasher")

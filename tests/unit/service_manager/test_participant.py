@@ -450,7 +450,7 @@ def test_an_execute_that_comes_again_too_late_changes_nothing() -> None:
     hall.ask("s1", ACCEPT)
     hall.ask("s1", msgspec.structs.replace(EXECUTE, begin_by=hall.world.now + 10))
     hall.world.run(20)
-    hall.world.send(hall.session("s1")._again("Execute")[0])
+    hall.world.send(hall.session("s1")._repeat("Execute")[0])
     hall.until("s1", State.COMPLETED)
 
 
@@ -496,7 +496,7 @@ def test_end_in_the_middle_stops_the_device(body: CoordinatorBody) -> None:
     hall = Hall()
     hall.executing()
     session = hall.session("s1")
-    header = msgspec.structs.replace(session._again("Execute")[0].header, message_id="urn:uuid:end")
+    header = msgspec.structs.replace(session._repeat("Execute")[0].header, message_id="urn:uuid:end")
     hall.world.send(Message(header=header, body=body))
     hall.world.run(10.0)
     assert hall.manager.state_of("t1", session.participant) is State.ENDED

@@ -445,7 +445,7 @@ def test_what_is_over_does_not_care_whether_its_signs_of_life_arrived() -> None:
 def test_who_ends_it_in_the_middle_has_no_timers_left() -> None:
     bench = Bench()
     bench.executing()
-    header = bench.session._again("Execute")[0].header
+    header = bench.session._repeat("Execute")[0].header
     end = Message(header=msgspec.structs.replace(header, message_id="urn:uuid:end"), body=frp.End(outcome=frp.Outcome.CANCELLED))
     assert bench.hear(end) == [Wake(timers(HeartbeatDue), None), Withdraw(bench.wanted(Activity.PERFORM))]
 

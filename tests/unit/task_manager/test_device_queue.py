@@ -6,7 +6,7 @@ import pytest
 
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
-from somrs.protocol.messages.directory import AT_ONCE, Offer
+from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer
 from somrs.task_manager.device_queue import AtWork, DeviceQueues, Rank
 
 WORK = AtWork("busy task", "participant")
@@ -36,7 +36,14 @@ def never(work: AtWork) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("attributes", "room"), [({}, 1), ({AT_ONCE: 2}, 2), ({AT_ONCE: 2.0}, 2), ({AT_ONCE: True}, 1), ({AT_ONCE: "many"}, 1)]
+    ("attributes", "room"),
+    [
+        ({}, 1),
+        ({CAPACITY_ATTRIBUTE: 2}, 2),
+        ({CAPACITY_ATTRIBUTE: 2.0}, 2),
+        ({CAPACITY_ATTRIBUTE: True}, 1),
+        ({CAPACITY_ATTRIBUTE: "many"}, 1),
+    ],
 )
 def test_a_device_does_as_many_things_at_once_as_it_says(attributes: dict[str, Value], room: int) -> None:
     queues = DeviceQueues()

@@ -58,7 +58,7 @@ class Inquiry:
             recipient="tm",
             message_id=f"said {self.desk.said}",
             reply_to=member.offer.address,
-            relates_to=member.session.said["Arrange"].id,
+            relates_to=member.session.sent_messages["Arrange"].id,
             transaction=self.state.id,
             participant=member.id,
         )

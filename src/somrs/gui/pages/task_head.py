@@ -13,7 +13,7 @@ from somrs.gui.pages.task_ending import Ending
 from somrs.gui.pages.task_words import PHASES, counted, due, gist, key, sign
 from somrs.protocol.messages.clients import Phase, Policy, TaskView
 from somrs.protocol.messages.frp import State
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 POLICIES = {Policy.PRICE: "the cheapest", Policy.TIME: "the soonest", Policy.WEIGHTED: "price and time"}
 
@@ -35,7 +35,7 @@ class Head:
             with ui.element("dl").classes("somrs-task-facts"):
                 self._steps = _fact("Steps")
                 self._took = _fact("Time")
-                _fact("Stated").set_text(f"{clock(view.submitted_at)} by {person(view.client)}")
+                _fact("Stated").set_text(f"{clock(view.submitted_at)} by {person_name(view.client)}")
                 self._due = _fact("Deadline")
                 _fact("Priority").set_text(str(view.priority))
                 _fact("Chosen by").set_text(POLICIES[view.policy])

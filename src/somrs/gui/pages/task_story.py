@@ -12,10 +12,10 @@ from somrs.gui.pages.task_chapters import ANSWERS, LABELS, Chapter, Line
 from somrs.gui.pages.task_words import counted, gist
 from somrs.protocol.messages import events
 from somrs.protocol.messages.clients import Phase, TaskEvent, TaskView
-from somrs.protocol.messages.event_text import failure
+from somrs.protocol.messages.event_text import failure_text
 from somrs.protocol.messages.events import Event, EventKind, kind_of
 from somrs.protocol.messages.frp import Outcome, State
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 LOST = (State.FAILED, State.STOPPED, State.UNREACHABLE)
 
@@ -87,7 +87,7 @@ class _Story:
     def _failure(self, told: TaskEvent, event: Event) -> Chapter:
         number = sum(chapter.number is not None for chapter in self.chapters) + 1
         if isinstance(event, events.ServiceFailure):
-            chapter = self._add(told, "error", f"Failure {number}: {event.service}", "bad", failure(event))
+            chapter = self._add(told, "error", f"Failure {number}: {event.service}", "bad", failure_text(event))
             chapter.service, chapter.silent = event.service, isinstance(event, events.ServiceSilent)
         else:
             chapter = self._add(told, "error", f"Failure {number}", "bad", told.text)
@@ -244,7 +244,7 @@ def story(view: TaskView, happened: Sequence[TaskEvent]) -> list[Chapter]:
                 made.take(told, told.event)
             else:
                 made.end(told, view.outcome, reasons(view))
-    began = Chapter(at=view.submitted_at, icon="add_task", title=f"{person(view.client)} stated the task", text=view.effect)
+    began = Chapter(at=view.submitted_at, icon="add_task", title=f"{person_name(view.client)} stated the task", text=view.effect)
     return [began, *made.chapters]
 
 

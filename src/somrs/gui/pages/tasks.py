@@ -26,7 +26,7 @@ from somrs.gui.shell import page
 from somrs.gui.throttle import Soon
 from somrs.gui.unavailable_banner import Silence
 from somrs.protocol.messages.clients import Phase, TaskRow
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 MOST = 200
 """Tasks that are shown: as many as the Task Manager has in mind when they are over."""
@@ -120,7 +120,7 @@ class _Tasks:
 
     def _is_wanted(self, row: TaskRow) -> bool:
         words = str(self._wanted.value or "").lower().split()
-        text = f"{row.effect} {person(row.client)} {' '.join(row.services)} {row.explanation} {row.task}".lower()
+        text = f"{row.effect} {person_name(row.client)} {' '.join(row.services)} {row.explanation} {row.task}".lower()
         return self._which.value in (ALL, _kind(row)) and all(word in text for word in words)
 
 
@@ -153,7 +153,7 @@ def _told(row: TaskRow, asked: frozenset[str], now: float) -> dict[str, Any]:
         "setbacks": f"{counted(row.setbacks, 'setback')}" if row.setbacks else "",
         "at": row.submitted_at,
         "stated": clock(row.submitted_at),
-        "who": person(row.client),
+        "who": person_name(row.client),
         "took": lasted(max(0.0, seconds)) + ("" if row.outcome is not None else " so far"),
         "due": due(row.submitted_at, row.deadline, row.outcome is not None, now) if row.deadline is not None else "–",
         "priority": row.priority,

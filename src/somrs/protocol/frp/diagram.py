@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from somrs.protocol.frp import states
-from somrs.protocol.frp.states import Entry, Kind, Said, Sends, Table
+from somrs.protocol.frp.states import Entry, Kind, MessageType, Sends, Table
 from somrs.protocol.messages.frp import Cancel, End, Progress, Query, State
 
 PAGE = Path("docs/frp-states.md")
@@ -41,7 +41,7 @@ def page() -> str:
             "",
             "`silent` is the coordinator's own move, when it has waited too long.",
             "",
-            *mermaid(states.COORDINATOR, states.COORDINATOR_SENDS, states.GIVES_UP, frozenset()),
+            *mermaid(states.COORDINATOR, states.COORDINATOR_SENDS, states.ABANDONED_STATES, frozenset()),
             "",
             *grid(states.COORDINATOR, states.TO_COORDINATOR),
             "",
@@ -49,31 +49,31 @@ def page() -> str:
     )
 
 
-def mermaid(table: Table, sends: Sends, silent: dict[State, State], without: frozenset[Said]) -> Iterator[str]:
+def mermaid(table: Table, sends: Sends, silent: dict[State, State], excluded: frozenset[MessageType]) -> Iterator[str]:
     """The state diagram: one arrow for each pair of states, with all that leads from the one to the other."""
     arrows: dict[tuple[State, State], list[str]] = {}
     for state, after_sending in sends.items():
-        for message, after in after_sending.items():
+        for message, target in after_sending.items():
             if message is not Progress:
-                arrows.setdefault((state, after), []).append(f"!{message.__name__}")
+                arrows.setdefault((state, target), []).append(f"!{message.__name__}")
     for state, row in table.items():
         for message, entry in row.items():
-            if entry.kind is Kind.MOVES and entry.next is not state and message not in without:
-                answer = f" !{entry.send.__name__}" if entry.send else ""
-                arrows.setdefault((state, entry.next), []).append(f"?{message.__name__}{answer}")
-    for state, after in silent.items():
-        arrows.setdefault((state, after), []).append("silent")
+            if entry.kind is Kind.MOVES and entry.next_state is not state and message not in excluded:
+                answer = f" !{entry.answer.__name__}" if entry.answer else ""
+                arrows.setdefault((state, entry.next_state), []).append(f"?{message.__name__}{answer}")
+    for state, target in silent.items():
+        arrows.setdefault((state, target), []).append("silent")
     yield "```mermaid"
     yield "stateDiagram-v2"
     yield "    direction TB"
     yield f"    [*] --> {State.NEW}"
-    for (state, after), labels in arrows.items():
-        yield f"    {state} --> {after}: {', '.join(labels)}"
+    for (state, target), labels in arrows.items():
+        yield f"    {state} --> {target}: {', '.join(labels)}"
     yield f"    {State.ENDED} --> [*]"
     yield "```"
 
 
-def grid(table: Table, messages: tuple[Said, ...]) -> Iterator[str]:
+def grid(table: Table, messages: tuple[MessageType, ...]) -> Iterator[str]:
     """The whole table: a row for each state, a column for each message."""
     yield f"| | {' | '.join(message.__name__ for message in messages)} |"
     yield f"|---|{'---|' * len(messages)}"
@@ -82,12 +82,12 @@ def grid(table: Table, messages: tuple[Said, ...]) -> Iterator[str]:
 
 
 def _cell(state: State, entry: Entry) -> str:
-    answer = f" !{entry.send.__name__}" if entry.send else ""
+    answer = f" !{entry.answer.__name__}" if entry.answer else ""
     if entry.kind is Kind.LATE:
         return f"·{answer}"
-    if entry.kind is Kind.ALREADY:
+    if entry.kind is Kind.REPEATED:
         return f"again{answer}"
-    return f"→ {entry.next}{answer}" if entry.next is not state else "news"
+    return f"→ {entry.next_state}{answer}" if entry.next_state is not state else "news"
 
 
 def main(arguments: list[str]) -> None:

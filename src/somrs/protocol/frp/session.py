@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from msgspec import Struct, structs
+from msgspec import Struct, field, structs
 
 from somrs.errors import UsageError, WireError
 from somrs.protocol.frp import states
@@ -79,7 +79,7 @@ def service_of(participant: str) -> str:
     return participant.rpartition("#")[0]
 
 
-class Said(Struct, frozen=True, kw_only=True):
+class MessageRecord(Struct, frozen=True, kw_only=True):
     """The last message of its type in one direction, and the state in which it was said."""
 
     id: str
@@ -88,11 +88,11 @@ class Said(Struct, frozen=True, kw_only=True):
     state: State = State.NEW
 
 
-class Heard(Struct, frozen=True, kw_only=True):
+class ReceiveResult(Struct, frozen=True, kw_only=True):
     """What a message meant: whether it moved the session, from where to where, and what has to be sent in answer."""
 
     kind: Kind
-    before: State
+    state_before: State
     state: State
     answers: tuple[Message, ...] = ()
 
@@ -113,8 +113,8 @@ class _Session(Struct, kw_only=True):
     """Why it ended: refused, expired, cancelled, ended; or in the words of whoever ended it."""
     number: int = 0
     """How many messages with a place in the contract were sent."""
-    said: dict[str, Said] = {}
-    heard: dict[str, Said] = {}
+    sent_messages: dict[str, MessageRecord] = field(default_factory=dict, name="said")
+    received_messages: dict[str, MessageRecord] = field(default_factory=dict, name="heard")
 
     def _check(self, message: Message) -> None:
         header = message.header
@@ -124,13 +124,13 @@ class _Session(Struct, kw_only=True):
                 f"and this is the session of {self.participant} in {self.transaction}: look sessions up by these two ids"
             )
 
-    def _write(self, side: str, body: FrpBody, relates_to: str | None = None) -> Message:
+    def _create_message(self, side: str, body: FrpBody, relates_to: str | None = None) -> Message:
         """A new message. Ids are made of the transaction, the participant, the side, a number and the type."""
         name = type(body).__name__
         if relates_to is None:
             for kind in _ANSWERS.get(name, ()):
-                if (heard := self.heard.get(kind)) is not None:
-                    relates_to = heard.id
+                if (request := self.received_messages.get(kind)) is not None:
+                    relates_to = request.id
                     break
         if name in _FLEETING:
             # Counted apart, so that a restart from a journal without them gives no id to two different messages.
@@ -138,46 +138,49 @@ class _Session(Struct, kw_only=True):
         else:
             self.number += 1
             identity = message_id(self.transaction, self.participant, side, self.number, name)
-        said = Said(id=identity, body=body, relates_to=relates_to, state=self.state)
-        self.said = {**self.said, name: said}
-        return self._message(said)
+        record = MessageRecord(id=identity, body=body, relates_to=relates_to, state=self.state)
+        self.sent_messages = {**self.sent_messages, name: record}
+        return self._message(record)
 
     def _fleeting_id(self, side: str, name: str, relates_to: str | None) -> str:
-        before = self.said[name].id if name in self.said else ""
-        return message_id(self.transaction, self.participant, side, self.number, name, relates_to, before)
+        previous_id = self.sent_messages[name].id if name in self.sent_messages else ""
+        return message_id(self.transaction, self.participant, side, self.number, name, relates_to, previous_id)
 
-    def _message(self, said: Said) -> Message:
+    def _message(self, record: MessageRecord) -> Message:
         return Message(
             header=Header(
                 sender=self.me,
                 recipient=self.peer,
-                message_id=said.id,
-                relates_to=said.relates_to,
+                message_id=record.id,
+                relates_to=record.relates_to,
                 reply_to=self.me,
                 transaction=self.transaction,
                 participant=self.participant,
             ),
-            body=said.body,
+            body=record.body,
         )
 
-    def _again(self, *kinds: str) -> tuple[Message, ...]:
+    def _repeat(self, *kinds: str) -> tuple[Message, ...]:
         """The messages of these types as they were said, if they were."""
-        return tuple(self._message(self.said[kind]) for kind in kinds if kind in self.said)
+        return tuple(self._message(self.sent_messages[kind]) for kind in kinds if kind in self.sent_messages)
 
-    def _listen(self, message: Message, entry: Entry) -> Entry:
+    def _record_received(self, message: Message, entry: Entry) -> Entry:
         """Note the message, and move. What was heard before moves nothing a second time."""
         name, identity = type(message.body).__name__, message.header.message_id
-        known = name in self.heard and self.heard[name].id == identity
-        if known and entry.kind is Kind.MOVES and name not in _FLEETING:
+        is_duplicate = name in self.received_messages and self.received_messages[name].id == identity
+        if is_duplicate and entry.kind is Kind.MOVES and name not in _FLEETING:
             return Entry(Kind.LATE, self.state)
         if entry.kind is Kind.MOVES and (name not in _FLEETING or name == "Fault"):
             assert isinstance(message.body, FrpBody)
-            self.heard = {**self.heard, name: Said(id=identity, body=message.body, relates_to=message.header.relates_to, state=self.state)}
+            self.received_messages = {
+                **self.received_messages,
+                name: MessageRecord(id=identity, body=message.body, relates_to=message.header.relates_to, state=self.state),
+            }
         if entry.kind is Kind.MOVES:
-            self.state = entry.next
+            self.state = entry.next_state
         return entry
 
-    def kept(self) -> _Session:
+    def copy(self) -> _Session:
         """A copy that stays as it is."""
         return structs.replace(self)
 
@@ -186,56 +189,56 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
     """A service's view of its part in one step of one transaction."""
 
     @classmethod
-    def opened_by(cls, message: Message, me: str) -> ParticipantSession:
+    def from_message(cls, message: Message, me: str) -> ParticipantSession:
         """A new session for the first message of a participant, whichever it is; `receive` it next."""
         header = message.header
         if header.transaction is None or header.participant is None:
             raise WireError(NOT_ALLOWED, f"{type(message.body).__name__} needs a transaction and a participant in its header")
-        return cls(transaction=header.transaction, participant=header.participant, me=me, peer=_answer_to(header))
+        return cls(transaction=header.transaction, participant=header.participant, me=me, peer=_reply_address(header))
 
-    def kept(self) -> ParticipantSession:
+    def copy(self) -> ParticipantSession:
         return structs.replace(self)
 
     @property
     def order(self) -> Arrange | None:
         """What was asked for."""
-        return _body(self.heard, Arrange)
+        return _body(self.received_messages, Arrange)
 
     @property
     def terms(self) -> Terms | None:
         """What was offered."""
-        return _body(self.said, Terms)
+        return _body(self.sent_messages, Terms)
 
     @property
     def last_message(self) -> str | None:
-        kept = [said.id for name, said in self.said.items() if name not in _FLEETING]
-        return kept[-1] if kept else None
+        message_ids = [record.id for name, record in self.sent_messages.items() if name not in _FLEETING]
+        return message_ids[-1] if message_ids else None
 
-    def receive(self, message: Message) -> Heard:
+    def receive(self, message: Message) -> ReceiveResult:
         """What the message means. A message that a coordinator may not send is answered with a Fault, or ignored."""
         self._check(message)
         if not isinstance(message.body, Query | Fault):  # anyone may ask, and is answered; that makes nobody the coordinator
-            self.peer = _answer_to(message.header)
-        before, kind = self.state, type(message.body)
-        entry = states.PARTICIPANT[before].get(kind)
+            self.peer = _reply_address(message.header)
+        state_before, kind = self.state, type(message.body)
+        entry = states.PARTICIPANT[state_before].get(kind)
         if entry is None:
             return self._fault(message, f"{kind.__name__} is not for a participant")
-        if entry.next in _BOUND and (wrong := self._not_accepted(message)):
+        if entry.next_state in _BOUND and (wrong := self._not_accepted(message)):
             return self._fault(message, wrong)
-        if entry.next is State.COMPENSATING and "Execute" not in self.heard:
+        if entry.next_state is State.COMPENSATING and "Execute" not in self.received_messages:
             entry = states.PARTICIPANT[State.COMMITTED][Compensate]  # a Stop came before the Execute: there is nothing to undo
-        entry = self._listen(message, entry)
-        if entry.kind is Kind.MOVES and entry.next is State.ENDED:
+        entry = self._record_received(message, entry)
+        if entry.kind is Kind.MOVES and entry.next_state is State.ENDED:
             self.reason = message.body.reason if isinstance(message.body, Cancel) else "ended"
-        return Heard(kind=entry.kind, before=before, state=self.state, answers=self._answers(message, entry))
+        return ReceiveResult(kind=entry.kind, state_before=state_before, state=self.state, answers=self._answers(message, entry))
 
     def send(self, body: ParticipantBody) -> Message:
         """Say something of one's own accord, and move. Raises UsageError for what the state does not allow."""
         kind = type(body)
         allowed = states.PARTICIPANT_SENDS.get(self.state, {})
         if kind not in allowed:
-            raise _not_now(self, kind, allowed)
-        message = self._write("participant", body)
+            raise _state_error(self, kind, allowed)
+        message = self._create_message("participant", body)
         self.state = allowed[kind]
         if isinstance(body, Refuse):
             self.reason = body.reason
@@ -243,89 +246,89 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
 
     def last_report(self) -> tuple[Message, ...]:
         """The report that the coordinator may not have got before a restart, to be sent again as it was."""
-        spoken = {State.OFFERED: "Terms", State.ENDED: "Refuse"}
-        return self._again(spoken.get(self.state, self.state.value))
+        report_names = {State.OFFERED: "Terms", State.ENDED: "Refuse"}
+        return self._repeat(report_names.get(self.state, self.state.value))
 
     def _not_accepted(self, message: Message) -> str:
         """Why an Accept or Execute is not for what this participant offered; empty when it is."""
-        terms = self.said.get("Terms")
-        wanted = message.body.terms if isinstance(message.body, Accept) else message.header.relates_to
-        if isinstance(message.body, Accept | Execute) and self.state is State.OFFERED and terms is not None and wanted != terms.id:
-            return f"{type(message.body).__name__} names the terms {wanted}, and {terms.id} were offered"
+        terms = self.sent_messages.get("Terms")
+        terms_id = message.body.terms if isinstance(message.body, Accept) else message.header.relates_to
+        if isinstance(message.body, Accept | Execute) and self.state is State.OFFERED and terms is not None and terms_id != terms.id:
+            return f"{type(message.body).__name__} names the terms {terms_id}, and {terms.id} were offered"
         return ""
 
     def _answers(self, message: Message, entry: Entry) -> tuple[Message, ...]:
-        if entry.send is None:
+        if entry.answer is None:
             return ()
-        name = entry.send.__name__
-        asked = type(message.body).__name__
+        name = entry.answer.__name__
+        request_name = type(message.body).__name__
         related = message.header.message_id
         bodies: dict[str, ParticipantBody] = {
             "Status": Status(state=self.state, last_message=self.last_message),
-            "Fault": Fault(code=NOT_ALLOWED, text=f"{asked} does not fit the state {self.state.value}"),
-            "Failed": Failed(description=f"there is no contract here, so {asked} started nothing"),
+            "Fault": Fault(code=NOT_ALLOWED, text=f"{request_name} does not fit the state {self.state.value}"),
+            "Failed": Failed(description=f"there is no contract here, so {request_name} started nothing"),
             "Stopped": Stopped(),
             "Stranded": Stranded(description="nothing was done under this contract that could be undone", tried=False),
         }
-        if entry.kind is Kind.ALREADY and name not in _FLEETING:
-            return self._again(name)
-        answer = self._write("participant", bodies[name], related)
-        if entry.send is Status:
+        if entry.kind is Kind.REPEATED and name not in _FLEETING:
+            return self._repeat(name)
+        answer = self._create_message("participant", bodies[name], related)
+        if entry.answer is Status:
             answer = structs.replace(answer, header=structs.replace(answer.header, recipient=message.header.reply_to))
         return (answer,)
 
-    def _fault(self, message: Message, text: str) -> Heard:
+    def _fault(self, message: Message, text: str) -> ReceiveResult:
         if isinstance(message.body, Fault):
-            return Heard(kind=Kind.LATE, before=self.state, state=self.state)
-        fault = self._write("participant", Fault(code=NOT_ALLOWED, text=text), message.header.message_id)
-        return Heard(kind=Kind.LATE, before=self.state, state=self.state, answers=(fault,))
+            return ReceiveResult(kind=Kind.LATE, state_before=self.state, state=self.state)
+        fault = self._create_message("participant", Fault(code=NOT_ALLOWED, text=text), message.header.message_id)
+        return ReceiveResult(kind=Kind.LATE, state_before=self.state, state=self.state, answers=(fault,))
 
 
 class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
     """A Task Manager's view of one participant. `me` and `peer` are the addresses of the two nodes."""
 
-    def kept(self) -> CoordinatorSession:
+    def copy(self) -> CoordinatorSession:
         return structs.replace(self)
 
     @property
     def order(self) -> Arrange | None:
-        return _body(self.said, Arrange)
+        return _body(self.sent_messages, Arrange)
 
     @property
     def terms(self) -> Terms | None:
         """What the service offered."""
-        return _body(self.heard, Terms)
+        return _body(self.received_messages, Terms)
 
     @property
     def terms_id(self) -> str | None:
         """What an Accept has to name."""
-        return self.heard["Terms"].id if "Terms" in self.heard else None
+        return self.received_messages["Terms"].id if "Terms" in self.received_messages else None
 
-    def receive(self, message: Message) -> Heard:
+    def receive(self, message: Message) -> ReceiveResult:
         """What the message means: it moved the session, asks for an answer that was given already, or came too late."""
         self._check(message)
-        before, kind = self.state, type(message.body)
-        entry = states.COORDINATOR[before].get(kind)
+        state_before, kind = self.state, type(message.body)
+        entry = states.COORDINATOR[state_before].get(kind)
         if entry is None or self._belongs_elsewhere(message):
-            return Heard(kind=Kind.LATE, before=before, state=before)
+            return ReceiveResult(kind=Kind.LATE, state_before=state_before, state=state_before)
         if self._forgotten(message):
-            entry = states.COORDINATOR[before][Stranded if before is State.COMPENSATING else Failed]
-        entry = self._listen(message, entry)
-        if entry.kind is Kind.MOVES and entry.next is State.ENDED:
+            entry = states.COORDINATOR[state_before][Stranded if state_before is State.COMPENSATING else Failed]
+        entry = self._record_received(message, entry)
+        if entry.kind is Kind.MOVES and entry.next_state is State.ENDED:
             self.reason = message.body.reason if isinstance(message.body, Refuse) else self.reason or "ended"
-        return Heard(kind=entry.kind, before=before, state=self.state, answers=self._answers(entry))
+        return ReceiveResult(kind=entry.kind, state_before=state_before, state=self.state, answers=self._answers(entry))
 
     def send(self, body: CoordinatorBody) -> Message:
         """Say something of one's own accord, and move. Raises UsageError for what the state does not allow."""
         kind = type(body)
         if isinstance(body, Query) and self.state is not State.NEW:
-            return self._write("coordinator", body)
+            return self._create_message("coordinator", body)
         allowed = states.COORDINATOR_SENDS.get(self.state, {})
         if kind not in allowed:
-            raise _not_now(self, kind, allowed)
+            raise _state_error(self, kind, allowed)
         if isinstance(body, Accept) and body.terms != self.terms_id:
             raise UsageError(f"{self.participant} offered the terms {self.terms_id}, and {body.terms} would be accepted")
-        message = self._write("coordinator", body)
+        message = self._create_message("coordinator", body)
         self.state = allowed[kind]
         if isinstance(body, Cancel):
             self.reason = body.reason
@@ -336,29 +339,29 @@ class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
     def accept(self) -> Message:
         """Accept the terms that were offered."""
         if self.terms_id is None:
-            raise _not_now(self, Accept, states.COORDINATOR_SENDS.get(self.state, {}))
+            raise _state_error(self, Accept, states.COORDINATOR_SENDS.get(self.state, {}))
         return self.send(Accept(terms=self.terms_id))
 
-    def give_up(self) -> bool:
+    def abandon(self) -> bool:
         """It has been silent for too long. Whether that changes anything: only one with a contract becomes Unreachable."""
-        if self.state not in states.GIVES_UP:
+        if self.state not in states.ABANDONED_STATES:
             return False
-        self.state = states.GIVES_UP[self.state]
+        self.state = states.ABANDONED_STATES[self.state]
         return True
 
     def _belongs_elsewhere(self, message: Message) -> bool:
         """An answer to something that was never said here, or a Fault about what changes no contract."""
         related, body = message.header.relates_to, message.body
-        if isinstance(body, Terms | Refuse) and related is not None and "Arrange" in self.said:
-            return related != self.said["Arrange"].id
+        if isinstance(body, Terms | Refuse) and related is not None and "Arrange" in self.sent_messages:
+            return related != self.sent_messages["Arrange"].id
         if isinstance(body, Fault):
             binding = ("Arrange", "Accept", "Execute", "Compensate")
-            return related not in {self.said[kind].id for kind in binding if kind in self.said}
+            return related not in {self.sent_messages[kind].id for kind in binding if kind in self.sent_messages}
         return False
 
     def _forgotten(self, message: Message) -> bool:
         """It says that it knows nothing, in answer to a question that was asked after it made its contract."""
-        query = self.said.get("Query")
+        query = self.sent_messages.get("Query")
         return (
             isinstance(message.body, Status)
             and message.body.state is State.NEW
@@ -369,30 +372,30 @@ class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
         )
 
     def _answers(self, entry: Entry) -> tuple[Message, ...]:
-        if entry.send is None:
+        if entry.answer is None:
             return ()
-        if entry.kind is Kind.ALREADY:
-            return self._again("End") or self._again("Cancel")
+        if entry.kind is Kind.REPEATED:
+            return self._repeat("End") or self._repeat("Cancel")
         bodies: dict[str, CoordinatorBody] = {
             "Cancel": Cancel(reason="no such service is wanted here"),
             "End": End(outcome=Outcome.CANCELLED),
             "Stop": Stop(reason="it had been silent for too long, and its step may be another's by now"),
         }
-        name = entry.send.__name__
-        return self._again(name) or (self._write("coordinator", bodies[name]),)
+        name = entry.answer.__name__
+        return self._repeat(name) or (self._create_message("coordinator", bodies[name]),)
 
 
-def _answer_to(header: Header) -> str:
+def _reply_address(header: Header) -> str:
     return header.sender if header.reply_to == ANONYMOUS else header.reply_to
 
 
-def _body(messages: dict[str, Said], kind: type[B]) -> B | None:
-    said = messages.get(kind.__name__)
-    return said.body if said is not None and isinstance(said.body, kind) else None
+def _body(messages: dict[str, MessageRecord], kind: type[B]) -> B | None:
+    record = messages.get(kind.__name__)
+    return record.body if record is not None and isinstance(record.body, kind) else None
 
 
-def _not_now(session: _Session, kind: type[object], allowed: dict[type[object], State]) -> UsageError:
-    can = ", ".join(one.__name__ for one in allowed) or "nothing"
+def _state_error(session: _Session, kind: type[object], allowed: dict[type[object], State]) -> UsageError:
+    allowed_names = ", ".join(message_type.__name__ for message_type in allowed) or "nothing"
     return UsageError(
-        f"{session.participant} in {session.transaction} is {session.state.value}: {kind.__name__} cannot be said now, but {can}"
+        f"{session.participant} in {session.transaction} is {session.state.value}: {kind.__name__} cannot be said now, but {allowed_names}"
     )

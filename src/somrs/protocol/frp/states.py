@@ -36,7 +36,7 @@ from somrs.protocol.messages.frp import (
     Terms,
 )
 
-Said = type[object]
+MessageType = type[object]
 """A type of message: the class of its body."""
 
 
@@ -45,7 +45,7 @@ class Kind(Enum):
 
     MOVES = "moves"
     """News: the state changes, or something is learned in it."""
-    ALREADY = "already done: answer again"
+    REPEATED = "already done: answer again"
     LATE = "too late: ignore"
 
 
@@ -53,71 +53,71 @@ class Entry(NamedTuple):
     """What to do about a message: the state to be in then, and the type of message to answer with at once."""
 
     kind: Kind
-    next: State
-    send: Said | None = None
+    next_state: State
+    answer: MessageType | None = None
 
 
-Table = dict[State, dict[Said, Entry]]
-Sends = dict[State, dict[Said, State]]
-Row = dict[Said, Entry | None]
+Table = dict[State, dict[MessageType, Entry]]
+Sends = dict[State, dict[MessageType, State]]
+Row = dict[MessageType, Entry | None]
 
 NEW, ARRANGING, OFFERED, COMMITTED, EXECUTING = State.NEW, State.ARRANGING, State.OFFERED, State.COMMITTED, State.EXECUTING
 COMPLETED, FAILED, STOPPING, STOPPED = State.COMPLETED, State.FAILED, State.STOPPING, State.STOPPED
 COMPENSATING, COMPENSATED, STRANDED = State.COMPENSATING, State.COMPENSATED, State.STRANDED
 ENDED, UNREACHABLE = State.ENDED, State.UNREACHABLE
 
-TO_PARTICIPANT: tuple[Said, ...] = (Arrange, Accept, Cancel, Execute, Stop, Compensate, Query, End, Fault)
-TO_COORDINATOR: tuple[Said, ...] = (Terms, Refuse, Progress, Completed, Failed, Stopped, Compensated, Stranded, Status, Fault)
+TO_PARTICIPANT: tuple[MessageType, ...] = (Arrange, Accept, Cancel, Execute, Stop, Compensate, Query, End, Fault)
+TO_COORDINATOR: tuple[MessageType, ...] = (Terms, Refuse, Progress, Completed, Failed, Stopped, Compensated, Stranded, Status, Fault)
 
 PARTICIPANT_STATES = tuple(state for state in State if state is not UNREACHABLE)
 COORDINATOR_STATES = tuple(State)
 
 
-def to(state: State, send: Said | None = None) -> Entry:
+def move(state: State, send: MessageType | None = None) -> Entry:
     return Entry(Kind.MOVES, state, send)
 
 
-def again(send: Said | None = None) -> Entry:
-    return Entry(Kind.ALREADY, NEW, send)
+def repeat(send: MessageType | None = None) -> Entry:
+    return Entry(Kind.REPEATED, NEW, send)
 
 
-def late(send: Said | None = None) -> Entry:
+def late(send: MessageType | None = None) -> Entry:
     return Entry(Kind.LATE, NEW, send)
 
 
-def _complete(states: tuple[State, ...], messages: tuple[Said, ...], rows: dict[State, dict[Said, Entry]]) -> Table:
+def _complete(states: tuple[State, ...], messages: tuple[MessageType, ...], rows: dict[State, dict[MessageType, Entry]]) -> Table:
     """Every pair. What a row leaves out is too late; what does not move stays in the row's state."""
-    found = {state: {message: rows[state].get(message, late()) for message in messages} for state in states}
+    full_rows = {state: {message: rows[state].get(message, late()) for message in messages} for state in states}
     return {
         state: {message: entry if entry.kind is Kind.MOVES else entry._replace(next=state) for message, entry in row.items()}
-        for state, row in found.items()
+        for state, row in full_rows.items()
     }
 
 
 # In every state a participant says its state when asked, and is over on End, or on Cancel: if it is executing, it stops.
-_ALWAYS: dict[Said, Entry] = {Query: again(Status), Cancel: to(ENDED), End: to(ENDED)}
+_ALWAYS: dict[MessageType, Entry] = {Query: repeat(Status), Cancel: move(ENDED), End: move(ENDED)}
 # Work, or undoing, is demanded of a participant that has no contract, such as one that lost its memory: it says so.
-_NO_CONTRACT: dict[Said, Entry] = {
-    **_ALWAYS, Accept: to(FAILED, Failed), Execute: to(FAILED, Failed), Stop: to(FAILED, Failed), Compensate: to(STRANDED, Stranded),
+_NO_CONTRACT: dict[MessageType, Entry] = {
+    **_ALWAYS, Accept: move(FAILED, Failed), Execute: move(FAILED, Failed), Stop: move(FAILED, Failed), Compensate: move(STRANDED, Stranded),
 }  # fmt: skip
 
 # fmt: off
 PARTICIPANT: Table = _complete(PARTICIPANT_STATES, TO_PARTICIPANT, {
-    NEW:          {**_NO_CONTRACT, Arrange: to(ARRANGING)},
-    ARRANGING:    {**_NO_CONTRACT, Arrange: again()},
+    NEW:          {**_NO_CONTRACT, Arrange: move(ARRANGING)},
+    ARRANGING:    {**_NO_CONTRACT, Arrange: repeat()},
     # An Execute names the Terms, as an Accept does: it may overtake it. A Stop may overtake both, and then nothing starts.
-    OFFERED:      {**_ALWAYS, Arrange: again(Terms), Accept: to(COMMITTED), Execute: to(EXECUTING), Stop: to(STOPPED, Stopped),
-                   Compensate: to(STRANDED, Stranded)},
-    COMMITTED:    {**_ALWAYS, Accept: again(), Execute: to(EXECUTING), Stop: to(STOPPED, Stopped), Compensate: to(STRANDED, Stranded)},
-    EXECUTING:    {**_ALWAYS, Accept: again(), Execute: again(), Stop: to(STOPPING), Compensate: late(Fault)},
-    COMPLETED:    {**_ALWAYS, Execute: again(Completed), Stop: again(Completed), Compensate: to(COMPENSATING)},
-    FAILED:       {**_ALWAYS, Execute: again(Failed), Stop: again(Failed), Compensate: to(COMPENSATING)},
-    STOPPING:     {**_ALWAYS, Stop: again(), Compensate: late(Fault)},
-    STOPPED:      {**_ALWAYS, Stop: again(Stopped), Compensate: to(COMPENSATING)},
-    COMPENSATING: {**_ALWAYS, Compensate: again()},
-    COMPENSATED:  {**_ALWAYS, Compensate: again(Compensated)},
-    STRANDED:     {**_ALWAYS, Compensate: again(Stranded)},
-    ENDED:        {Query: again(Status), Cancel: again(), End: again()},
+    OFFERED:      {**_ALWAYS, Arrange: repeat(Terms), Accept: move(COMMITTED), Execute: move(EXECUTING), Stop: move(STOPPED, Stopped),
+                   Compensate: move(STRANDED, Stranded)},
+    COMMITTED:    {**_ALWAYS, Accept: repeat(), Execute: move(EXECUTING), Stop: move(STOPPED, Stopped), Compensate: move(STRANDED, Stranded)},
+    EXECUTING:    {**_ALWAYS, Accept: repeat(), Execute: repeat(), Stop: move(STOPPING), Compensate: late(Fault)},
+    COMPLETED:    {**_ALWAYS, Execute: repeat(Completed), Stop: repeat(Completed), Compensate: move(COMPENSATING)},
+    FAILED:       {**_ALWAYS, Execute: repeat(Failed), Stop: repeat(Failed), Compensate: move(COMPENSATING)},
+    STOPPING:     {**_ALWAYS, Stop: repeat(), Compensate: late(Fault)},
+    STOPPED:      {**_ALWAYS, Stop: repeat(Stopped), Compensate: move(COMPENSATING)},
+    COMPENSATING: {**_ALWAYS, Compensate: repeat()},
+    COMPENSATED:  {**_ALWAYS, Compensate: repeat(Compensated)},
+    STRANDED:     {**_ALWAYS, Compensate: repeat(Stranded)},
+    ENDED:        {Query: repeat(Status), Cancel: repeat(), End: repeat()},
 })
 
 # What a participant may say of its own accord. Refuse when Offered: the terms expired. Failed when Committed: it broke before
@@ -133,36 +133,36 @@ PARTICIPANT_SENDS: Sends = {
 }
 
 # Whoever works, or reports work, without a contract is sent home.
-_UNKNOWN: dict[Said, Entry] = {
-    Progress: to(ENDED, End), Completed: to(ENDED, End), Failed: to(ENDED, End), Stopped: to(ENDED, End),
-    Compensated: to(ENDED, End), Stranded: to(ENDED, End),
+_UNKNOWN: dict[MessageType, Entry] = {
+    Progress: move(ENDED, End), Completed: move(ENDED, End), Failed: move(ENDED, End), Stopped: move(ENDED, End),
+    Compensated: move(ENDED, End), Stranded: move(ENDED, End),
 }
 # An answer to anyone who has not heard that it is over.
-_OVER: dict[Said, Entry] = dict.fromkeys((Terms, Progress, Completed, Failed, Stopped, Compensated, Stranded), again(End))
+_ENDED_ROW: dict[MessageType, Entry] = dict.fromkeys((Terms, Progress, Completed, Failed, Stopped, Compensated, Stranded), repeat(End))
 
 COORDINATOR: Table = _complete(COORDINATOR_STATES, TO_COORDINATOR, {
-    NEW:          {**_UNKNOWN, Terms: to(ENDED, Cancel)},
-    ARRANGING:    {**_UNKNOWN, Terms: to(OFFERED), Refuse: to(ENDED), Fault: to(ENDED, Cancel), Status: again()},
-    OFFERED:      {**_UNKNOWN, Terms: again(), Refuse: to(ENDED), Fault: to(ENDED, Cancel), Status: again()},
+    NEW:          {**_UNKNOWN, Terms: move(ENDED, Cancel)},
+    ARRANGING:    {**_UNKNOWN, Terms: move(OFFERED), Refuse: move(ENDED), Fault: move(ENDED, Cancel), Status: repeat()},
+    OFFERED:      {**_UNKNOWN, Terms: repeat(), Refuse: move(ENDED), Fault: move(ENDED, Cancel), Status: repeat()},
     # Refuse from here on: the terms had expired before the Accept came, and nothing was or will be started.
-    COMMITTED:    {Terms: again(), Refuse: to(ENDED), Failed: to(FAILED), Status: again(), Fault: to(FAILED)},
-    EXECUTING:    {Refuse: to(ENDED), Progress: to(EXECUTING), Completed: to(COMPLETED), Failed: to(FAILED), Stopped: to(STOPPED),
-                   Status: again(), Fault: to(FAILED)},
-    COMPLETED:    {Completed: again(), Status: again()},
-    FAILED:       {Failed: again(), Status: again()},
+    COMMITTED:    {Terms: repeat(), Refuse: move(ENDED), Failed: move(FAILED), Status: repeat(), Fault: move(FAILED)},
+    EXECUTING:    {Refuse: move(ENDED), Progress: move(EXECUTING), Completed: move(COMPLETED), Failed: move(FAILED), Stopped: move(STOPPED),
+                   Status: repeat(), Fault: move(FAILED)},
+    COMPLETED:    {Completed: repeat(), Status: repeat()},
+    FAILED:       {Failed: repeat(), Status: repeat()},
     # Completed, Failed: they crossed the Stop.
-    STOPPING:     {Refuse: to(ENDED), Progress: to(STOPPING), Completed: to(COMPLETED), Failed: to(FAILED), Stopped: to(STOPPED),
-                   Status: again()},
-    STOPPED:      {Stopped: again(), Status: again()},
-    COMPENSATING: {Progress: to(COMPENSATING), Compensated: to(COMPENSATED), Stranded: to(STRANDED), Status: again(),
-                   Fault: to(STRANDED)},
-    COMPENSATED:  {Compensated: again(), Status: again()},
+    STOPPING:     {Refuse: move(ENDED), Progress: move(STOPPING), Completed: move(COMPLETED), Failed: move(FAILED), Stopped: move(STOPPED),
+                   Status: repeat()},
+    STOPPED:      {Stopped: repeat(), Status: repeat()},
+    COMPENSATING: {Progress: move(COMPENSATING), Compensated: move(COMPENSATED), Stranded: move(STRANDED), Status: repeat(),
+                   Fault: move(STRANDED)},
+    COMPENSATED:  {Compensated: repeat(), Status: repeat()},
     # Compensated: it had been silent for too long.
-    STRANDED:     {Compensated: to(COMPENSATED), Stranded: again(), Status: again()},
-    ENDED:        _OVER,
+    STRANDED:     {Compensated: move(COMPENSATED), Stranded: repeat(), Status: repeat()},
+    ENDED:        _ENDED_ROW,
     # One that was given up came back. Its step may be another's by now, so if it works it must stop; its report is the truth.
-    UNREACHABLE:  {Refuse: to(ENDED), Progress: to(STOPPING, Stop), Completed: to(COMPLETED), Failed: to(FAILED), Stopped: to(STOPPED),
-                   Status: again()},
+    UNREACHABLE:  {Refuse: move(ENDED), Progress: move(STOPPING, Stop), Completed: move(COMPLETED), Failed: move(FAILED), Stopped: move(STOPPED),
+                   Status: repeat()},
 })
 
 # What a coordinator may say of its own accord; Query besides, once it has said anything. Execute when Executing, Compensate when
@@ -183,7 +183,7 @@ COORDINATOR_SENDS: Sends = {
 }
 # fmt: on
 
-GIVES_UP: dict[State, State] = {**dict.fromkeys((COMMITTED, EXECUTING, STOPPING), UNREACHABLE), COMPENSATING: STRANDED}
+ABANDONED_STATES: dict[State, State] = {**dict.fromkeys((COMMITTED, EXECUTING, STOPPING), UNREACHABLE), COMPENSATING: STRANDED}
 """The coordinator's move, in the states in which it waits for a participant with a contract, when that one stays silent.
 
 An undoing of which nothing is heard counts as one that failed. Were it Unreachable, a late sign of life from the work before would
@@ -195,9 +195,9 @@ CONTRACTED = frozenset((COMMITTED, EXECUTING, STOPPING, COMPENSATING, UNREACHABL
 WORKING = frozenset((EXECUTING, STOPPING, COMPENSATING))
 """The states in which a participant's device may be moving."""
 
-HOLDS = frozenset((COMMITTED, EXECUTING, STOPPING, COMPENSATING))
+HOLDING_STATES = frozenset((COMMITTED, EXECUTING, STOPPING, COMPENSATING))
 """The coordinator's states in which the step is this participant's. While one is in them, no other is accepted for the step."""
 
-RESUMES: dict[State, Said] = {EXECUTING: Failed, STOPPING: Stopped, COMPENSATING: Stranded}
+RESUMES: dict[State, MessageType] = {EXECUTING: Failed, STOPPING: Stopped, COMPENSATING: Stranded}
 """What a participant reports that was restarted, or could reach nobody, in the middle of its work, once its device is in a safe
 state."""

@@ -8,7 +8,7 @@ from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
 from somrs.protocol.messages.body import MessageBody
 
-AT_ONCE = "AtOnce"
+CAPACITY_ATTRIBUTE = "AtOnce"
 """The attribute of a service whose device performs several services at the same time: so many. Without it, one at a time."""
 
 

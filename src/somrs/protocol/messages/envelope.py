@@ -44,9 +44,9 @@ class Message(Struct, frozen=True, kw_only=True):
 def message_id(*parts: object) -> str:
     """A deterministic id: the same parts give the same id, so that a message sent again is the same message."""
     text = "/".join(map(str, parts))
-    found = sha1(_NAMESPACE + text.encode(), usedforsecurity=False).hexdigest()
+    digest = sha1(_NAMESPACE + text.encode(), usedforsecurity=False).hexdigest()
     # RFC 9562, 5.5: as `uuid.uuid5` does it, which makes an object of it first, and takes several times as long.
-    return f"urn:uuid:{found[:8]}-{found[8:12]}-5{found[13:16]}-{_VARIANT[found[16]]}{found[17:20]}-{found[20:32]}"
+    return f"urn:uuid:{digest[:8]}-{digest[8:12]}-5{digest[13:16]}-{_VARIANT[digest[16]]}{digest[17:20]}-{digest[20:32]}"
 
 
 def normalised_id(text: str) -> str:
@@ -59,9 +59,9 @@ def normalised_id(text: str) -> str:
     return bare
 
 
-def reply(to: Message, body: Body, sender: str) -> Message:
+def reply(request: Message, body: Body, sender: str) -> Message:
     """The answer to a message: to its ReplyTo, related to it, in the same transaction."""
-    header = to.header
+    header = request.header
     return Message(
         header=Header(
             sender=sender,

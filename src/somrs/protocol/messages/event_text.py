@@ -8,15 +8,15 @@ from somrs.protocol.messages import events
 from somrs.protocol.messages.events import Event
 
 
-def joined(reasons: Iterable[str]) -> str:
+def join_reasons(reasons: Iterable[str]) -> str:
     """Reasons on one line."""
     return "; ".join(reasons)
 
 
-def waiting(event: events.WaitsForTasks) -> str:
+def waiting_text(event: events.WaitsForTasks) -> str:
     """For whom a task waits, and for what."""
-    who = " and ".join(f"task {task} ({goal})" for task, goal in event.tasks.items())
-    return f"waiting for {who} to end, which {'has' if len(event.tasks) == 1 else 'have'} {', '.join(event.objects)}"
+    holders = " and ".join(f"task {task} ({goal})" for task, goal in event.tasks.items())
+    return f"waiting for {holders} to end, which {'has' if len(event.tasks) == 1 else 'have'} {', '.join(event.objects)}"
 
 
 def sentence(event: Event) -> str:
@@ -29,17 +29,17 @@ def sentence(event: Event) -> str:
         case events.Planned(steps=count):
             return f"planned: {count} step{'s' if count != 1 else ''}"
         case events.WaitsForTasks():
-            return waiting(event)
+            return waiting_text(event)
         case events.GoesOn():
             return "going on: what it waited for is free"
         case events.Replanned(reasons=reasons):
-            return f"planning anew: {joined(reasons)}"
+            return f"planning anew: {join_reasons(reasons)}"
         case events.TriedOnceMore(services=services):
             return f"there is no plan without {', '.join(services)}, which may try again"
         case events.Stopping(reason=reason):
             return f"stopping: {reason}"
         case events.TaskEnded(outcome=outcome, reasons=reasons):
-            return f"{outcome}: {joined(reasons)}" if reasons else f"{outcome}"
+            return f"{outcome}: {join_reasons(reasons)}" if reasons else f"{outcome}"
         case _:
             return _of_step(event)
 
@@ -75,14 +75,14 @@ def _of_failure(event: Event) -> str:
         case events.ServiceFaulted(service=service, text=text):
             return f"{service}: {text}"
         case events.ReportRejected(service=service, problems=problems):
-            return f"the Repository rejects what {service} reports: {joined(problems)}"
+            return f"the Repository rejects what {service} reports: {join_reasons(problems)}"
         case _ if isinstance(event, events.ServiceFailure):
-            return f"{event.service} {failure(event)}"
+            return f"{event.service} {failure_text(event)}"
         case _:
             return _of_recovery(event)
 
 
-def failure(event: events.ServiceFailure) -> str:
+def failure_text(event: events.ServiceFailure) -> str:
     """What went wrong with a service, for a place where its name stands already."""
     match event:
         case events.NotBegun(description=description):
@@ -100,14 +100,14 @@ def failure(event: events.ServiceFailure) -> str:
         case events.ServiceOverdue():
             return "takes far longer than it said; stopping it"
         case events.ServiceLost():
-            return f"{lost(event)}; nothing is known of what it left"
+            return f"{loss_text(event)}; nothing is known of what it left"
         case events.ReportRejected(problems=problems):
-            return f"the Repository rejects what it reports: {joined(problems)}"
+            return f"the Repository rejects what it reports: {join_reasons(problems)}"
         case events.CompensationFailed(description=description):
             return f"could not undo it: {description}"
 
 
-def lost(event: events.ServiceLost) -> str:
+def loss_text(event: events.ServiceLost) -> str:
     """Why nothing is known of what the service left."""
     if event.silent:
         return "fell silent while it worked"
@@ -123,7 +123,7 @@ def _of_recovery(event: Event) -> str:
         case events.HandlerBegun(effect=effect):
             return f"the step failed, and for that was laid down: {effect}"
         case events.GoalFailed(goal=goal, step=step, reasons=reasons):
-            return f"{goal} for {step}: {joined(reasons)}"
+            return f"{goal} for {step}: {join_reasons(reasons)}"
         case events.LookBegun(service_type=service_type, object=object):
             return f"{service_type}: somebody is to look at {object}"
         case events.LookFound(situation=situation):
@@ -131,9 +131,9 @@ def _of_recovery(event: Event) -> str:
         case events.NobodyLooks(object=object):
             return f"nobody can look at {object}: nothing is assumed about it"
         case events.KnownOtherwise(object=object, problems=problems):
-            return f"something else is known of {object} by now: {joined(problems)}"
+            return f"something else is known of {object} by now: {join_reasons(problems)}"
         case events.FailuresUndone(reasons=reasons):
-            return f"{joined(reasons)}; undoing what failed"
+            return f"{join_reasons(reasons)}; undoing what failed"
         case events.UndoneByHandler(effect=effect):
             return f"undoing it by what was laid down: {effect}"
         case events.UndoneByService(service=service, situation=situation):

@@ -26,7 +26,7 @@ class Definitions(Struct, frozen=True, kw_only=True):
     types: tuple[ObjectType, ...] = ()
     services: tuple[ServiceType, ...] = ()
 
-    def each(self) -> Iterator[Definition]:
+    def all_definitions(self) -> Iterator[Definition]:
         yield from self.attributes
         yield from self.relations
         yield from self.functions
@@ -36,13 +36,13 @@ class Definitions(Struct, frozen=True, kw_only=True):
 
 def by_kind(definitions: Iterable[Definition]) -> Definitions:
     """The definitions, sorted by what they define."""
-    kept = list(definitions)
+    definition_list = list(definitions)
     return Definitions(
-        attributes=tuple(d for d in kept if isinstance(d, AttributeType)),
-        relations=tuple(d for d in kept if isinstance(d, RelationType)),
-        functions=tuple(d for d in kept if isinstance(d, FunctionType)),
-        types=tuple(d for d in kept if isinstance(d, ObjectType)),
-        services=tuple(d for d in kept if isinstance(d, ServiceType)),
+        attributes=tuple(d for d in definition_list if isinstance(d, AttributeType)),
+        relations=tuple(d for d in definition_list if isinstance(d, RelationType)),
+        functions=tuple(d for d in definition_list if isinstance(d, FunctionType)),
+        types=tuple(d for d in definition_list if isinstance(d, ObjectType)),
+        services=tuple(d for d in definition_list if isinstance(d, ServiceType)),
     )
 
 

@@ -13,8 +13,8 @@ LONGEST = 3600.0
 """Seconds; a longer one would keep the silent on the books all day."""
 
 
-def granted(wanted: float) -> float:
+def grant_lease(requested: float) -> float:
     """The lease in seconds. Raises UsageError for what is no duration."""
-    if not math.isfinite(wanted) or wanted <= 0:
-        raise UsageError(f"a lease of {wanted} s is not one: ask for {SHORTEST:.0f} to {LONGEST:.0f} seconds")
-    return min(max(wanted, SHORTEST), LONGEST)
+    if not math.isfinite(requested) or requested <= 0:
+        raise UsageError(f"a lease of {requested} s is not one: ask for {SHORTEST:.0f} to {LONGEST:.0f} seconds")
+    return min(max(requested, SHORTEST), LONGEST)

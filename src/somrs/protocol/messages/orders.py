@@ -38,7 +38,7 @@ class Daily(Struct, frozen=True, kw_only=True, tag=True):
     days: tuple[int, ...] = ()
 
 
-When = Once | Every | Daily
+Schedule = Once | Every | Daily
 
 # Templates
 
@@ -90,29 +90,29 @@ class Filled(Struct, frozen=True, kw_only=True):
     by: str | None = None
 
 
-def written(task: Submit, values: Mapping[str, str]) -> Submit:
+def fill_blanks(task: Submit, values: Mapping[str, str]) -> Submit:
     """The task with these texts in place of its blanks."""
 
     def write(formula: str | None) -> str | None:
-        return write_into(formula, values) if formula is not None else None
+        return fill_formula(formula, values) if formula is not None else None
 
     return structs.replace(
         task,
-        effect=write_into(task.effect, values),
+        effect=fill_formula(task.effect, values),
         precondition=write(task.precondition),
         handlers=tuple(
-            structs.replace(handler, effect=write_into(handler.effect, values), when=write(handler.when)) for handler in task.handlers
+            structs.replace(handler, effect=fill_formula(handler.effect, values), when=write(handler.when)) for handler in task.handlers
         ),
     )
 
 
-def opened(template: Template) -> Submit:
+def blanks_to_variables(template: Template) -> Submit:
     """The task with a variable in the place of each blank: as far as its formulas are known before it is filled in."""
-    return written(template.task, {blank.name: f"?{blank.name}" for blank in template.blanks})
+    return fill_blanks(template.task, {blank.name: f"?{blank.name}" for blank in template.blanks})
 
 
-def write_into(formula: str, values: Mapping[str, str]) -> str:
-    return BLANK.sub(lambda found: values.get(found[1].strip(), found[0]), formula)
+def fill_formula(formula: str, values: Mapping[str, str]) -> str:
+    return BLANK.sub(lambda match: values.get(match[1].strip(), match[0]), formula)
 
 
 # Standing orders
@@ -157,7 +157,7 @@ class StandingOrder(Struct, frozen=True, kw_only=True):
 
     id: str
     name: str
-    when: When
+    when: Schedule
     task: Submit | None = None
     template: str | None = None
     values: dict[str, str] = {}
@@ -183,7 +183,7 @@ class OrderSaved(Struct, frozen=True, kw_only=True):
     """A standing order as it is to be: with a `task`, or a `template` and its `values`. `expected_version`: see templates."""
 
     name: str
-    when: When
+    when: Schedule
     task: Submit | None = None
     template: str | None = None
     values: dict[str, str] = {}

@@ -25,11 +25,11 @@ def size(value: object) -> int:
     return len(msgspec.json.encode(value))
 
 
-def fitting(items: Iterable[T], limit: int = PAGE_ITEMS, room: int = PAGE_BYTES) -> Iterator[T]:
+def fit_page(items: Iterable[T], limit: int = PAGE_ITEMS, max_bytes: int = PAGE_BYTES) -> Iterator[T]:
     """As many of the first items as go on one page; the first one in any case."""
-    used = 0
+    used_bytes = 0
     for number, item in enumerate(islice(items, limit)):
-        used += size(item)
-        if used > room and number > 0:
+        used_bytes += size(item)
+        if used_bytes > max_bytes and number > 0:
             return
         yield item

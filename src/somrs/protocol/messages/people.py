@@ -8,12 +8,12 @@ CLIENT = "urn:so-mrs:client:"
 """Before the name of one who asks, and has no address: answers come on the connection."""
 
 
-def client(name: str) -> str:
+def client_address(name: str) -> str:
     """As whom somebody of that name asks."""
     return CLIENT + quote(name, safe="@")
 
 
-def person(recorded: str) -> str:
+def person_name(recorded: str) -> str:
     """Who it was, as people know them: without what addresses have around a name."""
     name = recorded
     while name.startswith(CLIENT):

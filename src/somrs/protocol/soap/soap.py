@@ -61,7 +61,7 @@ REFUSALS = frozenset(kind for answers in REQUESTS.values() for kind in answers[1
 
 FAULT_ACTION = f"{WSA}/fault"
 _NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
-_TO_US = (None, "", f"{ENV}/role/next", f"{ENV}/role/ultimateReceiver")
+_OWN_ROLES = (None, "", f"{ENV}/role/next", f"{ENV}/role/ultimateReceiver")
 _PREFIXES = {"env": ENV, "wsa": WSA, "frp": FRP}
 _SOAP_CODES = ("Sender", "Receiver", "VersionMismatch", "MustUnderstand", "DataEncodingUnknown")
 # WS-Addressing 1.0 SOAP Binding, 6.4.1: these say more precisely what is invalid in a header.
@@ -74,14 +74,14 @@ _ENVELOPE = f"{{{ENV}}}Envelope"
 _ROLE, _MUST_UNDERSTAND = f"{{{ENV}}}role", f"{{{ENV}}}mustUnderstand"
 
 
-class Place(NamedTuple):
+class BodyType(NamedTuple):
     """Where a body is at home: its namespace and its class."""
 
     namespace: str
     kind: type[Struct]
 
 
-_BY_TAG = {f"{{{namespace}}}{kind.__name__}": Place(namespace, kind) for namespace, kinds in NAMESPACES.items() for kind in kinds}
+_BY_TAG = {f"{{{namespace}}}{kind.__name__}": BodyType(namespace, kind) for namespace, kinds in NAMESPACES.items() for kind in kinds}
 _NAMESPACE_OF = {kind: namespace for namespace, kinds in NAMESPACES.items() for kind in kinds}
 
 
@@ -105,7 +105,7 @@ def encode(message: Message) -> bytes:
     namespace = _NAMESPACE_OF.get(kind)
     document = [_start(namespace)]
     _address(document, header, action(kind))
-    document.append(_BETWEEN)
+    document.append(_BODY_START)
     if isinstance(body, frp.Fault):
         session: list[str] = []
         if header.transaction is not None:
@@ -126,8 +126,8 @@ def encode(message: Message) -> bytes:
     return _bytes(document)
 
 
-_BETWEEN = "</env:Header><env:Body>"
-_END = "</env:Body></env:Envelope>"
+_BODY_START = "</env:Header><env:Body>"
+_BODY_END = "</env:Body></env:Envelope>"
 
 
 def _start(namespace: str | None = None) -> str:
@@ -136,7 +136,7 @@ def _start(namespace: str | None = None) -> str:
 
 
 def _bytes(document: list[str]) -> bytes:
-    document.append(_END)
+    document.append(_BODY_END)
     written = "".join(document).encode()
     if len(written) > MOST_BYTES:
         raise WireError(SENDER, f"the message has {len(written)} bytes, and {MOST_BYTES} are the most")
@@ -218,7 +218,7 @@ def fault(error: WireError, relates_to: str | None = None) -> bytes:
         names = f' xmlns:h="{escaped_attribute(block.namespace)}"' if block.namespace and prefix == "h" else ""
         name = f"{prefix}:{block.localname}" if block.namespace else block.localname
         document.append(f'<env:NotUnderstood{names} qname="{name}"/>')
-    document.append(_BETWEEN)
+    document.append(_BODY_START)
     _write_fault(document, frp.Fault(code=error.code, text=error.text), [])
     return _bytes(document)
 
@@ -230,40 +230,41 @@ def decode(document: bytes) -> Message:
     """The message in a SOAP envelope. Raises WireError, and nothing else, whatever the bytes are."""
     root = parse(document)
     header, body = _parts(root)
-    found = _headers(header)
+    headers = _headers(header)
     content = list(body)
     if len(content) != 1:
         raise WireError(SENDER, f"the Body has {len(content)} elements, and one was expected")
     element = content[0]
     if element.tag == f"{{{ENV}}}Fault":
-        return _read_fault(element, found)
-    place = _place(element, found)
-    session = _session(element) if place.namespace == FRP else {}
+        return _read_fault(element, headers)
+    body_type = _body_type(element, headers)
+    session = _session(element) if body_type.namespace == FRP else {}
     if session.get("Version", VERSION) != VERSION:
         raise WireError("frp:UnknownVersion", f"version {session['Version'][:20]} of the protocol is unknown; {VERSION} is spoken here")
-    if place.namespace == FRP and not (session.get("Transaction") and session.get("Participant")):
-        raise WireError(SENDER, f"{place.kind.__name__}: Transaction and Participant must be in it, and not empty")
-    value = struct_reader(place.kind, place.namespace, _SESSION if place.namespace == FRP else frozenset())(element)
-    return Message(header=_header(found, session), body=value)
+    if body_type.namespace == FRP and not (session.get("Transaction") and session.get("Participant")):
+        raise WireError(SENDER, f"{body_type.kind.__name__}: Transaction and Participant must be in it, and not empty")
+    value = struct_reader(body_type.kind, body_type.namespace, _SESSION if body_type.namespace == FRP else frozenset())(element)
+    return Message(header=_header(headers, session), body=value)
 
 
-def _place(element: Element, found: dict[str, str]) -> Place:
+def _body_type(element: Element, headers: dict[str, str]) -> BodyType:
     """Which message it is, when its headers fit it."""
-    place = _BY_TAG.get(str(element.tag))
-    if place is None:
+    body_type = _BY_TAG.get(str(element.tag))
+    if body_type is None:
         namespace = etree.QName(element).namespace or ""
         if namespace.startswith("urn:so-mrs:frp:") and namespace != FRP:
             raise WireError("frp:UnknownVersion", f"{_short(namespace)} is an unknown version of the protocol; {FRP} is spoken here")
         raise WireError(ACTION_NOT_SUPPORTED, f"{_short(element.tag)} is no message that is known here")
-    if "Action" not in found:
+    if "Action" not in headers:
         raise WireError(HEADER_REQUIRED, "the header wsa:Action is missing")
-    if found["Action"] != action(place.kind):
+    if headers["Action"] != action(body_type.kind):
         raise WireError(
-            ACTION_MISMATCH, f"the Action is {_short(found['Action'])}, and the Body a {place.kind.__name__}: {action(place.kind)}"
+            ACTION_MISMATCH,
+            f"the Action is {_short(headers['Action'])}, and the Body a {body_type.kind.__name__}: {action(body_type.kind)}",
         )
-    if "MessageID" not in found:
+    if "MessageID" not in headers:
         raise WireError(HEADER_REQUIRED, "the header wsa:MessageID is missing")
-    return place
+    return body_type
 
 
 def _short(text: object) -> str:
@@ -286,10 +287,10 @@ def _parts(root: Element) -> tuple[Element | None, Element]:
 
 def _headers(header: Element | None) -> dict[str, str]:
     """The WS-Addressing headers by name; addresses of endpoint references as such."""
-    found: dict[str, str] = {}
+    headers: dict[str, str] = {}
     missed: list[str] = []
     for block in header if header is not None else ():
-        if block.get(_ROLE) not in _TO_US:
+        if block.get(_ROLE) not in _OWN_ROLES:
             continue
         name = _ADDRESSING_TAGS.get(block.tag)
         if name is None:
@@ -304,15 +305,15 @@ def _headers(header: Element | None) -> dict[str, str]:
             value = _uri(block)
         else:
             continue
-        if name in found:
+        if name in headers:
             raise WireError(CARDINALITY, f"the header wsa:{name} is there more than once")
         if not value:
             raise WireError(INVALID_HEADER, f"the header wsa:{name} is empty")
-        found[name] = value
+        headers[name] = value
     if missed:
         named = tuple(tag for tag in missed if len(tag) <= MOST_NAME)[:MOST_MISSED]
         raise WireError("env:MustUnderstand", f"the header {_short(missed[0])} is not understood here", named)
-    return found
+    return headers
 
 
 def _address_of(reference: Element) -> str:
@@ -331,40 +332,40 @@ def _uri(element: Element) -> str:
 
 
 def _session(body: Element) -> dict[str, str]:
-    found: dict[str, str] = {}
+    session: dict[str, str] = {}
     for child in body:
         if (name := _SESSION_TAGS.get(child.tag)) is not None:
-            if name in found:
+            if name in session:
                 raise WireError(SENDER, f"{name} is there twice")
-            found[name] = (child.text or "").strip()
-    return found
+            session[name] = (child.text or "").strip()
+    return session
 
 
-def _header(found: dict[str, str], session: dict[str, str]) -> Header:
+def _header(headers: dict[str, str], session: dict[str, str]) -> Header:
     return Header(
-        sender=found.get("From", ANONYMOUS),
-        recipient=found.get("To", ANONYMOUS),
-        message_id=normalised_id(found.get("MessageID") or message_id("fault", found.get("RelatesTo"))),
-        relates_to=normalised_id(found["RelatesTo"]) if "RelatesTo" in found else None,
-        reply_to=found.get("ReplyTo", ANONYMOUS),
+        sender=headers.get("From", ANONYMOUS),
+        recipient=headers.get("To", ANONYMOUS),
+        message_id=normalised_id(headers.get("MessageID") or message_id("fault", headers.get("RelatesTo"))),
+        relates_to=normalised_id(headers["RelatesTo"]) if "RelatesTo" in headers else None,
+        reply_to=headers.get("ReplyTo", ANONYMOUS),
         transaction=normalised_id(session["Transaction"]) if session.get("Transaction") else None,
         participant=session.get("Participant") or None,
     )
 
 
-def _read_fault(element: Element, found: dict[str, str]) -> Message:
+def _read_fault(element: Element, headers: dict[str, str]) -> Message:
     value = element.find(f"{{{ENV}}}Code/{{{ENV}}}Value")
     subcodes = [_known_code(code) for code in element.iterfind(f"{{{ENV}}}Code//{{{ENV}}}Subcode/{{{ENV}}}Value")]
     text = element.findtext(f"{{{ENV}}}Reason/{{{ENV}}}Text")
     detail = element.find(f"{{{ENV}}}Detail")
     for child in detail if detail is not None else ():
-        place = _BY_TAG.get(str(child.tag))
-        if place is not None and place.kind in REFUSALS:
-            return Message(header=_header(found, {}), body=struct_reader(place.kind, place.namespace)(child))
+        body_type = _BY_TAG.get(str(child.tag))
+        if body_type is not None and body_type.kind in REFUSALS:
+            return Message(header=_header(headers, {}), body=struct_reader(body_type.kind, body_type.namespace)(child))
     session = _session(detail) if detail is not None else {}
     # The innermost says most; what is beneath a code that is known may be another protocol's.
-    code = next((known for known in reversed(subcodes) if known), None) or _known_code(value) or SENDER
-    return Message(header=_header(found, session), body=frp.Fault(code=code, text=text if text is not None else "no reason was given"))
+    code = next((subcode for subcode in reversed(subcodes) if subcode), None) or _known_code(value) or SENDER
+    return Message(header=_header(headers, session), body=frp.Fault(code=code, text=text if text is not None else "no reason was given"))
 
 
 def _known_code(element: Element | None) -> str | None:
@@ -373,5 +374,5 @@ def _known_code(element: Element | None) -> str | None:
         return None
     prefix, _, name = (element.text or "").strip().rpartition(":")
     namespace = element.nsmap.get(prefix or None)
-    ours = next((known for known, uri in _PREFIXES.items() if uri == namespace), None)
-    return f"{ours}:{name}" if ours is not None else None
+    own_prefix = next((known_prefix for known_prefix, uri in _PREFIXES.items() if uri == namespace), None)
+    return f"{own_prefix}:{name}" if own_prefix is not None else None

@@ -64,7 +64,7 @@ def description(path: str, address: str) -> bytes | None:
     if component is None:
         return None
     name, kinds = component
-    prefixes = {short: uri for short, uri in _SCHEMAS.items() if any(namespace_of(kind) == uri for kind in _said(kinds))}
+    prefixes = {short: uri for short, uri in _SCHEMAS.items() if any(namespace_of(kind) == uri for kind in _message_types(kinds))}
     root = etree.Element(
         f"{{{WSDL}}}definitions", nsmap={"wsdl": WSDL, "soap12": SOAP12, "wsaw": WSAW, "wsam": WSAM, "xs": XS, "c": TARGET, **prefixes}
     )
@@ -72,7 +72,7 @@ def description(path: str, address: str) -> bytes | None:
     root.set("name", name)
     _types(root, prefixes, address)
     short = {uri: prefix for prefix, uri in prefixes.items()}
-    for kind in _said(kinds):
+    for kind in _message_types(kinds):
         message = _add(root, "message", name=kind.__name__)
         _add(message, "part", name="body", element=f"{short[namespace_of(kind)]}:{kind.__name__}")
     _port_type(root, name, kinds)
@@ -83,9 +83,9 @@ def description(path: str, address: str) -> bytes | None:
     return document
 
 
-def _said(kinds: Kinds) -> Kinds:
+def _message_types(kinds: Kinds) -> Kinds:
     """The messages that operations take and give."""
-    return tuple(dict.fromkeys(one for kind in kinds for one in (kind, *_ANSWERS.get(kind, ()))))
+    return tuple(dict.fromkeys(message for kind in kinds for message in (kind, *_ANSWERS.get(kind, ()))))
 
 
 def _types(root: Element, prefixes: dict[str, str], address: str) -> None:

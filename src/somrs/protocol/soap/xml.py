@@ -42,7 +42,7 @@ class Field(NamedTuple):
     name: str
     tag: str
     type: Any
-    many: bool
+    is_repeated: bool
     """Whether it is a tuple, which is the element repeated."""
     default: Any
     required: bool
@@ -57,16 +57,16 @@ def camel(name: str) -> str:
 def fields(kind: type[Struct]) -> tuple[Field, ...]:
     """The fields of a Struct, in order."""
     hints = typing.get_type_hints(kind)
-    found = []
+    field_list = []
     for info in structs.fields(kind):
-        given = info.default_factory() if info.default_factory is not NODEFAULT else info.default
-        hint = without_none(hints[info.name])
-        many = typing.get_origin(hint) is tuple
+        declared_default = info.default_factory() if info.default_factory is not NODEFAULT else info.default
+        hint = strip_none(hints[info.name])
+        is_repeated = typing.get_origin(hint) is tuple
         # None is written by leaving the element out, so a field that may be None is not required, whatever Python says.
-        default = None if given is NODEFAULT and type(None) in union_of(hints[info.name]) else given
-        element = without_none(typing.get_args(hint)[0]) if many else hint
-        found.append(Field(info.name, camel(info.name), element, many, default, default is NODEFAULT and not many))
-    return tuple(found)
+        default = None if declared_default is NODEFAULT and type(None) in union_of(hints[info.name]) else declared_default
+        element = strip_none(typing.get_args(hint)[0]) if is_repeated else hint
+        field_list.append(Field(info.name, camel(info.name), element, is_repeated, default, default is NODEFAULT and not is_repeated))
+    return tuple(field_list)
 
 
 def union_of(hint: Any) -> tuple[Any, ...]:
@@ -74,9 +74,9 @@ def union_of(hint: Any) -> tuple[Any, ...]:
     return typing.get_args(hint) if typing.get_origin(hint) in (Union, types.UnionType) else (hint,)
 
 
-def without_none(hint: Any) -> Any:
-    left = [member for member in union_of(hint) if member is not type(None)]
-    return reduce(operator.or_, left)
+def strip_none(hint: Any) -> Any:
+    members = [member for member in union_of(hint) if member is not type(None)]
+    return reduce(operator.or_, members)
 
 
 def is_value(hint: Any) -> bool:
@@ -124,11 +124,11 @@ def escaped_attribute(text: str) -> str:
     return text
 
 
-def _escape(found: re.Match[str]) -> str:
+def _escape(match: re.Match[str]) -> str:
     try:
-        return _ESCAPES[found[0]]
+        return _ESCAPES[match[0]]
     except KeyError:
-        raise ValueError(f"XML cannot carry {found[0]!r}") from None
+        raise ValueError(f"XML cannot carry {match[0]!r}") from None
 
 
 def _write_text(document: list[str], name: str, attributes: str, text: str) -> None:
@@ -169,7 +169,7 @@ def writer(hint: Any) -> Write:
     if len(members) > 1:
         return _union_writer({member: (f"{PREFIX}{member.__name__}", writer(member)) for member in members})
     if typing.get_origin(hint) is dict:
-        return _entries_writer(writer(without_none(typing.get_args(hint)[1])))
+        return _entries_writer(writer(strip_none(typing.get_args(hint)[1])))
     if isinstance(hint, type) and issubclass(hint, Struct):
         return _struct_writer(fields_writer(hint))
     if isinstance(hint, type) and issubclass(hint, Enum):
@@ -192,12 +192,12 @@ def _entries_writer(inner: Write) -> Write:
 
     def write(document: list[str], name: str, attributes: str, value: dict[str, Any]) -> None:
         document.append(f"<{name}{attributes}>")
-        for key, one in value.items():
+        for key, item in value.items():
             try:
                 named = f' name="{escaped_attribute(key)}"'
             except ValueError:
                 raise WireError(SENDER, f"a name has a character that XML cannot carry: {key[:60]!r}") from None
-            inner(document, entry, named, one)
+            inner(document, entry, named, item)
         document.append(f"</{name}>")
 
     return write
@@ -218,15 +218,15 @@ def fields_writer(kind: type[Struct]) -> WriteFields:
     plan = [(field, f"{PREFIX}{field.tag}", writer(field.type)) for field in fields(kind)]
 
     def write(document: list[str], value: Struct) -> None:
-        for (attribute, _, _, many, default, required), name, inner in plan:
-            one = getattr(value, attribute)
-            if one is None or (not required and one == default and type(one) is type(default)):
+        for (attribute, _, _, is_repeated, default, required), name, inner in plan:
+            field_value = getattr(value, attribute)
+            if field_value is None or (not required and field_value == default and type(field_value) is type(default)):
                 continue
-            if many:
-                for item in one:
+            if is_repeated:
+                for item in field_value:
                     inner(document, name, "", item)
             else:
-                inner(document, name, "", one)
+                inner(document, name, "", field_value)
 
     return write
 
@@ -234,8 +234,8 @@ def fields_writer(kind: type[Struct]) -> WriteFields:
 # Reading, likewise
 
 
-def _wrong(element: Element, what: str) -> WireError:
-    return WireError(SENDER, f"{etree.QName(element).localname}: {what}")
+def _wrong(element: Element, problem: str) -> WireError:
+    return WireError(SENDER, f"{etree.QName(element).localname}: {problem}")
 
 
 def _text(element: Element) -> str:
@@ -293,7 +293,7 @@ def reader(hint: Any, namespace: str) -> Read:
     if len(members) > 1:
         return _union_reader({f"{{{namespace}}}{member.__name__}": reader(member, namespace) for member in members})
     if typing.get_origin(hint) is dict:
-        return _entries_reader(reader(without_none(typing.get_args(hint)[1]), namespace), f"{{{namespace}}}Entry")
+        return _entries_reader(reader(strip_none(typing.get_args(hint)[1]), namespace), f"{{{namespace}}}Entry")
     if isinstance(hint, type) and issubclass(hint, Struct):
         return struct_reader(hint, namespace)
     if isinstance(hint, type) and issubclass(hint, Enum):
@@ -326,15 +326,15 @@ def _union_reader(members: dict[str, Read]) -> Read:
 
 def _entries_reader(inner: Read, tag: str) -> Read:
     def read(element: Element) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        entries: dict[str, Any] = {}
         for entry in _elements(element):
             name = entry.get("name")
             if entry.tag != tag or name is None:
                 raise _wrong(element, "only Entry elements with a name were expected in it")
-            if name in found:
+            if name in entries:
                 raise _wrong(element, f"two entries are named {name[:40]!r}")
-            found[name] = inner(entry)
-        return found
+            entries[name] = inner(entry)
+        return entries
 
     return read
 
@@ -348,30 +348,30 @@ def _elements(element: Element) -> list[Element]:
 @cache
 def struct_reader(kind: type[Struct], namespace: str, skip: frozenset[str] = frozenset()) -> Read:
     """What makes a Struct from the elements of its fields, in any order; those in `skip` are somebody else's."""
-    known = {f"{{{namespace}}}{field.tag}": (field, reader(field.type, namespace)) for field in fields(kind)}
+    slots = {f"{{{namespace}}}{field.tag}": (field, reader(field.type, namespace)) for field in fields(kind)}
     all_fields = fields(kind)
 
     def read(element: Element) -> Any:
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for child in _elements(element):
-            if (slot := known.get(child.tag)) is None:
+            if (slot := slots.get(child.tag)) is None:
                 if child.tag in skip:
                     continue
                 raise _wrong(element, f"{etree.QName(child).localname} in {etree.QName(child).namespace} is unknown in it")
             field, inner = slot
-            if field.many:
-                found.setdefault(field.name, []).append(inner(child))
-            elif field.name in found:
+            if field.is_repeated:
+                values.setdefault(field.name, []).append(inner(child))
+            elif field.name in values:
                 raise _wrong(element, f"{field.tag} is there twice")
             else:
-                found[field.name] = inner(child)
-        for name, tag, _, many, default, required in all_fields:
-            if many:
-                found[name] = tuple(found.get(name, ()))
-            elif name not in found:
+                values[field.name] = inner(child)
+        for name, tag, _, is_repeated, default, required in all_fields:
+            if is_repeated:
+                values[name] = tuple(values.get(name, ()))
+            elif name not in values:
                 if required:
                     raise _wrong(element, f"{tag} is missing in it")
-                found[name] = default
-        return kind(**found)
+                values[name] = default
+        return kind(**values)
 
     return read

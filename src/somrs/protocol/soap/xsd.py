@@ -15,7 +15,7 @@ from lxml import etree
 from msgspec import Struct
 
 from somrs.protocol.soap.soap import FRP, NAMESPACES, SESSION
-from somrs.protocol.soap.xml import Element, Field, fields, is_value, union_of, without_none
+from somrs.protocol.soap.xml import Element, Field, fields, is_value, strip_none, union_of
 
 XS = "http://www.w3.org/2001/XMLSchema"
 VALUE = "Value"
@@ -48,15 +48,15 @@ class _Writer:
         if hint in _SIMPLE:
             return _SIMPLE[hint]
         if is_value(hint):
-            return self._once(VALUE, hint, self._value)
+            return self._declare_type(VALUE, hint, self._value)
         if typing.get_origin(hint) is dict:
-            inner = without_none(typing.get_args(hint)[1])
-            return self._once(f"Named{self.type_of(inner).rpartition(':')[2].title()}s", hint, self._entries)
+            inner = strip_none(typing.get_args(hint)[1])
+            return self._declare_type(f"Named{self.type_of(inner).rpartition(':')[2].title()}s", hint, self._entries)
         if issubclass(hint, Enum):
-            return self._once(hint.__name__, hint, self._enumeration)
-        return self._once(hint.__name__, hint, self._struct)
+            return self._declare_type(hint.__name__, hint, self._enumeration)
+        return self._declare_type(hint.__name__, hint, self._struct)
 
-    def _once(self, name: str, hint: Any, write: Callable[[str, Any], None]) -> str:
+    def _declare_type(self, name: str, hint: Any, write: Callable[[str, Any], None]) -> str:
         if name not in self._named:
             self._named[name] = hint
             write(name, hint)
@@ -75,7 +75,7 @@ class _Writer:
         return _add(_add(_add(self.root, "complexType", name=name), "simpleContent"), "extension", base=base)
 
     def _entries(self, name: str, hint: Any) -> None:
-        inner = self.type_of(without_none(typing.get_args(hint)[1]))
+        inner = self.type_of(strip_none(typing.get_args(hint)[1]))
         entry = f"Named{inner.rpartition(':')[2].title()}"
         sequence = _add(_add(self.root, "complexType", name=name), "sequence")
         _add(sequence, "element", name="Entry", type=f"m:{entry}", minOccurs="0", maxOccurs="unbounded")
@@ -99,7 +99,7 @@ class _Writer:
 
     def _field(self, sequence: Element, field: Field) -> None:
         occurs = {} if field.required else {"minOccurs": "0"}
-        if field.many:
+        if field.is_repeated:
             occurs["maxOccurs"] = "unbounded"
         members = union_of(field.type)
         if len(members) == 1 or is_value(field.type):

@@ -45,7 +45,7 @@ class DeviceWork:
             assert job is not None, "whoever waits is known"
             job.waiting, job.began = False, now
             assert job.order is not None, "only what was arranged is executed"
-            undone = job.session.heard.get("Compensate")
+            undone = job.session.received_messages.get("Compensate")
             if undone is not None and isinstance(undone.body, frp.Compensate):
                 yield from self._do(job, Activity.UNDO, Undo(job.order, undone.body.situation))
             else:
@@ -140,6 +140,6 @@ class DeviceWork:
 def _done(job: Job, activity: Activity, value: Done) -> frp.Completed | frp.Compensated:
     if activity is Activity.PERFORM:
         return frp.Completed(situation=job.situation or "", outputs=value.outputs)
-    wanted = job.session.heard["Compensate"].body
+    wanted = job.session.received_messages["Compensate"].body
     assert isinstance(wanted, frp.Compensate), "only what was told to is undone"
     return frp.Compensated(situation=job.situation or wanted.situation)

@@ -13,7 +13,7 @@ from somrs.kernel.component import Ask, Effects, Send, Wake
 from somrs.ontology.objects import Object, ObjectAdded
 from somrs.ontology.services import ServiceType
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.directory import AT_ONCE, Offer, Publish, Published, Renew, Retract
+from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer, Publish, Published, Renew, Retract
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import (
@@ -71,7 +71,7 @@ class Joining(Struct, kw_only=True):
         self.address, self.incarnation, self.joined, self.after = address, now, False, 0
         self.types = {one.type_name: one.type for one in profile.capabilities if isinstance(one.type, ServiceType)}
         self.seen, self.object_type = set(), profile.type
-        yield from self._go(Step.DEFINE if any(profile.definitions.each()) else Step.READ, now)
+        yield from self._go(Step.DEFINE if any(profile.definitions.all_definitions()) else Step.READ, now)
 
     def leave(self, now: float) -> Effects:
         self.step = Step.LEFT
@@ -176,7 +176,7 @@ class Joining(Struct, kw_only=True):
             provider_type=self.object_type,
             address=self.address,
             service_type=self.types[capability.type_name],
-            attributes={**capability.attributes, **({AT_ONCE: self.profile.capacity} if self.profile.capacity != 1 else {})},
+            attributes={**capability.attributes, **({CAPACITY_ATTRIBUTE: self.profile.capacity} if self.profile.capacity != 1 else {})},
         )
 
     def _trouble(self, text: str) -> Effects:

@@ -140,7 +140,7 @@ class ServiceManager:
         job = self._jobs.get(message.header.transaction, message.header.participant)
         if job is None:
             try:
-                job = Job(session=ParticipantSession.opened_by(message, self.address))
+                job = Job(session=ParticipantSession.from_message(message, self.address))
             except WireError as error:
                 if kind is not frp.Fault:
                     yield Send(reply(message, frp.Fault(code=NOT_ALLOWED, text=error.text), self.address))
@@ -166,7 +166,7 @@ class ServiceManager:
         for answer in heard.answers:
             yield Send(answer, now + REPORT_TIME if answer.header.recipient != ANONYMOUS else None)
         if heard.moved:
-            yield from self._moved(job, message, heard.before, now)
+            yield from self._moved(job, message, heard.state_before, now)
 
     def _directory(self, message: Message, now: float) -> Effects:
         """The Repository, or the Registry, answers."""

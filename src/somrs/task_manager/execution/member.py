@@ -51,5 +51,5 @@ class Member(Struct, kw_only=True, eq=False):
     @property
     def tried_to_undo(self) -> bool:
         """Whether things may be another way than before it was told to undo its work, which it could not."""
-        said = self.session.heard.get("Stranded")
+        said = self.session.received_messages.get("Stranded")
         return said is not None and isinstance(said.body, frp.Stranded) and said.body.tried

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from msgspec import Struct, field, structs
 
 from somrs.kernel.component import Doing, Effect, Effects, Send, Wake
-from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, Heard, participant_id
-from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDS, WORKING
+from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, ReceiveResult, participant_id
+from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDING_STATES, WORKING
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
@@ -62,7 +62,7 @@ class Members(Struct, kw_only=True):
 
     def held(self, step: str) -> bool:
         """Whether the step is somebody's: one that was given up may have come back, and is being stopped."""
-        return any(member.step == step and member.state in HOLDS for member in self)
+        return any(member.step == step and member.state in HOLDING_STATES for member in self)
 
     def at_work(self, id: str) -> bool:
         """Whether its device does what it was told to begin, or what it came to is not on the map yet."""
@@ -175,14 +175,14 @@ class Participants:
 
     # Hearing
 
-    def receive(self, message: Message, now: float) -> Doing[tuple[Member, Heard] | None]:
+    def receive(self, message: Message, now: float) -> Doing[tuple[Member, ReceiveResult] | None]:
         """Who said it, and what it meant; None when it is from nobody that was invited."""
         member = self._members.get(message.header.participant)
         if member is None:
             yield from sent_home(message, self._context.address)
             return None
         heard = member.session.receive(message)
-        if heard.state is not heard.before:
+        if heard.state is not heard.state_before:
             self._mark(member)
         self._note(now, message)
         for answer in heard.answers:
@@ -193,9 +193,9 @@ class Participants:
             member.begins_by = 0.0
         elif isinstance(message.body, frp.Status) and message.body.state in IDLE.get(member.state, ()) and member.told is not None:
             yield from self._order(member, member.told, now)
-        if heard.before in WORKING and heard.state not in WORKING:
+        if heard.state_before in WORKING and heard.state not in WORKING:
             yield from self._unwatch(member)
-        elif heard.before not in WORKING and heard.state in WORKING:
+        elif heard.state_before not in WORKING and heard.state in WORKING:
             yield from self._watch(member, now)
         return member, heard
 
@@ -270,7 +270,7 @@ class Participants:
 
     def give_up(self, member: Member) -> Effects:
         """It may do anything from now on, but nobody waits for it."""
-        if member.session.give_up():
+        if member.session.abandon():
             self._mark(member)
             member.lost_at = self._context.replica.version
             yield from self._unwatch(member)

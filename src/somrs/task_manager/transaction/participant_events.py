@@ -8,7 +8,7 @@ from somrs.entish.parse import parse
 from somrs.kernel.component import Doing, Effects
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.event_text import joined, lost
+from somrs.protocol.messages.event_text import join_reasons, loss_text
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
@@ -169,7 +169,7 @@ class ParticipantEvents:
             _, run = self._at(member)
             self._tell(events.ReportRejected(service=member.offer.service, problems=problems), run, now)
         if isinstance(about, OfWork) and problems:
-            self._over(member, None, about.trouble or f"reported an impossible situation: {joined(problems)}")
+            self._over(member, None, about.trouble or f"reported an impossible situation: {join_reasons(problems)}")
         elif isinstance(about, OfWork):
             self._over(member, about.situation, about.trouble)
 
@@ -220,7 +220,7 @@ class ParticipantEvents:
 
     def lost(self, member: Member, event: events.ServiceLost, now: float) -> GoesOn:
         """It may do anything now. Its own limits see to it that it has stopped; what it left has to be found out."""
-        service, reason = member.offer.service, lost(event)
+        service, reason = member.offer.service, loss_text(event)
         execution, run = self._at(member)
         self._tell(event, run, now)
         self._scope.services.lost(service, reason)

@@ -18,7 +18,7 @@ from somrs.protocol.messages import events
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.event_text import waiting
+from somrs.protocol.messages.event_text import waiting_text
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.context import Context
@@ -314,7 +314,7 @@ class Transaction:
         if state.outcome is not None or state.ending is not None:
             return
         state.ending = outcome
-        state.reasons = (*reasons, f"it was {waiting(state.goal.waits)}") if state.goal.waits is not None else reasons
+        state.reasons = (*reasons, f"it was {waiting_text(state.goal.waits)}") if state.goal.waits is not None else reasons
         if outcome is Outcome.CANCELLED:
             self._scope.tell(events.Stopping(reason=reasons[0]), now)
         for execution in state.executions:

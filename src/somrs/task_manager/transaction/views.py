@@ -10,9 +10,9 @@ from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.protocol.frp.states import WORKING
 from somrs.protocol.messages.clients import ContractView, MessageView, Obstacle, Previewed, StepView, TaskEvent, TaskRow, TaskView, WorkView
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.event_text import joined, sentence, waiting
+from somrs.protocol.messages.event_text import join_reasons, sentence, waiting_text
 from somrs.protocol.messages.frp import Outcome, State
-from somrs.protocol.messages.paging import fitting
+from somrs.protocol.messages.paging import fit_page
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun
 from somrs.task_manager.transaction.state import Noted, TaskState
@@ -38,7 +38,7 @@ def view(task: TaskState) -> TaskView:
         submitted_at=task.submitted_at,
         outcome=task.outcome,
         ended_at=task.ended_at,
-        explanation=joined(_reasons(task)),
+        explanation=join_reasons(_reasons(task)),
         reasons=_reasons(task),
         steps=tuple(_run_view(task, workflow.plan, run) for run in workflow) if workflow is not None else (),
         work=tuple(work.view() for work in task.log),
@@ -57,7 +57,7 @@ def view_in_parts(task: TaskState, after: int) -> tuple[TaskView, int | None]:
     these are the last."""
     seen = view(task)
     parts = [*seen.steps, *seen.work]
-    page = [*fitting(parts[after:], len(parts))]
+    page = [*fit_page(parts[after:], len(parts))]
     if len(page) == len(parts):
         return seen, None
     steps, work = tuple(one for one in page if isinstance(one, StepView)), tuple(one for one in page if isinstance(one, WorkView))
@@ -78,7 +78,7 @@ def row(task: TaskState) -> TaskRow:
         submitted_at=task.submitted_at,
         outcome=task.outcome,
         ended_at=task.ended_at,
-        explanation=joined(_reasons(task)),
+        explanation=join_reasons(_reasons(task)),
         reasons=_reasons(task),
         client=task.client,
         deadline=task.task.deadline,
@@ -158,8 +158,8 @@ def contract_view(member: Member) -> ContractView:
         service=member.offer.service,
         step=member.label,
         state=member.left_in or session.state,
-        accepted="Accept" in session.said,
-        refused="Refuse" in session.heard,
+        accepted="Accept" in session.sent_messages,
+        refused="Refuse" in session.received_messages,
         price=terms.price if terms is not None else None,
         currency=terms.currency if terms is not None else "EUR",
         duration=terms.duration if terms is not None else None,
@@ -172,7 +172,7 @@ def contract_view(member: Member) -> ContractView:
 
 def _reasons(task: TaskState) -> tuple[str, ...]:
     """Why it ended, or ends, or what it waits for."""
-    return task.reasons or ((waiting(task.goal.waits),) if task.goal.waits is not None else ())
+    return task.reasons or ((waiting_text(task.goal.waits),) if task.goal.waits is not None else ())
 
 
 def event_view(number: int, noted: Noted) -> TaskEvent:

@@ -17,7 +17,7 @@ from somrs.ontology.files.loading import load
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import value_of
-from somrs.protocol.messages.people import client, person
+from somrs.protocol.messages.people import client_address, person_name
 from tests.support.paths import SCENARIO_1
 
 
@@ -173,11 +173,11 @@ def test_changes_are_told_in_words(known: tuple[Map, Ontology]) -> None:
         ("Anna", "Anna"),
         ("Robot1.TransferObject", "Robot1.TransferObject"),
         ("urn:so-mrs:client:root@vm", "root@vm"),
-        (client("Anna Maria/2@vm"), "Anna Maria/2@vm"),
-        (client(client("root@vm")), "root@vm"),
+        (client_address("Anna Maria/2@vm"), "Anna Maria/2@vm"),
+        (client_address(client_address("root@vm")), "root@vm"),
         ("http://127.0.0.1:4242/devices/Robot1", "Robot1"),
         ("", "somebody"),
     ],
 )
 def test_authors_are_told_as_people_know_them(author: str, said: str) -> None:
-    assert person(author) == said
+    assert person_name(author) == said

@@ -217,7 +217,7 @@ def test_the_same_message_twice_is_answered_with_the_same_message() -> None:
     arrange = pair.ask(ARRANGE)
     terms = pair.answer(TERMS)
     heard = pair.participant.receive(arrange)
-    assert (heard.kind, heard.answers) == (Kind.ALREADY, (terms,))
+    assert (heard.kind, heard.answers) == (Kind.REPEATED, (terms,))
 
 
 def test_stop_crossing_completed() -> None:
@@ -267,25 +267,25 @@ def test_who_was_stopped_before_it_began_has_nothing_to_undo() -> None:
 
 def test_an_unreachable_participant_that_comes_back_working_is_stopped() -> None:
     pair = _executing()
-    assert pair.coordinator.give_up()
+    assert pair.coordinator.abandon()
     assert pair.coordinator.state is State.UNREACHABLE
     pair.answer(Progress(fraction=0.3))
     assert pair.both() == (State.STOPPING, State.STOPPING)
     pair.answer(Stopped(situation=LYING))
     pair.ask(End(outcome=Outcome.FAILED))
     assert pair.both() == (State.ENDED, State.ENDED)
-    assert not pair.coordinator.give_up()
+    assert not pair.coordinator.abandon()
 
 
 def test_a_participant_that_lost_its_memory_counts_as_failed() -> None:
     pair = _executing()
     query = pair.coordinator.send(Query())
-    amnesiac = ParticipantSession.opened_by(query, SM)
+    amnesiac = ParticipantSession.from_message(query, SM)
     (status,) = amnesiac.receive(query).answers
     assert status.body == Status(state=State.NEW)
     assert pair.coordinator.receive(status).moved
     assert pair.coordinator.state is State.FAILED
-    (failed,) = ParticipantSession.opened_by(query, SM).receive(msgspec.structs.replace(query, body=EXECUTE)).answers
+    (failed,) = ParticipantSession.from_message(query, SM).receive(msgspec.structs.replace(query, body=EXECUTE)).answers
     assert isinstance(failed.body, Failed)
 
 
@@ -309,13 +309,13 @@ def test_who_missed_the_end_is_told_again() -> None:
 
 def test_sessions_go_through_the_journal() -> None:
     pair = _executing()
-    kept = pair.participant.kept()
+    kept = pair.participant.copy()
     read = msgspec.msgpack.decode(msgspec.msgpack.encode(kept), type=ParticipantSession)
     pair.answer(COMPLETED)
     assert read == kept
     assert read.state is State.EXECUTING
-    assert read.send(COMPLETED) == pair.participant._again("Completed")[0]
-    coordinator = pair.coordinator.kept()
+    assert read.send(COMPLETED) == pair.participant._repeat("Completed")[0]
+    coordinator = pair.coordinator.copy()
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(coordinator), type=CoordinatorSession) == coordinator
 
 

@@ -8,7 +8,15 @@ import pytest
 from msgspec import structs
 
 from somrs.errors import UsageError, WireError
-from somrs.protocol.frp.session import NOT_ALLOWED, CoordinatorSession, FrpBody, ParticipantSession, Said, participant_id, service_of
+from somrs.protocol.frp.session import (
+    NOT_ALLOWED,
+    CoordinatorSession,
+    FrpBody,
+    MessageRecord,
+    ParticipantSession,
+    participant_id,
+    service_of,
+)
 from somrs.protocol.frp.states import Kind
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.protocol.messages.frp import (
@@ -143,7 +151,7 @@ def test_what_a_participant_says_is_an_answer_to_what_it_heard(
     state: State, body: FrpBody, heard: tuple[str, ...], related: str | None
 ) -> None:
     session = participant(state)
-    session.heard = {name: Said(id=f"urn:{name}", body=ARRANGE) for name in heard}
+    session.received_messages = {name: MessageRecord(id=f"urn:{name}", body=ARRANGE) for name in heard}
     said = session.send(body)  # type: ignore[arg-type]  # all of them are a participant's
     assert said.header.relates_to == (f"urn:{related}" if related else None)
 
@@ -164,7 +172,7 @@ def test_what_a_coordinator_says_is_an_answer_to_what_it_heard(
     state: State, body: FrpBody, heard: tuple[str, ...], related: str | None
 ) -> None:
     session = coordinator(state)
-    session.heard = {name: Said(id=f"urn:{name}", body=TERMS) for name in heard}
+    session.received_messages = {name: MessageRecord(id=f"urn:{name}", body=TERMS) for name in heard}
     said = session.send(body)  # type: ignore[arg-type]  # all of them are a coordinator's
     assert said.header.relates_to == (f"urn:{related}" if related else None)
 
@@ -175,8 +183,8 @@ def test_signs_of_life_have_ids_of_their_own_and_take_none_from_the_contract() -
     ids = [session.send(Progress(fraction=0.5)).header.message_id for _ in range(3)]
     assert len(set(ids)) == 3
     assert session.number == number
-    assert ids[0] == message_id("t1", IDENTITY, "participant", number, "Progress", session.heard["Execute"].id, "")
-    assert ids[1] == message_id("t1", IDENTITY, "participant", number, "Progress", session.heard["Execute"].id, ids[0])
+    assert ids[0] == message_id("t1", IDENTITY, "participant", number, "Progress", session.received_messages["Execute"].id, "")
+    assert ids[1] == message_id("t1", IDENTITY, "participant", number, "Progress", session.received_messages["Execute"].id, ids[0])
     assert session.send(Completed(situation="")).header.message_id == message_id("t1", IDENTITY, "participant", number + 1, "Completed")
 
 
@@ -198,7 +206,7 @@ def test_the_last_message_is_no_sign_of_life() -> None:
     _, session = executing()
     assert participant().last_message is None
     terms = session.last_message
-    assert terms == session.said["Terms"].id
+    assert terms == session.sent_messages["Terms"].id
     session.send(Progress(fraction=0.5))
     assert session.last_message == terms
     done = session.send(Completed(situation=""))
@@ -245,7 +253,7 @@ def test_what_a_participant_answers_at_once(state: State, asked: FrpBody, answer
 @pytest.mark.parametrize("state", [State.NEW, State.EXECUTING, State.ENDED])
 def test_a_fault_is_never_answered(state: State) -> None:
     heard = participant(state).receive(message(Fault(code="c", text="t")))
-    assert (heard.kind, heard.before, heard.state, heard.answers) == (Kind.LATE, state, state, ())
+    assert (heard.kind, heard.state_before, heard.state, heard.answers) == (Kind.LATE, state, state, ())
 
 
 @pytest.mark.parametrize(
@@ -267,7 +275,7 @@ def test_whoever_gives_orders_is_answered_from_then_on(body: FrpBody, sender: st
 def test_whoever_asks_for_the_state_is_told_where_it_wants() -> None:
     _, session = executing()
     [said] = session.receive(message(Query(), sender=OTHER)).answers
-    assert (said.header.recipient, said.body) == (OTHER, Status(state=State.EXECUTING, last_message=session.said["Terms"].id))
+    assert (said.header.recipient, said.body) == (OTHER, Status(state=State.EXECUTING, last_message=session.sent_messages["Terms"].id))
 
 
 @pytest.mark.parametrize(
@@ -283,7 +291,7 @@ def test_whoever_asks_for_the_state_is_told_where_it_wants() -> None:
 )
 def test_only_the_terms_that_were_offered_are_accepted(body: FrpBody, relates_to: str | None, moved: bool) -> None:
     _, session = offered()
-    terms = session.said["Terms"].id
+    terms = session.sent_messages["Terms"].id
     if isinstance(body, Accept):
         body = Accept(terms=body.terms.replace("TERMS", terms))
     heard = session.receive(message(body, relates_to=terms if relates_to == "TERMS" else relates_to))
@@ -367,7 +375,7 @@ def test_who_missed_the_end_hears_it_as_it_was(last: End | Cancel) -> None:
 )
 def test_only_who_owes_something_is_given_up(state: State, then: State | None) -> None:
     session = coordinator(state)
-    assert session.give_up() is (then is not None)
+    assert session.abandon() is (then is not None)
     assert session.state is (then or state)
 
 
@@ -415,13 +423,13 @@ def test_an_answer_to_something_else_moves_nothing(body: FrpBody, kind: str | No
     said = {"Arrange": session.send(ARRANGE), "Query": session.send(Query())}
     heard = session.receive(message(body, relates_to=said[kind].header.message_id if kind else None))
     assert heard.moved is moved
-    assert (heard.before, heard.state) == (State.ARRANGING, session.state)
+    assert (heard.state_before, heard.state) == (State.ARRANGING, session.state)
 
 
 @pytest.mark.parametrize("kind", ["Arrange", "Accept", "Execute"])
 def test_a_fault_about_any_order_ends_the_contract(kind: str) -> None:
     session, _ = executing()
-    session.receive(message(Fault(code="c", text="t"), relates_to=session.said[kind].id))
+    session.receive(message(Fault(code="c", text="t"), relates_to=session.sent_messages[kind].id))
     assert session.state is State.FAILED
 
 
@@ -436,10 +444,10 @@ def test_a_message_moves_once_and_signs_of_life_each_time() -> None:
     session, other = executing()
     progress = other.send(Progress(fraction=0.5))
     assert [session.receive(progress).kind for _ in range(2)] == [Kind.MOVES, Kind.MOVES]
-    assert "Progress" not in session.heard
+    assert "Progress" not in session.received_messages
     done = other.send(Completed(situation=""))
-    assert [session.receive(done).kind for _ in range(2)] == [Kind.MOVES, Kind.ALREADY]
-    assert session.heard["Completed"] == Said(
+    assert [session.receive(done).kind for _ in range(2)] == [Kind.MOVES, Kind.REPEATED]
+    assert session.received_messages["Completed"] == MessageRecord(
         id=done.header.message_id, body=Completed(situation=""), relates_to=done.header.relates_to, state=State.EXECUTING
     )
 
@@ -459,7 +467,7 @@ def test_a_message_moves_once_and_signs_of_life_each_time() -> None:
 def test_what_cannot_be_said_now_is_an_error_that_says_what_can(
     session: CoordinatorSession | ParticipantSession, say: FrpBody, text: str
 ) -> None:
-    before = session.kept()
+    before = session.copy()
     with pytest.raises(UsageError) as error:
         session.send(say)  # type: ignore[arg-type]  # each of its own side
     assert str(error.value) == text
@@ -483,9 +491,9 @@ def test_a_message_of_another_contract_is_no_business_of_a_session(header: dict[
 @pytest.mark.parametrize("header", [{"transaction": None}, {"participant": None}])
 def test_a_session_is_opened_by_a_message_with_both_ids(header: dict[str, None]) -> None:
     plain = message(ARRANGE)
-    assert ParticipantSession.opened_by(plain, SM) == participant()
+    assert ParticipantSession.from_message(plain, SM) == participant()
     with pytest.raises(WireError) as error:
-        ParticipantSession.opened_by(Message(header=structs.replace(plain.header, **header), body=ARRANGE), SM)
+        ParticipantSession.from_message(Message(header=structs.replace(plain.header, **header), body=ARRANGE), SM)
     assert (error.value.code, error.value.text) == (NOT_ALLOWED, "Arrange needs a transaction and a participant in its header")
 
 
@@ -493,7 +501,7 @@ def test_what_was_ordered_and_offered_is_known_on_both_sides() -> None:
     assert (coordinator().order, coordinator().terms, coordinator().terms_id) == (None, None, None)
     assert (participant().order, participant().terms) == (None, None)
     one, other = offered()
-    assert (one.order, one.terms, one.terms_id) == (ARRANGE, TERMS, other.said["Terms"].id)
+    assert (one.order, one.terms, one.terms_id) == (ARRANGE, TERMS, other.sent_messages["Terms"].id)
     assert (other.order, other.terms) == (ARRANGE, TERMS)
 
 
@@ -509,13 +517,15 @@ def test_what_was_ordered_and_offered_is_known_on_both_sides() -> None:
 )
 def test_the_last_report_is_that_of_its_state(state: State, report: str | None) -> None:
     session = participant(state)
-    session.said = {name: Said(id=f"urn:{name}", body=TERMS) for name in ("Terms", "Refuse", "Completed", "Stranded", "Progress")}
+    session.sent_messages = {
+        name: MessageRecord(id=f"urn:{name}", body=TERMS) for name in ("Terms", "Refuse", "Completed", "Stranded", "Progress")
+    }
     assert [said.header.message_id for said in session.last_report()] == ([f"urn:{report}"] if report else [])
 
 
 def test_what_is_kept_stays_as_it_was() -> None:
     for session in (coordinator(), participant(State.ARRANGING)):
-        kept = session.kept()
+        kept = session.copy()
         assert kept == session
         session.send(ARRANGE if isinstance(session, CoordinatorSession) else TERMS)  # type: ignore[arg-type]  # each of its own side
         assert kept != session

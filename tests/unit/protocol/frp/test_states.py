@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from somrs.protocol.frp import diagram, states
-from somrs.protocol.frp.states import Entry, Kind, Said, Table
+from somrs.protocol.frp.states import Entry, Kind, MessageType, Table
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import Accept, Arrange, Cancel, Completed, End, Execute, Failed, Progress, Query, State, Status, Stop
 from tests.support.paths import ROOT
@@ -38,13 +38,13 @@ SIDES = (
 
 @pytest.mark.parametrize(("table", "all_states", "heard", "said"), SIDES)
 def test_every_message_means_something_in_every_state(
-    table: Table, all_states: tuple[State, ...], heard: tuple[Said, ...], said: tuple[Said, ...]
+    table: Table, all_states: tuple[State, ...], heard: tuple[MessageType, ...], said: tuple[MessageType, ...]
 ) -> None:
     for state, message in product(all_states, heard):
         entry = table[state][message]
-        assert entry.next in all_states
-        assert entry.send is None or entry.send in said
-        assert entry.kind is Kind.MOVES or entry.next is state, f"{message.__name__} in {state} stays where it is"
+        assert entry.next_state in all_states
+        assert entry.answer is None or entry.answer in said
+        assert entry.kind is Kind.MOVES or entry.next_state is state, f"{message.__name__} in {state} stays where it is"
 
 
 def test_the_two_sides_together_know_every_message_of_the_protocol() -> None:
@@ -54,7 +54,7 @@ def test_the_two_sides_together_know_every_message_of_the_protocol() -> None:
 
 def test_a_participant_only_moves_forward() -> None:
     for state, row in states.PARTICIPANT.items():
-        assert all(RANK[entry.next] > RANK[state] for entry in row.values() if entry.kind is Kind.MOVES)
+        assert all(RANK[entry.next_state] > RANK[state] for entry in row.values() if entry.kind is Kind.MOVES)
     for state, sends in states.PARTICIPANT_SENDS.items():
         assert all(RANK[after] > RANK[state] for message, after in sends.items() if message is not Progress)
 
@@ -63,30 +63,30 @@ def test_a_message_repeated_at_once_never_moves_a_participant_twice() -> None:
     for row in states.PARTICIPANT.values():
         for message, entry in row.items():
             if entry.kind is Kind.MOVES:
-                assert states.PARTICIPANT[entry.next][message].kind is not Kind.MOVES
+                assert states.PARTICIPANT[entry.next_state][message].kind is not Kind.MOVES
 
 
 @pytest.mark.parametrize("message", [End, Cancel])
-def test_end_and_cancel_end_a_participant_in_every_state(message: Said) -> None:
-    assert {row[message].next for row in states.PARTICIPANT.values()} == {State.ENDED}
+def test_end_and_cancel_end_a_participant_in_every_state(message: MessageType) -> None:
+    assert {row[message].next_state for row in states.PARTICIPANT.values()} == {State.ENDED}
 
 
 def test_a_participant_says_its_state_in_every_state() -> None:
-    assert all(row[Query] == Entry(Kind.ALREADY, state, Status) for state, row in states.PARTICIPANT.items())
+    assert all(row[Query] == Entry(Kind.REPEATED, state, Status) for state, row in states.PARTICIPANT.items())
 
 
 def test_overtaking() -> None:
     participant = states.PARTICIPANT
-    assert participant[State.NEW][Cancel].next is State.ENDED
+    assert participant[State.NEW][Cancel].next_state is State.ENDED
     assert participant[State.ENDED][Arrange].kind is Kind.LATE, "an Arrange overtaken by its Cancel starts nothing"
-    assert participant[State.OFFERED][Execute].next is State.EXECUTING, "an Execute that names the terms may overtake the Accept"
-    assert participant[State.EXECUTING][Accept].kind is Kind.ALREADY
+    assert participant[State.OFFERED][Execute].next_state is State.EXECUTING, "an Execute that names the terms may overtake the Accept"
+    assert participant[State.EXECUTING][Accept].kind is Kind.REPEATED
     for state in (State.OFFERED, State.COMMITTED):
         stopped = participant[state][Stop]
-        assert stopped.next is State.STOPPED
+        assert stopped.next_state is State.STOPPED
         assert participant[State.STOPPED][Execute].kind is Kind.LATE, "an Execute overtaken by its Stop starts nothing"
-    assert participant[State.COMPLETED][Stop] == Entry(Kind.ALREADY, State.COMPLETED, Completed), "a Stop that crossed Completed"
-    assert states.COORDINATOR[State.STOPPING][Completed].next is State.COMPLETED
+    assert participant[State.COMPLETED][Stop] == Entry(Kind.REPEATED, State.COMPLETED, Completed), "a Stop that crossed Completed"
+    assert states.COORDINATOR[State.STOPPING][Completed].next_state is State.COMPLETED
 
 
 def test_nothing_executes_that_was_not_offered() -> None:
@@ -94,7 +94,7 @@ def test_nothing_executes_that_was_not_offered() -> None:
         (state, m)
         for state, row in states.PARTICIPANT.items()
         for m, e in row.items()
-        if e.next is State.EXECUTING and e.kind is Kind.MOVES
+        if e.next_state is State.EXECUTING and e.kind is Kind.MOVES
     }
     assert doors == {(State.OFFERED, Execute), (State.COMMITTED, Execute)}
 
@@ -103,7 +103,7 @@ def test_every_state_can_be_left_towards_the_end() -> None:
     for table, sends in ((states.PARTICIPANT, states.PARTICIPANT_SENDS), (states.COORDINATOR, states.COORDINATOR_SENDS)):
         reach = {State.ENDED}
         while True:
-            further = {s for s, row in table.items() if any(e.next in reach for e in row.values())}
+            further = {s for s, row in table.items() if any(e.next_state in reach for e in row.values())}
             further |= {s for s, row in sends.items() if any(after in reach for after in row.values())}
             if further <= reach:
                 break
@@ -111,7 +111,7 @@ def test_every_state_can_be_left_towards_the_end() -> None:
         assert reach == set(table)
 
 
-Message = tuple[str, Said]
+Message = tuple[str, MessageType]
 Pair = tuple[State, State, frozenset[Message]]
 
 
@@ -127,10 +127,10 @@ def _moves(pair: Pair) -> list[Pair]:
     for side, message in medium:
         if side == "p":
             entry = states.PARTICIPANT[participant][message]
-            after.append((coordinator, entry.next, medium | ({("c", entry.send)} if entry.send else frozenset())))
+            after.append((coordinator, entry.next_state, medium | ({("c", entry.answer)} if entry.answer else frozenset())))
         else:
             entry = states.COORDINATOR[coordinator][message]
-            after.append((entry.next, participant, medium | ({("p", entry.send)} if entry.send else frozenset())))
+            after.append((entry.next_state, participant, medium | ({("p", entry.answer)} if entry.answer else frozenset())))
     return after
 
 
@@ -177,7 +177,7 @@ def test_work_without_a_contract_is_sent_home() -> None:
     for message in (Progress, Completed, Failed):
         assert states.COORDINATOR[State.NEW][message] == Entry(Kind.MOVES, State.ENDED, End)
         assert states.COORDINATOR[State.UNREACHABLE][message].kind is Kind.MOVES
-    assert states.COORDINATOR[State.UNREACHABLE][Progress].send is Stop
+    assert states.COORDINATOR[State.UNREACHABLE][Progress].answer is Stop
 
 
 def test_the_page_in_the_docs_shows_these_tables() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from somrs.protocol.messages import events
-from somrs.protocol.messages.event_text import failure, joined, lost, sentence, waiting
+from somrs.protocol.messages.event_text import failure_text, join_reasons, loss_text, sentence, waiting_text
 from somrs.protocol.messages.events import Event, EventKind, GoalKind, ServiceFailure, kind_of
 from somrs.protocol.messages.frp import Outcome
 
@@ -89,17 +89,17 @@ def test_every_event_has_its_sentence() -> None:
 
 
 def test_what_went_wrong_is_said_where_the_service_is_named_already() -> None:
-    assert [failure(event) for event, _ in FAILURES] == [text for _, text in FAILURES]
+    assert [failure_text(event) for event, _ in FAILURES] == [text for _, text in FAILURES]
     assert {type(event) for event, _ in FAILURES} == {*typing.get_args(ServiceFailure)}
-    assert [lost(events.ServiceLost(service=S, silent=silent)) for silent in (True, False)] == [
+    assert [loss_text(events.ServiceLost(service=S, silent=silent)) for silent in (True, False)] == [
         "fell silent while it worked",
         "did not come to an end",
     ]
 
 
 def test_reasons_are_on_one_line_and_who_is_waited_for_is_named() -> None:
-    assert (joined(()), joined(("a",)), joined(iter(("a", "b")))) == ("", "a", "a; b")
-    assert waiting(events.WaitsForTasks(tasks={"t": "g"}, objects=("A",))) == "waiting for task t (g) to end, which has A"
+    assert (join_reasons(()), join_reasons(("a",)), join_reasons(iter(("a", "b")))) == ("", "a", "a; b")
+    assert waiting_text(events.WaitsForTasks(tasks={"t": "g"}, objects=("A",))) == "waiting for task t (g) to end, which has A"
 
 
 def test_what_is_no_event_has_no_sentence() -> None:

@@ -18,10 +18,10 @@ from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.knowledge import Definitions, by_kind
-from somrs.protocol.messages.leases import LONGEST, SHORTEST, granted
-from somrs.protocol.messages.orders import Blank, Run, RunState, Template, opened, write_into, written
-from somrs.protocol.messages.paging import PAGE_ITEMS, fitting, size
-from somrs.protocol.messages.people import client, person
+from somrs.protocol.messages.leases import LONGEST, SHORTEST, grant_lease
+from somrs.protocol.messages.orders import Blank, Run, RunState, Template, blanks_to_variables, fill_blanks, fill_formula
+from somrs.protocol.messages.paging import PAGE_ITEMS, fit_page, size
+from somrs.protocol.messages.people import client_address, person_name
 
 MODULES = (clients, directory, events, frp, knowledge, orders, records)
 
@@ -65,14 +65,14 @@ def test_what_is_left_out_of_a_message_is_false_or_empty_but_for_these() -> None
 
 
 def test_alternatives_are_told_apart_by_their_names() -> None:
-    for union in (Body, Event, orders.When):
+    for union in (Body, Event, orders.Schedule):
         assert all(kind.__struct_config__.tag == kind.__name__ for kind in union.__args__)  # type: ignore[union-attr]
         msgspec.json.Decoder(union)
     assert records.TaskRecord.__struct_config__.tag == "TaskRecord"
 
 
 def test_names_that_others_know() -> None:
-    assert (directory.AT_ONCE, ANONYMOUS) == ("AtOnce", "http://www.w3.org/2005/08/addressing/anonymous")
+    assert (directory.CAPACITY_ATTRIBUTE, ANONYMOUS) == ("AtOnce", "http://www.w3.org/2005/08/addressing/anonymous")
     assert records.PARTS == ("steps", "work", "contracts", "events", "messages")
     header = Header(sender="a", recipient="b", message_id="c")
     assert (header.version, header.reply_to, header.relates_to, header.transaction, header.participant) == (
@@ -129,13 +129,13 @@ def test_an_answer_goes_where_it_is_wanted_and_says_what_it_answers() -> None:
     ("wanted", "lease"), [(0.001, SHORTEST), (SHORTEST, SHORTEST), (1.5, 1.5), (LONGEST, LONGEST), (LONGEST + 1, LONGEST)]
 )
 def test_a_lease_is_as_long_as_was_asked_within_limits(wanted: float, lease: float) -> None:
-    assert granted(wanted) == lease
+    assert grant_lease(wanted) == lease
 
 
 @pytest.mark.parametrize("wanted", [0.0, -1.0, math.inf, math.nan])
 def test_what_is_no_duration_is_no_lease(wanted: float) -> None:
     with pytest.raises(UsageError, match=r"^a lease of \S+ s is not one: ask for 1 to 3600 seconds$"):
-        granted(wanted)
+        grant_lease(wanted)
 
 
 def test_the_size_of_a_value_is_that_of_its_json() -> None:
@@ -155,12 +155,12 @@ def test_the_size_of_a_value_is_that_of_its_json() -> None:
     ],
 )
 def test_a_page_has_what_fits_and_the_first_in_any_case(items: list[str], limit: int, room: int, page: list[str]) -> None:
-    assert [*fitting(items, limit, room)] == page
+    assert [*fit_page(items, limit, room)] == page
 
 
 def test_a_page_has_so_many_items_and_bytes_if_nothing_else_is_said() -> None:
-    assert len([*fitting([0] * 300)]) == PAGE_ITEMS
-    assert len([*fitting(["a" * 9998] * 5)]) == 4
+    assert len([*fit_page([0] * 300)]) == PAGE_ITEMS
+    assert len([*fit_page(["a" * 9998] * 5)]) == 4
 
 
 # People
@@ -185,12 +185,12 @@ def test_a_page_has_so_many_items_and_bytes_if_nothing_else_is_said() -> None:
     ],
 )
 def test_who_it_was_without_what_addresses_have_around_a_name(recorded: str, name: str) -> None:
-    assert person(recorded) == name
+    assert person_name(recorded) == name
 
 
 def test_one_who_asks_and_has_no_address_has_a_name_all_the_same() -> None:
-    assert client("Anna B@home/x") == "urn:so-mrs:client:Anna%20B@home%2Fx"
-    assert person(client("Anna B@home")) == "Anna B@home"
+    assert client_address("Anna B@home/x") == "urn:so-mrs:client:Anna%20B@home%2Fx"
+    assert person_name(client_address("Anna B@home")) == "Anna B@home"
 
 
 # Definitions
@@ -202,7 +202,7 @@ def test_definitions_are_sorted_by_what_they_define() -> None:
     kind = ObjectType(name="Thing", parent=None)
     found = by_kind(iter((service, kind, function, relation, attribute)))
     assert found == Definitions(attributes=(attribute,), relations=(relation,), functions=(function,), types=(kind,), services=(service,))
-    assert [*found.each()] == [attribute, relation, function, kind, service]
+    assert [*found.all_definitions()] == [attribute, relation, function, kind, service]
 
 
 # Orders
@@ -213,7 +213,7 @@ def test_definitions_are_sorted_by_what_they_define() -> None:
     [("{A} isOn { B }", "Jar1 isOn Table 2"), ("{C} isOn {A}{A}", "{C} isOn Jar1Jar1"), ("{} {{A}}", "{} {Jar1}"), ("A", "A")],
 )
 def test_what_is_written_in_the_blanks_of_a_formula(formula: str, text: str) -> None:
-    assert write_into(formula, {"A": "Jar1", "B": "Table 2"}) == text
+    assert fill_formula(formula, {"A": "Jar1", "B": "Table 2"}) == text
 
 
 def test_blanks_are_filled_in_all_formulas_of_a_task() -> None:
@@ -223,10 +223,10 @@ def test_blanks_are_filled_in_all_formulas_of_a_task() -> None:
 
     task = Submit(effect="{A} isOn {B}", precondition="{A} isIn C", handlers=handlers("{A}"), priority=3)
     filled = Submit(effect="Jar1 isOn {B}", precondition="Jar1 isIn C", handlers=handlers("Jar1"), priority=3)
-    assert written(task, {"A": "Jar1"}) == filled
-    assert written(Submit(effect="{A}"), {"A": "x"}) == Submit(effect="x")
+    assert fill_blanks(task, {"A": "Jar1"}) == filled
+    assert fill_blanks(Submit(effect="{A}"), {"A": "x"}) == Submit(effect="x")
     template = Template(name="t", task=Submit(effect="{A} isOn {B} {C}"), blanks=(Blank(name="A"), Blank(name="B")))
-    assert opened(template) == Submit(effect="?A isOn ?B {C}")
+    assert blanks_to_variables(template) == Submit(effect="?A isOn ?B {C}")
 
 
 @pytest.mark.parametrize(

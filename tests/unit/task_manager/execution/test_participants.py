@@ -10,7 +10,7 @@ import pytest
 from somrs.kernel.component import Effect, Send, Wake
 from somrs.kernel.replica import Replica
 from somrs.ontology.services import ServiceType
-from somrs.protocol.frp.session import CoordinatorSession, Heard
+from somrs.protocol.frp.session import CoordinatorSession, ReceiveResult
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.bodies import FrpBody
 from somrs.protocol.messages.directory import Offer
@@ -89,7 +89,7 @@ class Table:
         )
         return Message(header=header, body=body)
 
-    def says(self, member: Member, body: FrpBody, now: float = 0.0) -> tuple[list[Effect], tuple[Member, Heard] | None]:
+    def says(self, member: Member, body: FrpBody, now: float = 0.0) -> tuple[list[Effect], tuple[Member, ReceiveResult] | None]:
         return carried_out(self.participants.receive(self.message(member.id, body), now))
 
     def offered(self, duration: float = 30.0) -> Member:

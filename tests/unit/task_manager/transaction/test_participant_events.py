@@ -105,7 +105,7 @@ class Desk:
             recipient="tm",
             message_id=f"said {self.said}",
             reply_to=member.offer.address,
-            relates_to=member.session.said[about].id if about is not None else None,
+            relates_to=member.session.sent_messages[about].id if about is not None else None,
             transaction=self.task.id,
             participant=member.id,
         )

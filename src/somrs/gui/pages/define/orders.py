@@ -18,7 +18,7 @@ from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.task_words import path
 from somrs.gui.panel import panel
 from somrs.gui.shell import author, guarded, tell
-from somrs.protocol.messages.orders import Daily, Every, Filled, Once, OrderSaved, Run, RunState, StandingOrder, When
+from somrs.protocol.messages.orders import Daily, Every, Filled, Once, OrderSaved, Run, RunState, Schedule, StandingOrder
 from somrs.scheduling.recurrence import in_words
 
 RUNS = {
@@ -102,7 +102,7 @@ async def give(form: Form) -> None:
     tell(f"The order {order.name} is given: {in_words(order.when)}.")
 
 
-def when_of(repeat: Repeat) -> When:
+def when_of(repeat: Repeat) -> Schedule:
     """Raises UsageError where it is no time."""
     match repeat.how:
         case "every":

@@ -11,7 +11,7 @@ from somrs.gui.pages.map.words import at, told
 from somrs.gui.shell import guarded
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Event
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 
 def entries(
@@ -27,7 +27,7 @@ def entries(
         with ui.element("li").classes("somrs-map-event"):
             with ui.element("div").classes("somrs-map-event-head"):
                 ui.label(at(event.at)).classes("somrs-map-when")
-                ui.label(person(event.author)).classes("somrs-map-who")
+                ui.label(person_name(event.author)).classes("somrs-map-who")
                 if event.undoes is not None:
                     ui.label(f"undid {event.undoes}").classes("somrs-soft")
                 if event.version in undone:

@@ -18,7 +18,7 @@ from somrs.gui.shell import author, tell
 from somrs.ontology.objects import Change, Object, ValueSet
 from somrs.ontology.types import Kind, Ontology, Value
 from somrs.protocol.messages.knowledge import BrokenRule, UpdateMap
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 PLACE = ("Position", "Rotation")
 FORM = "Shape.Form"
@@ -251,7 +251,7 @@ class ObjectForm:
             events = (await self._desk.map.history(self.name, limit=1)).events
         except SomrsError:
             return "somebody"
-        return person(events[0].author) if events else "somebody"
+        return person_name(events[0].author) if events else "somebody"
 
     def _tell_overtaken(self) -> None:
         self._news.clear()

@@ -11,7 +11,7 @@ from somrs.errors import SomrsError
 from somrs.gui.pages.map.words import at, told
 from somrs.gui.shell import guarded
 from somrs.protocol.messages.knowledge import Event
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 STEP = 0.9
 """Seconds between two versions, when the history is played."""
@@ -99,7 +99,7 @@ class Times:
             self._said.text = f"Version {version}: as the map was given"
             return
         what = "; ".join(told(event, self._desk.context.ontology))
-        self._said.text = f"Version {version} · {at(event.at)} · {person(event.author)}: {what}"
+        self._said.text = f"Version {version} · {at(event.at)} · {person_name(event.author)}: {what}"
 
     async def _event(self, version: int) -> Event | None:
         if version <= self._since:

@@ -20,7 +20,9 @@ def told(event: Event, ontology: Ontology) -> list[str]:
     """What an event did, a sentence for each object."""
     lines = [f"{one.name} is called {one.to} now" for one in event.renamed]
     if event.revision is not None:
-        names = [one.name for one in event.revision.after.each()] or [one.name for one in event.revision.before.each()]
+        names = [one.name for one in event.revision.after.all_definitions()] or [
+            one.name for one in event.revision.before.all_definitions()
+        ]
         lines.append(f"the ontology changed: {', '.join(names[:MOST])}{' …' if len(names) > MOST else ''}")
     lines += sentences(event.changes, ontology)
     total = event.all_changes if event.all_changes is not None else len(event.changes)

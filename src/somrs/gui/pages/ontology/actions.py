@@ -20,7 +20,7 @@ from somrs.ontology.naming import Section as Naming
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import ObjectType
 from somrs.protocol.messages.knowledge import Define, Event, by_kind
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 Done = Callable[[Section, str, int], Awaitable[None]]
 """Go to this definition, once this version is there."""
@@ -116,7 +116,7 @@ class Actions:
     async def undo(self, event: Event) -> None:
         """Bring back what an event of the history changed."""
         found = await self._desk.ontology.consider_undo(event.version)
-        said = f"{person(event.author)} changed it: {summary(changed(event.revision, event.renamed))}"
+        said = f"{person_name(event.author)} changed it: {summary(changed(event.revision, event.renamed))}"
         if await confirmed("Undo", "Undo", found, said=said):
             await self._desk.ontology.undo(event.version, author())
             tell("Undone")

@@ -71,8 +71,8 @@ def changed(revision: Revision | None, renamed: Iterable[Renaming] = ()) -> list
     if revision is None:
         return []
     to = {(one.section.value, one.name): one.to for one in renamed}
-    before = {(section_of(one).key, one.name): one for one in revision.before.each()}
-    after = {(section_of(one).key, one.name): one for one in revision.after.each()}
+    before = {(section_of(one).key, one.name): one for one in revision.before.all_definitions()}
+    after = {(section_of(one).key, one.name): one for one in revision.after.all_definitions()}
     found = []
     for (key, name), old in before.items():
         new_name = to.get((key, name), name)

@@ -25,7 +25,7 @@ from somrs.ontology.naming import Renaming
 from somrs.ontology.naming import Section as Naming
 from somrs.ontology.types import Definition
 from somrs.protocol.messages.knowledge import BrokenRule, Define, Event, by_kind
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +117,7 @@ class Editor:
                     "b", "Somebody else changed this meanwhile." if now is not None else "Somebody else removed or renamed this meanwhile."
                 )
                 for event in theirs:
-                    ui.label(f"{person(event.author)}, {datetime.fromtimestamp(event.at):%H:%M:%S}").classes("somrs-soft")
+                    ui.label(f"{person_name(event.author)}, {datetime.fromtimestamp(event.at):%H:%M:%S}").classes("somrs-soft")
                 if now is not None:
                     for one in self._theirs(now):
                         ui.label(one)
@@ -134,7 +134,7 @@ class Editor:
     def _about(self, event: Event) -> bool:
         if event.revision is None:
             return False
-        touched = [*event.revision.before.each(), *event.revision.after.each()]
+        touched = [*event.revision.before.all_definitions(), *event.revision.after.all_definitions()]
         return any(isinstance(one, self.draft.section.struct) and one.name == self.draft.name for one in touched)
 
     def _theirs(self, now: Definition) -> list[str]:
@@ -216,7 +216,7 @@ class Editor:
             self._show(own, own=True)
             if len(own) == len(found.broken):
                 return
-        along = len([*found.revision.before.each()]) > 1 if found.revision is not None else False
+        along = len([*found.revision.before.all_definitions()]) > 1 if found.revision is not None else False
         if found.broken or found.offers or found.affected or found.changes or along:
             title = f"Save {definition.name}: what comes of it" if not found.broken else f"{definition.name} cannot be saved like this"
             if not await confirmed(title, "Save", found, change.renamed) or found.broken:

@@ -32,7 +32,7 @@ from somrs.gui.shell import author, guarded, page, tell
 from somrs.ontology.objects import ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Define
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 PATH = "/ontology"
 BACK = '<script>window.addEventListener("popstate", () => emitEvent("somrs-ontology-back", location.search));</script>'
@@ -281,7 +281,7 @@ class OntologyPage:
 
     async def _read(self) -> None:
         found = await self._desk.ontology.read()
-        self._seen.ontology, self._seen.version = Ontology(found.definitions.each()), found.version
+        self._seen.ontology, self._seen.version = Ontology(found.definitions.all_definitions()), found.version
         self._seen.relied = frozenset((one.section.value, one.name) for one in found.relied)
         self._seen.take((await self._desk.map.read()).objects)
 
@@ -310,7 +310,7 @@ class OntologyPage:
             for one in event.renamed:
                 if (one.section.value, one.name) == (self._section.key, self._name):
                     if event.author != author():
-                        tell(f"{one.name} is called {one.to} now: {person(event.author)} renamed it")
+                        tell(f"{one.name} is called {one.to} now: {person_name(event.author)} renamed it")
                     self.go(self._section, one.to)
                     return
 

@@ -14,7 +14,7 @@ from somrs.gui.pages.ontology.pieces import Word, lasting, note, titled
 from somrs.gui.pages.ontology.sections import Section
 from somrs.gui.shell import guarded
 from somrs.protocol.messages.knowledge import Event
-from somrs.protocol.messages.people import person
+from somrs.protocol.messages.people import person_name
 
 PAGE = 40
 """So many events are shown at once."""
@@ -70,7 +70,7 @@ class Past:
         at = datetime.fromtimestamp(event.at)
         with ui.element("li"):
             with ui.element("div").classes("somrs-onto-head"):
-                Word("b", person(event.author))
+                Word("b", person_name(event.author))
                 Word("time", f"{at:%H:%M:%S}" if at.date() == datetime.now().date() else f"{at:%d %b %Y, %H:%M}", "somrs-soft").props(
                     f'datetime="{at.isoformat()}"'
                 )
