@@ -27,7 +27,7 @@ from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.plan import NoPlan
-from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.planning import plan
 from somrs.planner_service.engines import driver, plan_in_process
 
@@ -86,7 +86,7 @@ def corridor(length: int) -> Map:
 
 def problem(map: Map, goal: str, *services: ServiceType) -> Problem:
     washers = tuple(f"Washer{n}" for n in range(10))
-    offered = tuple(Available(service, washers if service is WASH else ("Robot1",)) for service in services)
+    offered = tuple(AvailableService(service, washers if service is WASH else ("Robot1",)) for service in services)
     return Problem(ontology=ONTOLOGY, map=map, goal=parse(goal), services=offered)
 
 

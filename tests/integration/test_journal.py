@@ -116,7 +116,7 @@ def test_every_other_input_is_read_as_it_was_written() -> None:
     plan = Plan((step,), (Link("s1", "s2", "Jar1 isOn Table2"),))
     asked, values = (
         PlanWanted("task", 1, 0, 2),
-        (plan, NoPlan("no", said=("no", "never")), Trouble("broken"), Records(records=(), more=True)),
+        (plan, NoPlan("no", separate_reasons=("no", "never")), Trouble("broken"), Records(records=(), more=True)),
     )
     timers = (BidsDue("task", 1), SilenceDue("task", "Robot1"), AnswerDue("request"), ReplicaDue())
     events: list[Input] = [Started(ADDRESS), *map(Rang, timers), *(Answered(asked, value) for value in values)]

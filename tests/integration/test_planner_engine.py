@@ -16,12 +16,12 @@ from somrs.errors import RemoteError
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.planner.encodings.sas import read, written
+from somrs.planner.encodings.sas import decode_moves, encode_sas
 from somrs.planner.grounding.finite import FiniteTask, Operation
-from somrs.planner.grounding.merging import merged
+from somrs.planner.grounding.merging import merge_task
 from somrs.planner.model.plan import NoPlan, Plan
-from somrs.planner.model.problem import Available, Problem
-from somrs.planner.model.quality import cost, span
+from somrs.planner.model.problem import AvailableService, Problem
+from somrs.planner.model.quality import cost, makespan
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
 from somrs.planner.search.search import TooHard, search
@@ -59,7 +59,9 @@ def tower(count: int) -> Problem:
     )
     turned = [names[1], *names[:1], *names[:1:-1]]
     goal = " AND ".join(f"{above} isOn {below}" for above, below in pairwise(turned))
-    return Problem(ontology=upper(), map=map, goal=parse(goal), services=(Available(STACK, ("Robot1",)), Available(UNSTACK, ("Robot1",))))
+    return Problem(
+        ontology=upper(), map=map, goal=parse(goal), services=(AvailableService(STACK, ("Robot1",)), AvailableService(UNSTACK, ("Robot1",)))
+    )
 
 
 ENGINES = {entrant.name: entrant for entrant in entrants() if entrant.name != "counting"}
@@ -77,14 +79,14 @@ def test_every_engine_and_the_small_search_agree(problem: Problem) -> None:
     for name, entrant in ENGINES.items():
         if found is None and not entrant.proves:
             continue  # a solver would look for longer and longer plans
-        names = raced(written(merged(task)), 120, [entrant]).operators
+        names = raced(encode_sas(merge_task(task)), 120, [entrant]).operators
         assert (names is None) == (found is None), name
         if names is not None:
             state = task.initial
-            for move in read(list(names), task):
-                assert move.applicable(state), name
+            for move in decode_moves(list(names), task):
+                assert move.is_applicable(state), name
                 state = move.apply(state)
-            assert any(move.action.operator.service is None and move.applicable(state) for move in task.moves), name
+            assert any(move.action.operator.service is None and move.is_applicable(state) for move in task.moves), name
 
 
 @needs_engine
@@ -114,13 +116,13 @@ def test_hard_problems_of_the_field_are_planned_for(name: str) -> None:
 def test_a_task_of_scarce_things_is_solved_step_by_step() -> None:
     task = task_of(codmap("wireless/p06"))
     assert task is not None
-    names = raced(written(merged(task)), 60, [ENGINES["steps+0"]]).operators
+    names = raced(encode_sas(merge_task(task)), 60, [ENGINES["steps+0"]]).operators
     assert names is not None
     state = task.initial
-    for move in read(list(names), task):
-        assert move.applicable(state)
+    for move in decode_moves(list(names), task):
+        assert move.is_applicable(state)
         state = move.apply(state)
-    assert any(move.action.operator.service is None and move.applicable(state) for move in task.moves)
+    assert any(move.action.operator.service is None and move.is_applicable(state) for move in task.moves)
 
 
 @pytest.mark.skipif(len(entrants()) < 4, reason="the engines are not installed: pip install -e '.[planner]'")
@@ -141,15 +143,15 @@ def test_who_is_in_a_hurry_has_all_vans_drive(tmp_path: Path, monkeypatch: pytes
     assert isinstance(cheap, Plan)
     assert isinstance(soon, Plan)
     assert cost(cheap, asked) <= cost(soon, asked)
-    assert span(soon) == 5, "each of three vans loads two, drives, and unloads two"
-    assert span(cheap) > 5
+    assert makespan(soon) == 5, "each of three vans loads two, drives, and unloads two"
+    assert makespan(cheap) > 5
 
 
 @pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="SciPy is not installed")
 @pytest.mark.parametrize("counted", [2, 1])
 def test_counting_is_an_engine_that_proves(counted: int) -> None:
     counting = [entrant for entrant in entrants() if entrant.name == "counting"]
-    task = written(lift(2, counted))
+    task = encode_sas(lift(2, counted))
     if counted < 2:
         assert raced(task, 120, counting).operators is None
     else:
@@ -172,10 +174,10 @@ def fifteen_puzzle() -> FiniteTask:
         initial=tuple(range(16)),
         goal=((0, 1), (1, 0), *((tile, tile) for tile in range(2, 15))),
         operations=tuple(
-            Operation(move=number, cost=1, needs=((tile, a), (blank, b)), effects=(((), tile, b), ((), blank, a)))
+            Operation(move=number, cost=1, preconditions=((tile, a), (blank, b)), effects=(((), tile, b), ((), blank, a)))
             for number, (tile, (a, b)) in enumerate(product(range(15), beside))
         ),
-        exclusive=(),
+        mutex_groups=(),
     )
 
 
@@ -183,5 +185,5 @@ def fifteen_puzzle() -> FiniteTask:
 def test_the_engine_ends_at_its_limit() -> None:
     started = time.monotonic()
     with pytest.raises(RemoteError, match="no plan was found in 1 s"):
-        solved(written(fifteen_puzzle()), 1)
+        solved(encode_sas(fifteen_puzzle()), 1)
     assert time.monotonic() - started < 120, "without the limit it searches for hours; a busy machine may be slow to start and stop it"

@@ -22,7 +22,7 @@ from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, FactRemoved, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import NoPlan, Plan
-from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner_service import process
 from somrs.planner_service.engines import driver
 from somrs.planner_service.problem_delta import Recipient, Sender
@@ -73,7 +73,7 @@ def test_what_the_planner_raises_is_raised() -> None:
     async def run() -> None:
         broken = ServiceType(name="Work", effect="no formula at all")
         with PlannerProcess() as planner, pytest.raises(RemoteError, match="no formula at all"):
-            await planner.plan(replace(SO_ALREADY, goal=parse("Table1 isOn Jar1"), services=(Available(broken, ("Robot1",)),)))
+            await planner.plan(replace(SO_ALREADY, goal=parse("Table1 isOn Jar1"), services=(AvailableService(broken, ("Robot1",)),)))
 
     asyncio.run(asyncio.wait_for(run(), 120))
 

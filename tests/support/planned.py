@@ -5,7 +5,7 @@ from __future__ import annotations
 from somrs.ontology.truth import formula_holds
 from somrs.planner.model.plan import Plan, linearisations
 from somrs.planner.model.problem import Problem
-from somrs.planner.model.validation import after, validate
+from somrs.planner.model.validation import apply_step, validate
 from somrs.planner.planning import plan
 
 
@@ -18,6 +18,6 @@ def sound(asked: Problem) -> Plan:
         map = asked.map
         for step in order:
             assert step.precondition is None or formula_holds(step.precondition, map, asked.ontology), (step, order)
-            map = after(step, map, asked)
+            map = apply_step(step, map, asked)
         assert formula_holds(asked.goal, map, asked.ontology)
     return found

@@ -13,10 +13,10 @@ from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import Ontology
-from somrs.planner.model.causal import linked
+from somrs.planner.model.causal import derive_links
 from somrs.planner.model.plan import Plan, Step
-from somrs.planner.model.problem import Available, Problem
-from somrs.planner.model.validation import after
+from somrs.planner.model.problem import AvailableService, Problem
+from somrs.planner.model.validation import apply_step
 from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Capability, Done, Order, Profile
 from tests.support.virtual_system import Robot, VirtualSystem
@@ -101,7 +101,7 @@ def goal(couriers: int, parcels: int) -> str:
 def problem(couriers: int, parcels: int) -> Problem:
     ontology, map = loaded(couriers, parcels)
     providers = tuple(f"Courier{n}" for n in range(couriers))
-    available = tuple(Available(type, providers) for type in SERVICES)
+    available = tuple(AvailableService(type, providers) for type in SERVICES)
     return Problem(ontology=ontology, map=map, goal=parse(goal(couriers, parcels)), services=available)
 
 
@@ -115,7 +115,7 @@ def maps_of(steps: Sequence[Step], problem: Problem) -> list[Map]:
     """The map before the first step, and those after each."""
     maps = [problem.map]
     for step in steps:
-        maps.append(after(step, maps[-1], problem))
+        maps.append(apply_step(step, maps[-1], problem))
     return maps
 
 
@@ -123,7 +123,7 @@ def longest(plan: Plan) -> int:
     """The steps of the longest chain of links."""
     depth: dict[str, int] = {}
     for step in plan.topological():
-        depth[step.id] = 1 + max((depth[before] for before in plan.before(step.id)), default=0)
+        depth[step.id] = 1 + max((depth[before] for before in plan.predecessors(step.id)), default=0)
     return max(depth.values(), default=0)
 
 
@@ -135,7 +135,7 @@ class Relay(VirtualSystem):
         known = problem(couriers, parcels)
         self.goal = goal(couriers, parcels)
         steps = carried(couriers, parcels)
-        self.plan = Plan(tuple(steps), linked(steps, maps_of(steps, known), known))
+        self.plan = Plan(tuple(steps), derive_links(steps, maps_of(steps, known), known))
         self.wrong: list[str] = []
         self.begun: list[str] = []
         self._truth, self._ontology = known.map, known.ontology

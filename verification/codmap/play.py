@@ -15,7 +15,7 @@ from somrs.ontology.objects import Fact, FactAdded, ObjectAdded
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import PART_OF
 from somrs.planner.model.plan import NoPlan, Plan, Step
-from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner_service.engines import plan_in_process
 from somrs.protocol.messages.clients import Policy, Submit, Submitted
 from somrs.protocol.messages.envelope import Header, Message
@@ -118,7 +118,9 @@ class Play:
     def still_possible(self) -> Plan | NoPlan:
         """From the world as it is now to the goal, with the agents that are there."""
         start, gone = self.imported.problem(), {name for name, hands in self.hands.items() if hands.agent.left}
-        services = tuple(Available(one.service_type, tuple(name for name in one.providers if name not in gone)) for one in start.services)
+        services = tuple(
+            AvailableService(one.service_type, tuple(name for name in one.providers if name not in gone)) for one in start.services
+        )
         return plan_in_process(Problem(ontology=start.ontology, map=self.truth.map, goal=start.goal, services=services), self.limit)
 
 

@@ -15,9 +15,9 @@ from somrs.planner.grounding.grounding import Grounding, TooLarge
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.model.operators import Inexpressible, goal_operators
 from somrs.planner.model.plan import NoPlan, Obstacle
-from somrs.planner.model.problem import Available, Lost, Problem
+from somrs.planner.model.problem import AvailableService, LostService, Problem
 from somrs.planner.model.world import World
-from somrs.planner.search.conflict import impossible, smallest, torn
+from somrs.planner.search.conflict import find_minimal_conflict, find_torn_object, is_impossible
 
 DEPTH = 4
 """How many services back a reason is looked for."""
@@ -29,15 +29,15 @@ def unmet_precondition(problem: Problem) -> NoPlan | None:
         return None
     parts = conjuncts(problem.precondition)
     denied = [part for part in parts if not formula_holds(part, problem.map, problem.ontology)] or parts
-    said = " and ".join(map(str, denied))
+    denied_text = " and ".join(map(str, denied))
     return NoPlan(
-        explanation=f"the task starts from {said}, which does not hold on the map",
+        explanation=f"the task starts from {denied_text}, which does not hold on the map",
         missing=tuple(map(str, denied)),
         obstacles=(Obstacle.PRECONDITION,),
     )
 
 
-def why_not(problem: Problem, world: World, guessed: bool = False) -> NoPlan:
+def explain_failure(problem: Problem, world: World, guessed: bool = False) -> NoPlan:
     """The reasons, for the alternative of the goal that lacks least. `guessed`: values that nobody named were not tried."""
     best: _Reasons | None = None
     for branch in alternatives(problem.goal):
@@ -46,18 +46,18 @@ def why_not(problem: Problem, world: World, guessed: bool = False) -> NoPlan:
         if best is None or len(reasons.unreachable) < len(best.unreachable):
             best = reasons
     assert best is not None, "a formula has an alternative"
-    told = "; ".join(best.said)
-    left_out = [inexpressible for inexpressible in world.repertoire.left_out if str(inexpressible) not in told]
-    best.said.update((f"not considered: {inexpressible}", None) for inexpressible in left_out)
+    explanation = "; ".join(best.texts)
+    omissions = [inexpressible for inexpressible in world.repertoire.omissions if str(inexpressible) not in explanation]
+    best.texts.update((f"not considered: {inexpressible}", None) for inexpressible in omissions)
     if guessed:
-        best.said["services that can be given any number or text were tried with those only that the task names"] = None
+        best.texts["services that can be given any number or text were tried with those only that the task names"] = None
     return NoPlan(
-        explanation="; ".join(best.said),
+        explanation="; ".join(best.texts),
         unreachable=tuple(best.unreachable),
         missing=tuple(best.missing),
         unoffered=tuple(best.unoffered),
-        undecided=guessed or bool(world.repertoire.left_out),
-        said=tuple(best.said),
+        undecided=guessed or bool(world.repertoire.omissions),
+        separate_reasons=tuple(best.texts),
         obstacles=tuple(obstacle for obstacle in Obstacle if obstacle in best.obstacles),
         lost=tuple(best.lost),
     )
@@ -72,7 +72,7 @@ class _Reasons:
     unreachable: list[str] = field(default_factory=list)
     missing: dict[str, None] = field(default_factory=dict)
     unoffered: dict[str, None] = field(default_factory=dict)
-    said: dict[str, None] = field(default_factory=dict)
+    texts: dict[str, None] = field(default_factory=dict)
     obstacles: set[Obstacle] = field(default_factory=set)
     lost: dict[str, None] = field(default_factory=dict)
 
@@ -84,22 +84,22 @@ class _Reasons:
                 self.explain(literal, DEPTH)
         if self.unreachable:
             return
-        together = smallest(parts, self.world)
-        self.unreachable.extend(map(str, together))
-        if len(together) == 1:
-            self.said[f"no order of services makes {_wish(together[0])} true"] = None
-            self.explain(together[0], DEPTH)
+        conflict = find_minimal_conflict(parts, self.world)
+        self.unreachable.extend(map(str, conflict))
+        if len(conflict) == 1:
+            self.texts[f"no order of services makes {_format_literal(conflict[0])} true"] = None
+            self.explain(conflict[0], DEPTH)
             return
-        thing = torn(together, self.world)
+        thing = find_torn_object(conflict, self.world)
         self.obstacles.update([Obstacle.TWO_PLACES] * (thing is not None))
-        because = f": {thing} would be in two places at a time" if thing is not None else ", in no order of services"
-        self.said[f"{' and '.join(map(_wish, together))} can each be brought about, but not all together{because}"] = None
+        cause = f": {thing} would be in two places at a time" if thing is not None else ", in no order of services"
+        self.texts[f"{' and '.join(map(_format_literal, conflict))} can each be brought about, but not all together{cause}"] = None
 
     def reachable(self, literals: Sequence[Literal]) -> bool:
         """Whether all can come about together if nothing that is true ever became false; when in doubt, yes."""
         try:
-            goals = list(goal_operators(conjunction(*literals), self.world.known))
-            return Grounding(self.world, demands(goals, self.world)).reached
+            goals = list(goal_operators(conjunction(*literals), self.world.vocabulary))
+            return Grounding(self.world, demands(goals, self.world)).is_goal_reachable
         except (Inexpressible, TooLarge):
             return True
 
@@ -108,135 +108,151 @@ class _Reasons:
         if self._unknown_objects(literal):
             return
         offered = [available for available in self.problem.services if self.world.providers[available.service_type.name]]
-        helpful = [a for a in offered if can_achieve(a.service_type, literal, self.problem.ontology, self.problem.map)]
+        helpful = [offer for offer in offered if can_achieve(offer.service_type, literal, self.problem.ontology, self.problem.map)]
         if not helpful:
-            self._nobody(literal, {available.service_type.name for available in offered})
+            self._explain_no_provider(literal, {available.service_type.name for available in offered})
             return
         for available in helpful:
             service = available.service_type
-            unexpressed = [i for i in self.world.repertoire.left_out if str(i.formula).startswith(f"{service.name}: ")]
-            self.said.update(
+            unexpressed = [i for i in self.world.repertoire.omissions if str(i.formula).startswith(f"{service.name}: ")]
+            self.texts.update(
                 (f"{literal} could be brought about by {service.name}, which cannot be planned with: {i}", None) for i in unexpressed
             )
             if not unexpressed:
-                self._lacking(available, literal, depth)
+                self._explain_lacking(available, literal, depth)
 
     def _unknown_objects(self, literal: Literal) -> bool:
         unknown = [name for name in self._objects(literal) if name not in self.problem.map.objects]
         for name in unknown:
             self.obstacles.add(Obstacle.NO_OBJECT)
             hint = nearest(name, self.problem.map.objects)
-            self.said[f"{literal}: there is no object {name} on the map" + (f"; {hint}" if hint else "")] = None
-        kept = [name for name in names(literal) if name in self.problem.excluded]
-        for name in kept:
+            self.texts[f"{literal}: there is no object {name} on the map" + (f"; {hint}" if hint else "")] = None
+        excluded_names = [name for name in names(literal) if name in self.problem.excluded]
+        for name in excluded_names:
             self.obstacles.add(Obstacle.PROMISED)
-            self.said[f"{literal}: {not_usable(name)}"] = None
-        return bool(unknown or kept)
+            self.texts[f"{literal}: {not_usable(name)}"] = None
+        return bool(unknown or excluded_names)
 
     def _objects(self, literal: Literal) -> Iterator[str]:
         """The names that are not values of enumerations."""
         words = {value for attribute in self.problem.ontology.attributes.values() for value in attribute.values}
         return (name for name in names(literal) if name not in words or name in self.problem.map.objects)
 
-    def _nobody(self, literal: Literal, there: set[str]) -> None:
-        types = {one.service_type.name: one.service_type for one in self.problem.lost}
+    def _explain_no_provider(self, literal: Literal, offered_names: set[str]) -> None:
+        types = {loss.service_type.name: loss.service_type for loss in self.problem.lost}
         types |= {available.service_type.name: available.service_type for available in self.problem.services}
-        known = {**self.problem.ontology.services, **types}
+        service_types = {**self.problem.ontology.services, **types}
         absent = [
             name
-            for name, service in known.items()
-            if name not in there and can_achieve(service, literal, self.problem.ontology, self.problem.map)
+            for name, service in service_types.items()
+            if name not in offered_names and can_achieve(service, literal, self.problem.ontology, self.problem.map)
         ]
-        busy = {a.service_type.name: a.providers for a in self.problem.services if a.service_type.name in absent and a.providers}
-        lost = {name: [one for one in self.problem.lost if one.service_type.name == name] for name in absent if name not in busy}
-        nobody = [name for name, services in lost.items() if not services]
-        self.unoffered.update(dict.fromkeys(nobody))
+        busy = {
+            offer.service_type.name: offer.providers
+            for offer in self.problem.services
+            if offer.service_type.name in absent and offer.providers
+        }
+        lost = {name: [loss for loss in self.problem.lost if loss.service_type.name == name] for name in absent if name not in busy}
+        unoffered_names = [name for name, services in lost.items() if not services]
+        self.unoffered.update(dict.fromkeys(unoffered_names))
         for name, providers in busy.items():
             self.obstacles.add(Obstacle.PROMISED)
-            why = f"{' and '.join(providers)} are promised to other tasks, or nobody knows what state they are in"
-            why = not_usable(providers[0]) if len(providers) == 1 else why
-            self.said[f"{_wish(literal)} could be brought about by {name}, but {why}"] = None
+            cause = f"{' and '.join(providers)} are promised to other tasks, or nobody knows what state they are in"
+            cause = not_usable(providers[0]) if len(providers) == 1 else cause
+            self.texts[f"{_format_literal(literal)} could be brought about by {name}, but {cause}"] = None
         for name, services in lost.items():
             if services:
-                self.lost.update((one.service, None) for one in services)
-                self.said[f"{_wish(literal)} could be brought about by {name}, but nobody is left to do it ({_each(services)})"] = None
-        if nobody:
+                self.lost.update((loss.service, None) for loss in services)
+                self.texts[
+                    f"{_format_literal(literal)} could be brought about by {name}, but nobody is left to do it ({_format_losses(services)})"
+                ] = None
+        if unoffered_names:
             self.obstacles.add(Obstacle.NOT_OFFERED)
-            self.said[f"{_wish(literal)} could be brought about by {' or '.join(nobody)}, which nobody offers now"] = None
+            self.texts[f"{_format_literal(literal)} could be brought about by {' or '.join(unoffered_names)}, which nobody offers now"] = (
+                None
+            )
         if not absent:
             self.obstacles.add(Obstacle.NO_SERVICE_TYPE)
-            self.missing[_wish(literal)] = None
-            unfit = next((f": {said}" for service in known.values() for said in self._unfit(service, literal)), "")
-            self.said[f"{_wish(literal)} does not hold on the map, and no service type brings it about{unfit}"] = None
+            self.missing[_format_literal(literal)] = None
+            unfit = next((f": {misfit}" for service in service_types.values() for misfit in self._find_misfits(service, literal)), "")
+            self.texts[f"{_format_literal(literal)} does not hold on the map, and no service type brings it about{unfit}"] = None
 
-    def _unfit(self, service: ServiceType, literal: Literal) -> Iterator[str]:
+    def _find_misfits(self, service: ServiceType, literal: Literal) -> Iterator[str]:
         """That the service brings about such things, but not of objects of such types."""
         types = {parameter.name: parameter.type for parameter in service.inputs}
-        for given in unifiers(parse(service.effect), literal, self.problem.ontology, types):
-            objects = {name: self.problem.map.objects.get(term.name) for name, term in given.items() if isinstance(term, Name)}
+        for unifier in unifiers(parse(service.effect), literal, self.problem.ontology, types):
+            objects = {name: self.problem.map.objects.get(term.name) for name, term in unifier.items() if isinstance(term, Name)}
             for name, object in objects.items():
                 if object is not None and name in types and not self.problem.ontology.is_subtype(object.type, types[name]):
                     yield f"{service.name} takes only a {types[name]} as its {name}, and {object.name} is a {object.type}"
 
-    def _lacking(self, available: Available, literal: Literal, depth: int) -> None:
+    def _explain_lacking(self, available: AvailableService, literal: Literal, depth: int) -> None:
         """What the service needs and cannot have."""
         service = available.service_type
-        bound = next(achieving_bindings(service, literal, self.problem.ontology, self.problem.map), {})
-        given = {name: term for name, term in bound.items() if not isinstance(term, Variable)}
-        given.setdefault(PROVIDER, Name(self.world.providers[service.name][0]))
-        had: list[Literal] = []
+        unifier = next(achieving_bindings(service, literal, self.problem.ontology, self.problem.map), {})
+        substitution = {name: term for name, term in unifier.items() if not isinstance(term, Variable)}
+        substitution.setdefault(PROVIDER, Name(self.world.providers[service.name][0]))
+        attainable: list[Literal] = []
         lacking: list[Literal] = []
-        for part in next(alternatives(substitute(parse(service.precondition), given))) if service.precondition is not None else ():
-            (lacking if impossible([*had, part], self.world) else had).append(part)
-        row = self._row(had)
+        for part in next(alternatives(substitute(parse(service.precondition), substitution))) if service.precondition is not None else ():
+            (lacking if is_impossible([*attainable, part], self.world) else attainable).append(part)
+        row = self._row(attainable)
         for part in lacking:
-            if had and self.reachable([*had, part]):
-                self._together(service.name, literal, smallest([*had, part], self.world))
+            if attainable and self.reachable([*attainable, part]):
+                self._explain_conflict(service.name, literal, find_minimal_conflict([*attainable, part], self.world))
                 continue
             missing = substitute(part, row)
             assert isinstance(missing, Literal), "variables of a literal were replaced"
-            circular = _wish(missing) in (_wish(literal), *self.missing)
-            self.missing[_wish(missing)] = None
+            circular = _format_literal(missing) in (_format_literal(literal), *self.missing)
+            self.missing[_format_literal(missing)] = None
             if not circular or depth == DEPTH:
-                self.said[f"{service.name} could bring about {_wish(literal)}, but needs {_wish(missing)}{self._instead(missing)}"] = None
+                self.texts[
+                    f"{service.name} could bring about {_format_literal(literal)}, but needs {_format_literal(missing)}{self._describe_current(missing)}"
+                ] = None
             if depth > 0 and not circular:
                 self.explain(missing, depth - 1)
         if not lacking:
-            self.said[f"{service.name} brings about such things, but not {_wish(literal)}"] = None
+            self.texts[f"{service.name} brings about such things, but not {_format_literal(literal)}"] = None
 
-    def _row(self, had: Sequence[Literal]) -> Substitution:
+    def _row(self, attainable: Sequence[Literal]) -> Substitution:
         """What the variables of the parts stand for on the map, of those that a relation gives a value."""
-        given = {name for part in had if isinstance(part, Relation) for name in variables(part)}
-        parts = [part for part in had if given.issuperset(variables(part))]
+        bound_variables = {name for part in attainable if isinstance(part, Relation) for name in variables(part)}
+        parts = [part for part in attainable if bound_variables.issuperset(variables(part))]
         return next(bindings(conjunction(*parts), self.problem.map, self.problem.ontology), {}) if parts else {}
 
-    def _together(self, service: str, literal: Literal, parts: Sequence[Literal]) -> None:
+    def _explain_conflict(self, service: str, literal: Literal, parts: Sequence[Literal]) -> None:
         """The service needs what can come about, but not all of it at a time."""
-        needs = str(conjunction(*parts)).replace(" AND ", " and ")
-        self.missing[needs] = None
-        self.said[f"{service} could bring about {_wish(literal)}, but needs {needs}, and no order of services leads to that"] = None
+        conflict_text = str(conjunction(*parts)).replace(" AND ", " and ")
+        self.missing[conflict_text] = None
+        self.texts[
+            f"{service} could bring about {_format_literal(literal)}, but needs {conflict_text}, and no order of services leads to that"
+        ] = None
 
-    def _instead(self, literal: Literal) -> str:
+    def _describe_current(self, literal: Literal) -> str:
         """What the map says in the place of a relation that would have to hold."""
         if not isinstance(literal, Relation) or not isinstance(literal.arguments[0], Name):
             return ""
-        name, wanted = literal.arguments[0].name, self.problem.ontology.relations.get(literal.relation)
-        group = [r.name for r in self.problem.ontology.relations.values() if wanted and r.excludes and r.excludes == wanted.excludes]
-        told = [str(fact) for fact in self.problem.map.facts_about(name) if fact.relation in group and fact.arguments[0] == name]
-        if told:
-            return f", and the map says {' and '.join(told)}"
+        name, relation_type = literal.arguments[0].name, self.problem.ontology.relations.get(literal.relation)
+        group = [
+            r.name
+            for r in self.problem.ontology.relations.values()
+            if relation_type and r.excludes and r.excludes == relation_type.excludes
+        ]
+        current_facts = [str(fact) for fact in self.problem.map.facts_about(name) if fact.relation in group and fact.arguments[0] == name]
+        if current_facts:
+            return f", and the map says {' and '.join(current_facts)}"
         return f", and the map does not say where {name} is" if group else ""
 
 
-def _each(services: Sequence[Lost]) -> str:
+def _format_losses(services: Sequence[LostService]) -> str:
     """Who does not do it, and why; those with the same reason together."""
-    whys: dict[str, list[str]] = {}
-    for one in services:
-        whys.setdefault(one.why, []).append(one.service)
-    return "; ".join(f"{' and '.join(names)}: {why}" for why, names in whys.items())
+    services_by_reason: dict[str, list[str]] = {}
+    for loss in services:
+        services_by_reason.setdefault(loss.reason, []).append(loss.service)
+    return "; ".join(f"{' and '.join(names)}: {reason}" for reason, names in services_by_reason.items())
 
 
-def _wish(literal: Literal) -> str:
+def _format_literal(literal: Literal) -> str:
     """The literal with `?` for what may be anything."""
     blank = {name: Name("?") for name, variable in variables(literal).items() if variable.type is None}
     return str(substitute(literal, blank))

@@ -27,22 +27,22 @@ class _Answer:
 
     ontology: Ontology
     map: Map
-    about: frozenset[str]
-    found: Plan | NoPlan
+    subjects: frozenset[str]
+    result: Plan | NoPlan
 
 
-class Memory:
+class PlanCache:
     """What was found for the last problems."""
 
     def __init__(self) -> None:
         self._answers: dict[Question, _Answer] = {}
 
-    def keep(self, problem: Problem, found: Plan | NoPlan) -> None:
+    def store(self, problem: Problem, result: Plan | NoPlan) -> None:
         """Remember the answer, unless it is that none was found in time."""
-        if isinstance(found, NoPlan) and found.undecided:
+        if isinstance(result, NoPlan) and result.undecided:
             return
         self._answers.pop(_question(problem), None)
-        self._answers[_question(problem)] = _Answer(problem.ontology, problem.map, frozenset(_about(problem)), found)
+        self._answers[_question(problem)] = _Answer(problem.ontology, problem.map, frozenset(_find_subjects(problem)), result)
         if len(self._answers) > SIZE:
             del self._answers[next(iter(self._answers))]
 
@@ -51,8 +51,8 @@ class Memory:
         answer = self._answers.get(_question(problem))
         if answer is None or answer.ontology is not problem.ontology:
             return None
-        same = not any(_matters(change, answer.about) for change in differences(answer.map, problem.map))
-        return answer.found if same else None
+        is_unchanged = not any(_matters(change, answer.subjects) for change in differences(answer.map, problem.map))
+        return answer.result if is_unchanged else None
 
 
 def _question(problem: Problem) -> Question:
@@ -60,30 +60,30 @@ def _question(problem: Problem) -> Question:
     return problem.goal, problem.precondition, services, problem.excluded, problem.hurry
 
 
-def _matters(change: Change, about: frozenset[str]) -> bool:
+def _matters(change: Change, subjects: frozenset[str]) -> bool:
     match change:
         case FactAdded(fact) | FactRemoved(fact):
-            return fact.relation in about
+            return fact.relation in subjects
         case ValueSet(_, path):
-            return "." + path in about
+            return "." + path in subjects
     return True  # an object came or went
 
 
-def _about(problem: Problem) -> Iterator[str]:
+def _find_subjects(problem: Problem) -> Iterator[str]:
     """The relations and attributes that the problem's formulas speak of, and the relations that end with those."""
     formulas = [problem.goal, *([problem.precondition] if problem.precondition is not None else [])]
     for available in problem.services:
         service = available.service_type
         formulas += [parse(text) for text in (service.precondition, service.effect) if text is not None]
     relations = problem.ontology.relations
-    for spoken in set(_spoken(formulas, problem.ontology)):
-        yield spoken
-        known = relations.get(spoken)
-        if known is not None and known.excludes is not None:
-            yield from (other.name for other in relations.values() if other.excludes == known.excludes)
+    for predicate in set(_mentioned_predicates(formulas, problem.ontology)):
+        yield predicate
+        relation_type = relations.get(predicate)
+        if relation_type is not None and relation_type.excludes is not None:
+            yield from (relation.name for relation in relations.values() if relation.excludes == relation_type.excludes)
 
 
-def _spoken(formulas: Iterable[Formula], ontology: Ontology) -> Iterator[str]:
+def _mentioned_predicates(formulas: Iterable[Formula], ontology: Ontology) -> Iterator[str]:
     for formula in formulas:
         for literal in literals(formula):
             match literal.atom if isinstance(literal, Not) else literal:

@@ -8,25 +8,25 @@ from dataclasses import dataclass
 from somrs.entish.formula import names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import formula_holds
-from somrs.planner.encodings.sas import read, written
-from somrs.planner.explanation import not_usable, unmet_precondition, why_not
+from somrs.planner.encodings.sas import decode_moves, encode_sas
+from somrs.planner.explanation import explain_failure, not_usable, unmet_precondition
 from somrs.planner.grounding.grounding import Grounding, TooLarge
-from somrs.planner.grounding.merging import merged
+from somrs.planner.grounding.merging import merge_task
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Move, Task
-from somrs.planner.model.choice import opened
+from somrs.planner.model.choice import generalize_providers
 from somrs.planner.model.operators import Inexpressible, Operator, goal_operators
 from somrs.planner.model.plan import NoPlan, Obstacle, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.quality import best
 from somrs.planner.model.world import World
-from somrs.planner.repair import shorter, sure
+from somrs.planner.repair import prefer_repaired, prefer_shorter
 from somrs.planner.search import counting
-from somrs.planner.search.counting import Counters, TooMany, count
+from somrs.planner.search.counting import Counters, CountingFailed, search_with_counters
 from somrs.planner.search.matching import match
 from somrs.planner.search.numeric import NumericTask
-from somrs.planner.search.search import TooHard, cheapest, without_useless
-from somrs.planner.search.steps import stated
+from somrs.planner.search.search import TooHard, cheapest, remove_redundant_moves
+from somrs.planner.search.steps import build_plan
 
 Engine = Callable[[str, float], list[str] | None]
 """Given a task in Fast Downward's format and a limit in seconds: the names of the operators that solve it, or None when
@@ -41,7 +41,7 @@ ALL_STATES = 50_000
 NumericEngine = Callable[[str, str, float], list[str] | None]
 """The same for a task in numeric PDDL, its domain and its problem: the names of the actions."""
 
-Better = Callable[[str, bool], list[list[str]]]
+Improver = Callable[[str, bool], list[list[str]]]
 """Given the same as an Engine, and whether it is to be done soon rather than cheaply: other plans, as far as they are found soon."""
 
 LONG = 10
@@ -57,22 +57,22 @@ class Engines:
 
     search: Engine | None
     numeric: NumericEngine | None
-    better: Better | None
+    improver: Improver | None
     limit: float
 
 
-def quick(problem: Problem) -> Plan | NoPlan | None:
+def plan_quickly(problem: Problem) -> Plan | NoPlan | None:
     """What can be said of the problem within a few milliseconds; None when it has to be searched."""
     try:
-        said = _said(problem)
-        if said is not None:
-            return said
-        short = match(problem, *_stated(problem))
+        result = _check_map(problem)
+        if result is not None:
+            return result
+        short = match(problem, *_compile_problem(problem))
         if short is not None and len(short.steps) >= LONG:
             short = None  # a better one is worth a search
-        return opened(problem, sure(problem, short))
+        return generalize_providers(problem, prefer_repaired(problem, short))
     except Inexpressible as inexpressible:
-        return _beyond(inexpressible)
+        return _report_inexpressible(inexpressible)
 
 
 def plan(
@@ -80,20 +80,20 @@ def plan(
     engine: Engine | None = None,
     limit: float = LIMIT,
     numeric: NumericEngine | None = None,
-    better: Better | None = None,
+    improver: Improver | None = None,
 ) -> Plan | NoPlan:
     """A plan that makes the goal true on the map, or why there is none; what still stands of the plan before, if that is as short."""
-    if (found := quick(problem)) is not None:
-        return found
-    return opened(problem, shorter(problem, _plan(problem, Engines(engine, numeric, better, limit))))
+    if (result := plan_quickly(problem)) is not None:
+        return result
+    return generalize_providers(problem, prefer_shorter(problem, _plan(problem, Engines(engine, numeric, improver, limit))))
 
 
 def _plan(problem: Problem, engines: Engines) -> Plan | NoPlan:
     try:
-        return _searched(problem, *_stated(problem), engines)
+        return _search_plan(problem, *_compile_problem(problem), engines)
     except Inexpressible as inexpressible:
-        return _beyond(inexpressible)
-    except (TooLarge, TooMany) as large:
+        return _report_inexpressible(inexpressible)
+    except (TooLarge, CountingFailed) as large:
         return NoPlan(explanation=f"this is too large to be searched: {large}", undecided=True)
     except TooHard as hard:
         explanation = f"this takes a longer search ({hard}); install the engine for it: pip install 'somrs[planner]'"
@@ -102,7 +102,7 @@ def _plan(problem: Problem, engines: Engines) -> Plan | NoPlan:
         return NoPlan(explanation=f"no plan was found: {error}", undecided=True)
 
 
-def _said(problem: Problem) -> Plan | NoPlan | None:
+def _check_map(problem: Problem) -> Plan | NoPlan | None:
     """What the map says already."""
     unmet = unmet_precondition(problem)
     if unmet is not None:
@@ -115,70 +115,72 @@ def _said(problem: Problem) -> Plan | NoPlan | None:
     return Plan()
 
 
-def _stated(problem: Problem) -> tuple[World, list[Operator]]:
+def _compile_problem(problem: Problem) -> tuple[World, list[Operator]]:
     world = World(problem)
-    return world, list(goal_operators(problem.goal, world.known))
+    return world, list(goal_operators(problem.goal, world.vocabulary))
 
 
-def _beyond(inexpressible: Inexpressible) -> NoPlan:
+def _report_inexpressible(inexpressible: Inexpressible) -> NoPlan:
     return NoPlan(explanation=f"this cannot be planned for: {inexpressible}", undecided=True)
 
 
-def _searched(problem: Problem, world: World, goals: list[Operator], engines: Engines) -> Plan | NoPlan:
+def _search_plan(problem: Problem, world: World, goals: list[Operator], engines: Engines) -> Plan | NoPlan:
     """By what is likely to help first, then by all that can help: only that may show that there is no plan."""
-    most = VALUES if world.known.calculates else None
+    max_actions = VALUES if world.vocabulary.calculates else None
     try:
         for narrow in (True, False):
-            grounding = Grounding(world, demands(goals, world, narrow=narrow), narrow=narrow, most=most)
-            if grounding.reached:
+            grounding = Grounding(world, demands(goals, world, narrow=narrow), narrow=narrow, max_actions=max_actions)
+            if grounding.is_goal_reachable:
                 task = Task(grounding)
                 moves = _solve(task, engines)
                 if moves is not None:
-                    return _bettered(problem, stated(problem, without_useless(moves, task)), task, engines)
+                    return _improve_plan(problem, build_plan(problem, remove_redundant_moves(moves, task)), task, engines)
     except TooLarge:
-        if not world.known.calculates:
+        if not world.vocabulary.calculates:
             raise
-        return _counted(problem, engines)
-    return why_not(problem, world, grounding.guessed)
+        return _plan_with_counters(problem, engines)
+    return explain_failure(problem, world, grounding.guessed)
 
 
-def _bettered(problem: Problem, found: Plan, task: Task, engines: Engines) -> Plan:
+def _improve_plan(problem: Problem, first_plan: Plan, task: Task, engines: Engines) -> Plan:
     """A better plan, if one is found soon: the first one is whatever came first. Nobody looks for one when something went wrong on the
     way: devices stand and wait then."""
-    if engines.better is None or len(found.steps) < LONG or problem.rest:
-        return found
-    others = engines.better(written(merged(task)), problem.hurry)
-    return best(problem, [found, *(stated(problem, without_useless(read(names, task), task)) for names in others)])
+    if engines.improver is None or len(first_plan.steps) < LONG or problem.rest:
+        return first_plan
+    other_plans = engines.improver(encode_sas(merge_task(task)), problem.hurry)
+    return best(
+        problem, [first_plan, *(build_plan(problem, remove_redundant_moves(decode_moves(names, task), task)) for names in other_plans)]
+    )
 
 
-def _counted(problem: Problem, engines: Engines) -> Plan | NoPlan:
+def _plan_with_counters(problem: Problem, engines: Engines) -> Plan | NoPlan:
     """The same with numbers beside the facts, where they may come to more values than can be listed."""
     world = World(problem, counting=True)
-    goals = list(goal_operators(problem.goal, world.known))
+    goals = list(goal_operators(problem.goal, world.vocabulary))
     for narrow in (True, False):
         grounding = Grounding(world, demands(goals, world, narrow=narrow), narrow=narrow)
-        if grounding.reached:
+        if grounding.is_goal_reachable:
             task = Task(grounding)
             counters = Counters(task, world)
-            moves = _count(task, counters, engines)
+            moves = _solve_with_counters(task, counters, engines)
             if moves is not None:
-                return stated(problem, counting.without_useless(moves, task, counters))
-    return why_not(problem, world, grounding.guessed)
+                return build_plan(problem, counting.remove_redundant_moves(moves, task, counters))
+    return explain_failure(problem, world, grounding.guessed)
 
 
-def _count(task: Task, counters: Counters, engines: Engines) -> list[Move] | None:
+def _solve_with_counters(task: Task, counters: Counters, engines: Engines) -> list[Move] | None:
     try:
-        return count(task, counters, STATES if engines.numeric is not None else ALL_STATES)
-    except TooMany as many:
+        return search_with_counters(task, counters, STATES if engines.numeric is not None else ALL_STATES)
+    except CountingFailed as error:
         if engines.numeric is None:
-            raise TooMany(f"{many}; install the engine for numbers: pip install 'somrs[numbers]'") from None
-    asked = NumericTask(task, counters)
-    names = engines.numeric(asked.domain, asked.problem, engines.limit)
+            raise CountingFailed(f"{error}; install the engine for numbers: pip install 'somrs[numbers]'") from None
+    numeric_task = NumericTask(task, counters)
+    names = engines.numeric(numeric_task.domain, numeric_task.problem, engines.limit)
     if names is None:
         return None
-    moves = asked.read(names)
-    if not counting.reaches(moves, task, counters):
-        raise TooMany("the plan that the engine for numbers found is none when it is calculated exactly")
+    moves = numeric_task.decode_moves(names)
+    if not counting.reaches_goal(moves, task, counters):
+        raise CountingFailed("the plan that the engine for numbers found is none when it is calculated exactly")
     return moves
 
 
@@ -189,7 +191,7 @@ def _solve(task: Task, engines: Engines) -> list[Move] | None:
         if engines.search is None:
             raise
         try:
-            names = engines.search(written(merged(task)), engines.limit)
+            names = engines.search(encode_sas(merge_task(task)), engines.limit)
         except SomrsError as error:
             raise RemoteError(f"{error}; of the short search before it, {hard}") from error
-    return read(names, task) if names is not None else None
+    return decode_moves(names, task) if names is not None else None

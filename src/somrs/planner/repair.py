@@ -16,40 +16,40 @@ from somrs.errors import FormulaError
 from somrs.ontology.effects import changes, evaluate_effect
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import bindings, formula_holds
-from somrs.planner.model.causal import linked, useful
+from somrs.planner.model.causal import derive_links, find_useful_steps
 from somrs.planner.model.plan import NoPlan, Plan, Step
-from somrs.planner.model.problem import Available, Problem
-from somrs.planner.model.validation import after, validate
+from somrs.planner.model.problem import AvailableService, Problem
+from somrs.planner.model.validation import apply_step, validate
 
 
-def repaired(problem: Problem) -> Plan | None:
+def repair_plan(problem: Problem) -> Plan | None:
     """The rest of the plan before, without what is so already, cannot be done any more, or serves nothing; None when that does not lead
     to the goal."""
-    known = {available.service_type.name: available for available in problem.services}
+    available_services = {available.service_type.name: available for available in problem.services}
     steps: list[Step] = []
     maps = [problem.map]
     try:
         for old in problem.rest:
-            step = _from_here(old, maps[-1], problem, known)
+            step = _adapt_step(old, maps[-1], problem, available_services)
             if step is not None and changes(step.effect, maps[-1], problem.ontology):
                 steps.append(step)
-                maps.append(after(step, maps[-1], problem))
+                maps.append(apply_step(step, maps[-1], problem))
         if not formula_holds(problem.goal, maps[-1], problem.ontology):
             return None
-        kept = [steps[place] for place in useful(steps, maps, problem)]
-        steps = [structs.replace(step, id=f"step{number}") for number, step in enumerate(kept, 1)]
+        kept_steps = [steps[place] for place in find_useful_steps(steps, maps, problem)]
+        steps = [structs.replace(step, id=f"step{number}") for number, step in enumerate(kept_steps, 1)]
         maps = [problem.map]
         for step in steps:
-            maps.append(after(step, maps[-1], problem))
-        plan = Plan(tuple(steps), linked(steps, maps, problem))
+            maps.append(apply_step(step, maps[-1], problem))
+        plan = Plan(tuple(steps), derive_links(steps, maps, problem))
         return plan if not validate(plan, problem) else None
     except FormulaError:  # the map has lost what the plan speaks of
         return None
 
 
-def _from_here(old: Step, map: Map, problem: Problem, known: Mapping[str, Available]) -> Step | None:
+def _adapt_step(old: Step, map: Map, problem: Problem, available_services: Mapping[str, AvailableService]) -> Step | None:
     """The step as it can be done on the map, if it can; what its inputs leave open may be another way by now."""
-    offered = known.get(old.service_type)
+    offered = available_services.get(old.service_type)
     if offered is None or (old.provider is not None and old.provider not in offered.providers):
         return None
     involved = {name for term in old.inputs.values() for name in names(term)} | {old.provider}
@@ -58,34 +58,34 @@ def _from_here(old: Step, map: Map, problem: Problem, known: Mapping[str, Availa
     service = offered.service_type
     if old.precondition is None or service.precondition is None or formula_holds(old.precondition, map, problem.ontology):
         return old
-    wanted = substitute(parse(service.precondition), old.bindings)
-    row = next(bindings(wanted, map, problem.ontology), None)
+    condition = substitute(parse(service.precondition), old.bindings)
+    row = next(bindings(condition, map, problem.ontology), None)
     if row is None or not problem.excluded.isdisjoint(name for term in row.values() for name in names(term)):
         return None
     effect = substitute(parse(service.effect), {**row, **old.bindings})
     if variables(effect):
         return None
-    return structs.replace(old, precondition=substitute(wanted, row), effect=evaluate_effect(effect, map, problem.ontology))
+    return structs.replace(old, precondition=substitute(condition, row), effect=evaluate_effect(effect, map, problem.ontology))
 
 
-def sure(problem: Problem, short: Plan | NoPlan | None) -> Plan | NoPlan | None:
+def prefer_repaired(problem: Problem, short: Plan | NoPlan | None) -> Plan | NoPlan | None:
     """The rest of the plan before, when no search is needed to know that it is worth it: all of it is promised, but for one step at most.
     Otherwise `short`, which was found without a search."""
-    plan = repaired(problem) if problem.rest else None
+    plan = repair_plan(problem) if problem.rest else None
     if plan is None or (isinstance(short, Plan) and len(short.steps) < len(plan.steps)):
         return short
-    promised = [_work(step) for step in problem.rest if step.id in problem.promised]
-    return plan if sum(_work(step) not in promised for step in plan.steps) <= 1 else short
+    promised = [_step_key(step) for step in problem.rest if step.id in problem.promised]
+    return plan if sum(_step_key(step) not in promised for step in plan.steps) <= 1 else short
 
 
-def shorter(problem: Problem, found: Plan | NoPlan) -> Plan | NoPlan:
+def prefer_shorter(problem: Problem, result: Plan | NoPlan) -> Plan | NoPlan:
     """The rest of the plan before, unless what was found by a search has fewer steps."""
-    plan = repaired(problem) if problem.rest else None
-    if plan is None or (isinstance(found, Plan) and len(found.steps) < len(plan.steps)):
-        return found
+    plan = repair_plan(problem) if problem.rest else None
+    if plan is None or (isinstance(result, Plan) and len(result.steps) < len(plan.steps)):
+        return result
     return plan
 
 
-def _work(step: Step) -> object:
+def _step_key(step: Step) -> object:
     """What is asked of a service, whatever the step is called."""
     return step.service_type, step.inputs, step.provider

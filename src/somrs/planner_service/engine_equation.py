@@ -14,8 +14,8 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
 from somrs.planner.encodings.equation import Equation, companions, equation
-from somrs.planner.encodings.sas import parsed
-from somrs.planner.grounding.finite import FiniteTask, relevant
+from somrs.planner.encodings.sas import parse_sas
+from somrs.planner.grounding.finite import FiniteTask, prune_irrelevant
 
 UNSOLVABLE = 11
 """As Fast Downward's exit code for the same."""
@@ -24,7 +24,7 @@ INFEASIBLE = 2
 
 
 def main(task: str) -> int:
-    given = parsed(Path(task).read_text(encoding="ascii"))
+    given = parse_sas(Path(task).read_text(encoding="ascii"))
     return UNSOLVABLE if any(map(unsatisfiable, equations(given))) else 1
 
 
@@ -42,7 +42,7 @@ def parts(task: FiniteTask) -> Iterable[FiniteTask]:
     found: dict[tuple[tuple[str, ...], ...], FiniteTask] = {}
     for variable, value in task.goal:
         if task.initial[variable] != value:
-            part = relevant(replace(task, goal=((variable, value),)))
+            part = prune_irrelevant(replace(task, goal=((variable, value),)))
             same = found.get(part.names)
             found[part.names] = replace(part, goal=(*same.goal, *part.goal)) if same else part
     return found.values()

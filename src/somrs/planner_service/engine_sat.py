@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pysat.solvers import Solver
 
-from somrs.planner.encodings.sas import parsed
+from somrs.planner.encodings.sas import parse_sas
 from somrs.planner.encodings.satisfiability import Clauses
 
 LITERALS = 4_000_000
@@ -22,14 +22,14 @@ LITERALS = 4_000_000
 
 def main(task: str, plan: str, solver: str, first: str, growth: str, busy: str = "") -> int:
     with Solver(name=solver) as sat:
-        clauses = Clauses(parsed(Path(task).read_text(encoding="ascii")), sat.add_clause, busy=bool(busy))
+        clauses = Clauses(parse_sas(Path(task).read_text(encoding="ascii")), sat.add_clause, busy=bool(busy))
         if clauses.least is None:
             return 1
         steps = clauses.least + int(first)
         while clauses.literals < LITERALS:
             while clauses.steps < steps:
                 clauses.extend()
-            if sat.solve(assumptions=clauses.reached(steps)):
+            if sat.solve(assumptions=clauses.goal_assumptions(steps)):
                 true = {literal for literal in sat.get_model() if literal > 0}
                 unfinished = Path(plan + ".part")
                 unfinished.write_text("".join(f"({move})\n" for move in clauses.plan(true, steps)), encoding="ascii")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from somrs.planner.memory import Memory
+from somrs.planner.memory import PlanCache
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
-from somrs.planner.planning import quick
+from somrs.planner.planning import plan_quickly
 from somrs.planner_service.process import PlannerProcess
 
 
@@ -14,12 +14,12 @@ class Planner:
 
     def __init__(self, process: PlannerProcess) -> None:
         self._process = process
-        self._memory = Memory()
+        self._memory = PlanCache()
 
     async def plan(self, problem: Problem) -> Plan | NoPlan:
         """Raises what the planner raises."""
-        found = quick(problem) or self._memory.recall(problem)
+        found = plan_quickly(problem) or self._memory.recall(problem)
         if found is None:
             found = await self._process.plan(problem)
-            self._memory.keep(problem, found)
+            self._memory.store(problem, found)
         return found

@@ -17,7 +17,7 @@ from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, Handler
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import UNKNOWN
-from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.problem import AvailableService, Problem
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
@@ -107,7 +107,7 @@ def problem(
         precondition=check(task.precondition, replica.ontology, replica.map) if task.precondition else None,
         excluded=avoided.union(replica.map.with_value(UNKNOWN, True)),
         services=tuple(
-            Available(service_type=types[name], providers=tuple(sorted(found)), prices=tuple(sorted(prices.get(name, {}).items())))
+            AvailableService(service_type=types[name], providers=tuple(sorted(found)), prices=tuple(sorted(prices.get(name, {}).items())))
             for name, found in sorted(providers.items())
         ),
         hurry=task.policy is Policy.TIME,

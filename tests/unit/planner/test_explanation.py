@@ -10,8 +10,8 @@ from somrs.ontology.objects import Fact, Map, Object, ValueSet
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.plan import NoPlan, Obstacle
-from somrs.planner.model.problem import Available, Lost, Problem
-from somrs.planner.planning import plan, quick
+from somrs.planner.model.problem import AvailableService, LostService, Problem
+from somrs.planner.planning import plan, plan_quickly
 from tests.integration.test_planner_engine import tower
 from tests.unit.planner.test_planning import DRIVE, FACTS, LABEL, MAP, TRANSFER, WASH, laboratory, problem
 
@@ -43,7 +43,7 @@ def cellar(goal: str, matches: tuple[str, ...] = ("Robot1",), excluded: frozense
     map = Map(
         [*objects, *robots, Object(name="Door1", type="Door", values={"Open": False})], [Fact("hasMatch", (name,)) for name in matches]
     )
-    offered = (Available(STRIKE, ("Robot1", "Robot2")), Available(UNLOCK, ("Robot1",)))
+    offered = (AvailableService(STRIKE, ("Robot1", "Robot2")), AvailableService(UNLOCK, ("Robot1",)))
     return Problem(ontology=CELLAR, map=map, goal=parse(goal), services=offered, excluded=excluded)
 
 
@@ -108,7 +108,9 @@ def test_values_that_nobody_named_leave_it_open_whether_there_is_a_plan() -> Non
         [AttributeType(name="Shipped", kind=Kind.TRUTH), ObjectType(name="Jar", parent="Graspable", attributes=("Clean", "Shipped"))]
     )
     asked = problem("Jar001.Shipped = TRUE", LABEL, WASH, TRANSFER)
-    found = refused(Problem(ontology=ontology, map=asked.map, goal=asked.goal, services=(*asked.services, Available(ship, ("Robot1",)))))
+    found = refused(
+        Problem(ontology=ontology, map=asked.map, goal=asked.goal, services=(*asked.services, AvailableService(ship, ("Robot1",))))
+    )
     assert found.undecided
     assert "any number or text" in found.explanation
 
@@ -122,8 +124,8 @@ def test_a_search_that_was_not_finished_says_how_far_it_got() -> None:
 
 def test_at_once_nothing_is_said_to_be_impossible() -> None:
     """A short match finds plans only; that there is none, a search has to show."""
-    assert quick(cellar("Lamp1.Lit = TRUE")) is not None
-    assert quick(cellar("Lamp1.Lit = TRUE AND Lamp3.Lit = TRUE")) is None
+    assert plan_quickly(cellar("Lamp1.Lit = TRUE")) is not None
+    assert plan_quickly(cellar("Lamp1.Lit = TRUE AND Lamp3.Lit = TRUE")) is None
 
 
 JAR_IS_NOWHERE = Map(MAP.objects.values(), [fact for fact in FACTS if fact.arguments[0] != "Jar001"])
@@ -138,7 +140,7 @@ GOAL = "Jar001 isOn Platform001"
 def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[ServiceType, ...] = ()) -> Problem:
     """A problem for which these services are lost."""
     asked = problem(goal, *services)
-    lost = tuple(Lost(*loss) for loss in losses)
+    lost = tuple(LostService(*loss) for loss in losses)
     return Problem(ontology=asked.ontology, map=asked.map, goal=asked.goal, services=asked.services, lost=lost)
 
 
@@ -250,7 +252,7 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
     ],
 )
 def test_all_that_is_said_of_a_wish_that_nothing_brings_about(asked: Problem, said: list[str], rest: dict[str, tuple[str, ...]]) -> None:
-    assert refused(asked) == NoPlan(explanation="; ".join(said), said=tuple(said), unreachable=(str(asked.goal),), **rest)  # type: ignore[arg-type]
+    assert refused(asked) == NoPlan(explanation="; ".join(said), separate_reasons=tuple(said), unreachable=(str(asked.goal),), **rest)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -271,14 +273,14 @@ def test_all_that_is_said_of_a_wish_that_nothing_brings_about(asked: Problem, sa
 def test_all_that_is_said_of_parts_that_exclude_each_other(asked: Problem, parts: tuple[str, ...], because: str) -> None:
     said = f"{' and '.join(parts)} can each be brought about, but not all together{because}"
     obstacles = (Obstacle.TWO_PLACES,) if "places" in because else ()
-    assert refused(asked) == NoPlan(explanation=said, said=(said,), unreachable=parts, obstacles=obstacles)
+    assert refused(asked) == NoPlan(explanation=said, separate_reasons=(said,), unreachable=parts, obstacles=obstacles)
 
 
 def test_of_alternatives_the_one_that_lacks_least_is_explained() -> None:
     lacking = "Jar001.Clean = TRUE AND Jar009 isOn Shelf1"
     washed = "Jar002.Clean = TRUE"
     for goal in (f"({lacking}) OR {washed}", f"{washed} OR ({lacking})", f"{washed} OR Jar001.Clean = TRUE"):
-        assert refused(problem(goal, TRANSFER)).said == (f"Jar002.Clean = TRUE {DENIED}",)
+        assert refused(problem(goal, TRANSFER)).separate_reasons == (f"Jar002.Clean = TRUE {DENIED}",)
 
 
 def test_services_that_cannot_be_planned_with_are_named_where_they_matter_and_elsewhere() -> None:
@@ -286,10 +288,10 @@ def test_services_that_cannot_be_planned_with_are_named_where_they_matter_and_el
     find = ServiceType(name="Find", inputs=WASH.inputs, outputs=(place,), effect="?Jar isOn ?Place")
     why = "Find: ?Jar: Jar isOn ?Place: ?Place is known only when the service is done"
     near = refused(problem(GOAL, find))
-    assert near.said == (f"{GOAL} could be brought about by Find, which cannot be planned with: {why}",)
+    assert near.separate_reasons == (f"{GOAL} could be brought about by Find, which cannot be planned with: {why}",)
     assert near.undecided
     far = refused(problem("Jar001.Clean = TRUE", find))
-    assert far.said == (f"Jar001.Clean = TRUE {DENIED}", f"not considered: {why}")
+    assert far.separate_reasons == (f"Jar001.Clean = TRUE {DENIED}", f"not considered: {why}")
     assert far.undecided
 
 
@@ -317,7 +319,7 @@ def chain(length: int) -> Problem:
         ServiceType(name=f"Do{n}", inputs=WASH.inputs, precondition=f"is{n + 1}(?Jar)", effect=f"is{n}(?Jar)") for n in range(length)
     ]
     asked = problem("Jar001 isOn Shelf2")
-    offered = tuple(Available(one, ("Robot1",)) for one in services)
+    offered = tuple(AvailableService(one, ("Robot1",)) for one in services)
     return Problem(ontology=ontology, map=asked.map, goal=parse("is0(Jar001)"), services=offered)
 
 
@@ -327,5 +329,5 @@ def test_reasons_are_looked_for_so_many_services_back(length: int) -> None:
     said = [f"Do{n} could bring about is{n}(Jar001), but needs is{n + 1}(Jar001)" for n in range(told)]
     last = [f"is{length}(Jar001) {DENIED}"] if length < 5 else []
     found = refused(chain(length))
-    assert list(found.said) == [*said, *last]
+    assert list(found.separate_reasons) == [*said, *last]
     assert found.missing == tuple(f"is{n + 1}(Jar001)" for n in range(told))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ValueSet
-from somrs.planner.memory import SIZE, Memory
+from somrs.planner.memory import SIZE, PlanCache
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
@@ -28,9 +28,9 @@ def asked(goal: str, *changes: Change) -> Problem:
     ],
 )
 def test_what_no_service_speaks_of_changes_no_plan(changes: list[Change]) -> None:
-    memory, goal = Memory(), "Jar001 isOn Platform001"
+    memory, goal = PlanCache(), "Jar001 isOn Platform001"
     found = plan(asked(goal))
-    memory.keep(asked(goal), found)
+    memory.store(asked(goal), found)
     assert memory.recall(asked(goal, *changes)) == found == plan(asked(goal, *changes))
 
 
@@ -44,30 +44,30 @@ def test_what_no_service_speaks_of_changes_no_plan(changes: list[Change]) -> Non
     ],
 )
 def test_other_facts_are_planned_for_anew(changes: list[Change]) -> None:
-    memory, goal = Memory(), "Jar001 isOn Platform001"
-    memory.keep(asked(goal), plan(asked(goal)))
+    memory, goal = PlanCache(), "Jar001 isOn Platform001"
+    memory.store(asked(goal), plan(asked(goal)))
     assert memory.recall(asked(goal, *changes)) is None
 
 
 def test_another_task_or_other_services_are_another_question() -> None:
-    memory, goal = Memory(), "Jar001 isOn Platform001"
-    memory.keep(asked(goal), plan(asked(goal)))
+    memory, goal = PlanCache(), "Jar001 isOn Platform001"
+    memory.store(asked(goal), plan(asked(goal)))
     assert memory.recall(asked("Jar002 isOn Platform001")) is None
     fewer = Problem(ontology=ONTOLOGY, map=MAP, goal=asked(goal).goal, services=asked(goal).services[:1])
     assert memory.recall(fewer) is None
 
 
 def test_that_nothing_was_found_in_time_is_not_remembered() -> None:
-    memory, stated = Memory(), asked("Jar001 isOn Platform001")
-    memory.keep(stated, NoPlan(explanation="no plan was found in 1 s, nor that there is none", undecided=True))
+    memory, stated = PlanCache(), asked("Jar001 isOn Platform001")
+    memory.store(stated, NoPlan(explanation="no plan was found in 1 s, nor that there is none", undecided=True))
     assert memory.recall(stated) is None
-    memory.keep(stated, NoPlan(explanation="there is none"))
+    memory.store(stated, NoPlan(explanation="there is none"))
     assert isinstance(memory.recall(stated), NoPlan)
 
 
 def test_the_oldest_answers_are_forgotten() -> None:
-    memory = Memory()
+    memory = PlanCache()
     for number in range(SIZE + 1):
-        memory.keep(asked(f"Jar001.PositionX = {number}"), Plan())
+        memory.store(asked(f"Jar001.PositionX = {number}"), Plan())
     assert memory.recall(asked("Jar001.PositionX = 0")) is None
     assert memory.recall(asked(f"Jar001.PositionX = {SIZE}")) == Plan()

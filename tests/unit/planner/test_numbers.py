@@ -12,7 +12,7 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.plan import NoPlan, Plan
-from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.planning import plan
 from tests.support.planned import sound
 
@@ -74,7 +74,9 @@ def problem(map: Map, goal: str, *services: ServiceType) -> Problem:
         for text in (service.precondition, service.effect):
             if text is not None:
                 check(text, ONTOLOGY, map, types)
-    return Problem(ontology=ONTOLOGY, map=map, goal=check(goal, ONTOLOGY, map), services=tuple(Available(s, ("Robot1",)) for s in services))
+    return Problem(
+        ontology=ONTOLOGY, map=map, goal=check(goal, ONTOLOGY, map), services=tuple(AvailableService(s, ("Robot1",)) for s in services)
+    )
 
 
 def planned(asked: Problem) -> list[str]:
@@ -172,7 +174,7 @@ def test_what_does_not_change_is_settled_before_the_search() -> None:
         box = Object(name="Box1", type="Box", values={"Weight": weight})
         map = Map([*shelves, *robots, box], [Fact("isOn", ("Box1", "Shelf0"))])
         goal: Formula = parse("Box1 isOn Shelf3")
-        asked = Problem(ontology=ONTOLOGY, map=map, goal=goal, services=(Available(carry, ("Robot1", "Robot2")),))
+        asked = Problem(ontology=ONTOLOGY, map=map, goal=goal, services=(AvailableService(carry, ("Robot1", "Robot2")),))
         assert len(planned(asked)) == expected
 
 

@@ -12,7 +12,7 @@ from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, Va
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.plan import NoPlan, Plan
-from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
 from tests.support.planned import sound
@@ -76,7 +76,7 @@ MAP = Map((Object(name=name, type=type_name) for name, type_name in OBJECTS.item
 
 
 def problem(goal: str, *services: ServiceType, map: Map = MAP, excluded: frozenset[str] = frozenset()) -> Problem:
-    offered = tuple(Available(service, ("Washer1",) if service is WASH else ("Robot1",)) for service in services)
+    offered = tuple(AvailableService(service, ("Washer1",) if service is WASH else ("Robot1",)) for service in services)
     return Problem(ontology=laboratory(), map=map, goal=parse(goal), services=offered, excluded=excluded)
 
 
@@ -227,7 +227,10 @@ def test_a_heavy_thing_goes_to_the_device_that_can_carry_it() -> None:
     heavy = Object(name="Jar001", type="Jar", values={"Weight": 2.5})
     map = MAP.changed([ObjectAdded(object) for object in (*robots, heavy)])
     asked = Problem(
-        ontology=laboratory(), map=map, goal=parse("Jar001 isOn Platform001"), services=(Available(carry, ("Robot1", "Robot2", "Robot3")),)
+        ontology=laboratory(),
+        map=map,
+        goal=parse("Jar001 isOn Platform001"),
+        services=(AvailableService(carry, ("Robot1", "Robot2", "Robot3")),),
     )
     assert [step.provider for step in sound(asked).steps] == ["Robot3"]
     too_heavy = map.changed([ObjectAdded(Object(name="Jar001", type="Jar", values={"Weight": 4.0}))])

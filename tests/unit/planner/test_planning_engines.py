@@ -9,13 +9,13 @@ from msgspec import structs
 
 from somrs.errors import SomrsError
 from somrs.ontology.objects import Fact, Map, Object
-from somrs.planner.encodings.sas import parsed
+from somrs.planner.encodings.sas import parse_sas
 from somrs.planner.grounding.relevance import Demand, demands
 from somrs.planner.model.operators import Operator
 from somrs.planner.model.plan import NoPlan, Obstacle, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.world import World
-from somrs.planner.planning import plan, quick
+from somrs.planner.planning import plan, plan_quickly
 from somrs.planner.search.progress import Progress
 from somrs.planner.search.search import TooHard, search
 from tests.unit.planner import test_numbers
@@ -41,7 +41,7 @@ class Asked:
 
 
 def too_hard(*_: object) -> None:
-    raise TooHard(Progress(states=3, together=1, parts=2))
+    raise TooHard(Progress(states=3, held_count=1, parts=2))
 
 
 @pytest.fixture
@@ -65,25 +65,25 @@ def jars(count: int) -> Problem:
 
 
 def test_what_holds_already_is_done() -> None:
-    assert quick(problem("Jar001 isOn Shelf1")) == Plan()
+    assert plan_quickly(problem("Jar001 isOn Shelf1")) == Plan()
 
 
 def test_of_what_nobody_knows_it_is_not_said_that_it_is_done() -> None:
     said = "Jar001 isOn Shelf1 AND Jar002 isOn Shelf1: Jar002 is promised to another task, or nobody knows what state it is in"
     asked = problem("Jar001 isOn Shelf1 AND Jar002 isOn Shelf1", TRANSFER, excluded=frozenset({"Jar002", "Shelf2"}))
-    assert quick(asked) == NoPlan(explanation=said, obstacles=(Obstacle.PROMISED,))
+    assert plan_quickly(asked) == NoPlan(explanation=said, obstacles=(Obstacle.PROMISED,))
 
 
 @pytest.mark.parametrize(("count", "steps"), [(1, 1), (9, 9), (10, None)])
 def test_short_plans_are_found_at_once_and_long_ones_are_searched_for(count: int, steps: int | None) -> None:
-    found = quick(jars(count))
+    found = plan_quickly(jars(count))
     assert (len(found.steps) if isinstance(found, Plan) else found) == steps
 
 
 def test_what_cannot_be_expressed_is_said_at_once() -> None:
     asked = problem(" AND ".join(f"(Jar001.Weight = {n} OR Jar002.Weight = {n})" for n in range(9)), TRANSFER)
     said = NoPlan(explanation=f"this cannot be planned for: {asked.goal}: it has more than 256 alternatives", undecided=True)
-    assert quick(asked) == plan(asked) == said
+    assert plan_quickly(asked) == plan(asked) == said
 
 
 # Engines
@@ -103,7 +103,7 @@ def test_an_engine_is_asked_for_the_moves() -> None:
     assert names(found) == [MOVED]
     ((text, limit),) = asked.calls
     assert limit == 30.0
-    assert [operation.move for operation in parsed(str(text)).operations] == [0]
+    assert [operation.move for operation in parse_sas(str(text)).operations] == [0]
     plan(problem(GOAL, TRANSFER), asked, 7.0)
     assert asked.calls[1:] == [(text, 7.0)]
 
@@ -128,11 +128,11 @@ def test_what_an_engine_says_of_why_it_did_not_find_out_is_told() -> None:
 def test_a_better_plan_is_asked_for_where_the_first_one_is_long(hurry: bool) -> None:
     better = Asked([])
     for count in (9, 10):
-        found = plan(structs.replace(jars(count), hurry=hurry), better=better)  # type: ignore[arg-type]
+        found = plan(structs.replace(jars(count), hurry=hurry), improver=better)  # type: ignore[arg-type]
         assert isinstance(found, Plan)
         assert len(found.steps) == count
     ((text, soon),) = better.calls
-    assert len(parsed(str(text)).operations) == 10
+    assert len(parse_sas(str(text)).operations) == 10
     assert soon is hurry
 
 
@@ -140,7 +140,7 @@ def test_nobody_looks_for_a_better_plan_when_something_went_wrong_on_the_way() -
     better = Asked([])
     first = plan(jars(11))
     assert isinstance(first, Plan)
-    again = plan(structs.replace(jars(11), rest=first.steps[:3]), better=better)  # type: ignore[arg-type]
+    again = plan(structs.replace(jars(11), rest=first.steps[:3]), improver=better)  # type: ignore[arg-type]
     assert isinstance(again, Plan)
     assert (len(again.steps), better.calls) == (11, [])
 
@@ -154,10 +154,10 @@ def test_the_best_of_the_plans_is_taken(monkeypatch: pytest.MonkeyPatch) -> None
     both = structs.replace(asked, services=tuple(offers))
 
     def better(text: str, hurry: bool) -> list[list[str]]:
-        operations = parsed(text).operations
+        operations = parse_sas(text).operations
         return [[f"{one.move} {one.device}" for one in operations if one.cost == cost] for cost in (5, 1, 5)]
 
-    found = plan(both, better=better)
+    found = plan(both, improver=better)
     assert isinstance(found, Plan)
     assert {step.service_type for step in found.steps} == {"Cheap"}
     assert len(found.steps) == 10

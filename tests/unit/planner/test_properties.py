@@ -18,8 +18,8 @@ from somrs.ontology.services import PROVIDER, Parameter, ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.plan import NoPlan, Plan, linearisations
-from somrs.planner.model.problem import Available, Problem
-from somrs.planner.model.validation import after, validate
+from somrs.planner.model.problem import AvailableService, Problem
+from somrs.planner.model.validation import apply_step, validate
 from somrs.planner.planning import plan
 from tests.support.examples import examples
 
@@ -139,7 +139,7 @@ def _values(draw: st.DrawFn) -> dict[str, float | str | bool]:
 @st.composite
 def problems(draw: st.DrawFn) -> Problem:
     """Problems with a goal of any kind, or with one taken from a map that some services lead to."""
-    services = tuple(Available(draw(service_types(f"S{n}")), ("R1",)) for n in range(draw(st.integers(1, 4))))
+    services = tuple(AvailableService(draw(service_types(f"S{n}")), ("R1",)) for n in range(draw(st.integers(1, 4))))
     problem = Problem(ontology=ONTOLOGY, map=draw(maps()), goal=parse("marked(T1)"), services=services)
     goal = draw(_wishes()) if draw(st.integers(0, 2)) == 0 else draw(_outcomes(problem))
     return Problem(ontology=ONTOLOGY, map=problem.map, goal=goal, services=services)
@@ -240,5 +240,5 @@ def test_plans_are_valid_and_a_plain_search_agrees(problem: Problem) -> None:
         map = problem.map
         for step in order:
             assert step.precondition is None or formula_holds(step.precondition, map, ONTOLOGY), (str(found), [s.id for s in order])
-            map = after(step, map, problem)
+            map = apply_step(step, map, problem)
         assert formula_holds(problem.goal, map, ONTOLOGY), (str(found), [s.id for s in order])

@@ -14,9 +14,9 @@ from somrs.entish.parse import parse
 from somrs.ontology.effects import apply_effect
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import Problem
-from somrs.planner.model.validation import after, validate
+from somrs.planner.model.validation import apply_step, validate
 from somrs.planner.planning import plan
-from somrs.planner.repair import repaired, shorter, sure
+from somrs.planner.repair import prefer_repaired, prefer_shorter, repair_plan
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome
@@ -32,7 +32,7 @@ def interrupted(couriers: int, parcels: int, done: int, *said: str) -> Problem:
     known, steps = problem(couriers, parcels), carried(couriers, parcels)
     map = known.map
     for step in steps[:done]:
-        map = after(step, map, known)
+        map = apply_step(step, map, known)
     for text in said:
         map = apply_effect(parse(text), map, known.ontology)
     rest = tuple(steps[done:])
@@ -46,7 +46,7 @@ def work(steps: tuple[Step, ...]) -> list[str]:
 def test_the_rest_of_a_plan_is_kept_without_a_search() -> None:
     left = interrupted(5, 10, 40)
     began = time.process_time()
-    found = sure(left, None)
+    found = prefer_repaired(left, None)
     assert time.process_time() - began < 10, "0.2 s where it was measured; a search takes minutes"
     assert isinstance(found, Plan)
     assert validate(found, left) == []
@@ -56,7 +56,7 @@ def test_the_rest_of_a_plan_is_kept_without_a_search() -> None:
 
 def test_what_is_so_already_and_what_only_served_that_is_left_out() -> None:
     left = interrupted(2, 2, 8, goal(2, 2).partition(" AND ")[2])
-    found = repaired(replace(left, goal=parse(goal(2, 2))))
+    found = repair_plan(replace(left, goal=parse(goal(2, 2))))
     assert found is not None
     assert found.steps == ()
 
@@ -70,7 +70,7 @@ def test_a_thing_that_lies_elsewhere_is_taken_from_there() -> None:
         id="step9", service_type="Take", inputs={"Parcel": Name("Parcel0"), "Place": Name("Place0")},
         effect=parse("Parcel0 isHeldBy Courier0"), precondition=parse("Parcel0 isOn Place1 AND Courier0 isAt Place0"), provider="Courier0",
     )  # fmt: skip
-    found = repaired(replace(loose, rest=(step,), goal=parse("Parcel0 isHeldBy Courier0")))
+    found = repair_plan(replace(loose, rest=(step,), goal=parse("Parcel0 isHeldBy Courier0")))
     assert found is not None
     assert str(found.steps[0].precondition) == "Parcel0 isOn Place0 AND Courier0 isAt Place0"
 
@@ -78,26 +78,26 @@ def test_a_thing_that_lies_elsewhere_is_taken_from_there() -> None:
 def test_without_a_device_that_it_needs_a_plan_cannot_be_kept() -> None:
     left = interrupted(2, 1, 2)
     gone = tuple(type(available)(available.service_type, ("Courier0",)) for available in left.services)
-    assert repaired(replace(left, services=gone)) is None
-    assert repaired(replace(left, excluded=frozenset({"Parcel0"}))) is None
-    assert repaired(left) is not None
+    assert repair_plan(replace(left, services=gone)) is None
+    assert repair_plan(replace(left, excluded=frozenset({"Parcel0"}))) is None
+    assert repair_plan(left) is not None
 
 
 def test_a_shorter_plan_is_preferred() -> None:
     """One courier may as well go the whole way."""
     left = interrupted(4, 1, 0)
-    kept, found = repaired(left), plan(left)
+    kept, found = repair_plan(left), plan(left)
     assert kept is not None
     assert isinstance(found, Plan)
     assert len(found.steps) < len(kept.steps)
-    assert shorter(left, found) == found
+    assert prefer_shorter(left, found) == found
 
 
 def test_when_a_search_takes_too_long_what_is_left_is_kept() -> None:
     left = replace(interrupted(4, 1, 0), promised=frozenset())
-    assert sure(left, None) is None
-    kept = shorter(left, NoPlan(explanation="it took too long", undecided=True))
-    assert kept == repaired(left) is not None
+    assert prefer_repaired(left, None) is None
+    kept = prefer_shorter(left, NoPlan(explanation="it took too long", undecided=True))
+    assert kept == repair_plan(left) is not None
 
 
 @examples(40)
@@ -109,15 +109,15 @@ def test_whatever_is_kept_leads_to_the_goal(problem: Problem, data: st.DataObjec
     count = data.draw(st.integers(0, len(found.steps)))
     map = problem.map
     for step in islice(found.steps, count):
-        map = after(step, map, problem)
+        map = apply_step(step, map, problem)
     rest = found.steps[count:]
-    kept = repaired(replace(problem, map=map, rest=rest))
+    kept = repair_plan(replace(problem, map=map, rest=rest))
     assert kept is not None, "nothing went wrong"
     assert len(kept.steps) <= len(rest)
     assert validate(kept, replace(problem, map=map)) == []
     missing = data.draw(st.sampled_from(found.steps))
     again = replace(problem, rest=tuple(step for step in found.steps if step is not missing))
-    if (without := repaired(again)) is not None:
+    if (without := repair_plan(again)) is not None:
         assert validate(without, again) == []
 
 
@@ -127,7 +127,7 @@ class Interrupted(Relay):
     def _plan(self, task: object) -> Work:
         assert isinstance(task, Problem)
         self.problems.append(task)
-        yield 0.0, self.plan if len(self.problems) == 1 else sure(task, None) or plan(task)
+        yield 0.0, self.plan if len(self.problems) == 1 else prefer_repaired(task, None) or plan(task)
 
 
 def test_services_committed_to_steps_that_stay_are_not_asked_again() -> None:

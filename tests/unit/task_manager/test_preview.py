@@ -159,7 +159,7 @@ def test_what_is_stated_twice_by_one_message_is_one_preview() -> None:
     [
         (Plan(), Previewed(steps=(), explanation="nothing to do: it is so already")),
         (
-            NoPlan("no way", said=("no", "way"), obstacles=(Obstacle.PROMISED,)),
+            NoPlan("no way", separate_reasons=("no", "way"), obstacles=(Obstacle.PROMISED,)),
             Previewed(steps=(), explanation="no way", reasons=("no", "way"), obstacles=(clients.Obstacle.PROMISED,)),
         ),
         (

@@ -25,7 +25,7 @@ class Case(NamedTuple):
     """An operation (its place) that is carried out when this is so."""
 
     operation: int
-    when: tuple[Assignment, ...] = ()
+    conditions: tuple[Assignment, ...] = ()
 
 
 class Term(NamedTuple):
@@ -47,10 +47,10 @@ class Equation(NamedTuple):
 
 def equation(task: FiniteTask, pairs: Iterable[Pair] = ()) -> Equation:
     """The state equation of the task: of all its variables, and of these pairs of definite ones."""
-    made = _Making(task)
+    builder = _EquationBuilder(task)
     for pair in pairs:
-        made.join(pair)
-    return Equation(cases=tuple(made.cases), least=tuple(made.least), terms=tuple(made.terms))
+        builder.join(pair)
+    return Equation(cases=tuple(builder.cases), least=tuple(builder.least), terms=tuple(builder.terms))
 
 
 def definite(task: FiniteTask) -> set[int]:
@@ -67,14 +67,18 @@ def companions(task: FiniteTask) -> list[Pair]:
     taken off it, only where the message is. More pairs would show more, in much more time."""
     changing = _changing(task)
     clear = definite(task) & changing.keys()
-    found: set[Pair] = set()
+    pairs: set[Pair] = set()
     for variable in clear:
-        said = [{other for other, _ in task.operations[number].needs} for number in changing[variable]]
-        found.update((min(variable, other), max(variable, other)) for other in clear.intersection(*said) - {variable})
-    return sorted(found)
+        condition_variables = [
+            {condition_variable for condition_variable, _ in task.operations[number].preconditions} for number in changing[variable]
+        ]
+        pairs.update(
+            (min(variable, companion), max(variable, companion)) for companion in clear.intersection(*condition_variables) - {variable}
+        )
+    return sorted(pairs)
 
 
-class _Making:
+class _EquationBuilder:
     """An equation that grows."""
 
     def __init__(self, task: FiniteTask) -> None:
@@ -90,17 +94,19 @@ class _Making:
 
     def join(self, pair: Pair) -> None:
         """Count how often the two variables have which values. What changes one of them changes that."""
-        every = [range(len(self.task.names[variable])) for variable in pair]
-        sums = {values: self._sum(*zip(pair, values, strict=True)) for values in product(*every)}
+        domains = [range(len(self.task.names[variable])) for variable in pair]
+        sums = {values: self._sum(*zip(pair, values, strict=True)) for values in product(*domains)}
         for number in sorted({number for variable in pair for number in self.changing.get(variable, ())}):
             operation = self.task.operations[number]
-            needs = dict(operation.needs)
-            becomes = {variable: value for _, variable, value in operation.effects}
-            before = list(product(*([needs[v]] if v in needs else values for v, values in zip(pair, every, strict=True))))
-            for values, case in zip(before, self._split(number, pair, before), strict=True):
-                after = (becomes.get(pair[0], values[0]), becomes.get(pair[1], values[1]))
-                if after != values:
-                    self.terms += (Term(sums[values], case, -1), Term(sums[after], case, 1))
+            preconditions = dict(operation.preconditions)
+            new_values = {variable: value for _, variable, value in operation.effects}
+            values_before = list(
+                product(*([preconditions[v]] if v in preconditions else values for v, values in zip(pair, domains, strict=True)))
+            )
+            for values, case in zip(values_before, self._split(number, pair, values_before), strict=True):
+                values_after = (new_values.get(pair[0], values[0]), new_values.get(pair[1], values[1]))
+                if values_after != values:
+                    self.terms += (Term(sums[values], case, -1), Term(sums[values_after], case, 1))
 
     def _sum(self, *facts: Assignment) -> int:
         """How often the facts begin to be so together, less how often they cease to."""
@@ -108,12 +114,12 @@ class _Making:
         self.least.append(self.goal.issuperset(facts) - at_first)
         return len(self.least) - 1
 
-    def _split(self, number: int, pair: Pair, before: list[tuple[int, ...]]) -> list[int]:
+    def _split(self, number: int, pair: Pair, values_before: list[tuple[int, ...]]) -> list[int]:
         """The cases of an operation by what the pair is before it: they occur as often as the operation is carried out."""
-        if len(before) == 1:
+        if len(values_before) == 1:
             return [number]
-        cases = list(range(len(self.cases), len(self.cases) + len(before)))
-        self.cases += (Case(number, tuple(zip(pair, values, strict=True))) for values in before)
+        cases = list(range(len(self.cases), len(self.cases) + len(values_before)))
+        self.cases += (Case(number, tuple(zip(pair, values, strict=True))) for values in values_before)
         for sign in (1, -1):
             self.terms += (Term(len(self.least), number, -sign), *(Term(len(self.least), case, sign) for case in cases))
             self.least.append(0)
@@ -122,22 +128,24 @@ class _Making:
 
 def _changing(task: FiniteTask) -> dict[int, list[int]]:
     """For each variable, the operations that change it."""
-    found: dict[int, list[int]] = {}
+    operations_by_variable: dict[int, list[int]] = {}
     for number, operation in enumerate(task.operations):
         for variable in {variable for _, variable, _ in operation.effects}:
-            found.setdefault(variable, []).append(number)
-    return found
+            operations_by_variable.setdefault(variable, []).append(number)
+    return operations_by_variable
 
 
 def _changes(operation: Operation) -> Iterator[tuple[Assignment, int]]:
     """By how much it raises each fact at the most. What it takes away is certain only where it says what was so before it, and changes
     that whatever else is so."""
-    needs = dict(operation.needs)
-    brought = {(variable, value) for _, variable, value in operation.effects}
-    for variable, value in brought:
-        if needs.get(variable) != value:
+    preconditions = dict(operation.preconditions)
+    added_facts = {(variable, value) for _, variable, value in operation.effects}
+    for variable, value in added_facts:
+        if preconditions.get(variable) != value:
             yield (variable, value), 1
-    taken = {variable for conditions, variable, value in operation.effects if not conditions and needs.get(variable, value) != value}
-    for variable in taken:
-        if (fact := (variable, needs[variable])) not in brought:
+    deleted_variables = {
+        variable for conditions, variable, value in operation.effects if not conditions and preconditions.get(variable, value) != value
+    }
+    for variable in deleted_variables:
+        if (fact := (variable, preconditions[variable])) not in added_facts:
             yield fact, -1

@@ -14,12 +14,12 @@ if TYPE_CHECKING:  # a process that only reads tasks is to start quickly
     from somrs.planner.grounding.task import Move, Task
 
 
-def written(task: FiniteTask) -> str:
+def encode_sas(task: FiniteTask) -> str:
     """The task. Its operators are named by the place of their moves, and the device, so that no name needs escaping."""
     return "\n".join(_lines(task)) + "\n"
 
 
-def read(names: list[str], task: Task) -> list[Move]:
+def decode_moves(names: list[str], task: Task) -> list[Move]:
     """The moves that an engine named, without one that only says that the goal is reached."""
     moves = [task.moves[int(name.split()[0])] for name in names]
     return [move for move in moves if move.action.operator.service is not None]
@@ -34,34 +34,34 @@ def _lines(task: FiniteTask) -> Iterator[str]:
             # Landmark heuristics group facts by their predicate.
             yield f"Atom p{predicates[name.partition('(')[0]]}(v{variable}, v{value})"
         yield from (names[-1], "end_variable")
-    yield str(len(task.exclusive))
-    for group in task.exclusive:
-        yield from ("begin_mutex_group", *_counted(group), "end_mutex_group")
+    yield str(len(task.mutex_groups))
+    for group in task.mutex_groups:
+        yield from ("begin_mutex_group", *_format_assignments(group), "end_mutex_group")
     yield from ("begin_state", *map(str, task.initial), "end_state")
-    yield from ("begin_goal", *_counted(task.goal), "end_goal", str(len(task.operations)))
+    yield from ("begin_goal", *_format_assignments(task.goal), "end_goal", str(len(task.operations)))
     for operation in task.operations:
         name = f"{operation.move} {operation.device}"
-        yield from ("begin_operator", name, *_needs_and_effects(operation), str(operation.cost), "end_operator")
+        yield from ("begin_operator", name, *_prevail_and_effects(operation), str(operation.cost), "end_operator")
     yield "0"
 
 
-def _counted(assignments: Sequence[Assignment]) -> Iterator[str]:
+def _format_assignments(assignments: Sequence[Assignment]) -> Iterator[str]:
     yield str(len(assignments))
     yield from (f"{variable} {value}" for variable, value in assignments)
 
 
-def _needs_and_effects(operation: Operation) -> Iterator[str]:
+def _prevail_and_effects(operation: Operation) -> Iterator[str]:
     plain = {variable for conditions, variable, _ in operation.effects if not conditions}
-    needs = dict(operation.needs)
-    yield from _counted([need for need in operation.needs if need[0] not in plain])
+    preconditions = dict(operation.preconditions)
+    yield from _format_assignments([precondition for precondition in operation.preconditions if precondition[0] not in plain])
     yield str(len(operation.effects))
     for conditions, variable, value in operation.effects:
-        shown = "".join(f"{other} {wanted} " for other, wanted in conditions)
-        before = needs.get(variable, -1) if variable in plain else -1
-        yield f"{len(conditions)} {shown}{variable} {before} {value}"
+        condition_text = "".join(f"{condition_variable} {condition_value} " for condition_variable, condition_value in conditions)
+        value_before = preconditions.get(variable, -1) if variable in plain else -1
+        yield f"{len(conditions)} {condition_text}{variable} {value_before} {value}"
 
 
-def parsed(text: str) -> FiniteTask:
+def parse_sas(text: str) -> FiniteTask:
     """The task that was written; of variables' values, only how many there are."""
     lines = iter(text.splitlines())
 
@@ -94,24 +94,24 @@ def parsed(text: str) -> FiniteTask:
     goal = assignments(int(next(lines)))
     next(lines)
     operations = [_operation(lines) for _ in range(int(next(lines)))]
-    return FiniteTask(names=tuple(names), initial=initial, goal=goal, operations=tuple(operations), exclusive=tuple(exclusive))
+    return FiniteTask(names=tuple(names), initial=initial, goal=goal, operations=tuple(operations), mutex_groups=tuple(exclusive))
 
 
 def _operation(lines: Iterator[str]) -> Operation:
     next(lines)
     move, device = map(int, next(lines).split())
-    needs: list[Assignment] = []
+    preconditions: list[Assignment] = []
     for _ in range(int(next(lines))):
         variable, value = map(int, next(lines).split())
-        needs.append((variable, value))
+        preconditions.append((variable, value))
     effects = []
     for _ in range(int(next(lines))):
         count, *rest = map(int, next(lines).split())
         conditions = tuple(zip(rest[: 2 * count : 2], rest[1 : 2 * count : 2], strict=True))
-        variable, before, value = rest[2 * count :]
-        if before >= 0:
-            needs.append((variable, before))
+        variable, value_before, value = rest[2 * count :]
+        if value_before >= 0:
+            preconditions.append((variable, value_before))
         effects.append((conditions, variable, value))
     cost = int(next(lines))
     next(lines)
-    return Operation(move=move, cost=cost, needs=tuple(needs), effects=tuple(effects), device=device)
+    return Operation(move=move, cost=cost, preconditions=tuple(preconditions), effects=tuple(effects), device=device)

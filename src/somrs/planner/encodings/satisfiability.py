@@ -13,7 +13,7 @@ from math import ceil, sqrt
 
 from somrs.planner.grounding.finite import Assignment, FiniteTask, Operation
 
-FEW = 5
+PAIRWISE_LIMIT = 5
 """Of so many literals each pair is excluded; of more, by rows and columns."""
 
 
@@ -29,12 +29,12 @@ class Clauses:
         """The operations that can be reached, each with the first step in which it can be done."""
         self._level = self._levels()
         self._held: list[dict[Assignment, int]] = []
-        self._done: list[list[tuple[Operation, int]]] = []
+        self._literals_by_step: list[list[tuple[Operation, int]]] = []
         self._begin()
 
     @property
     def steps(self) -> int:
-        return len(self._done)
+        return len(self._literals_by_step)
 
     @property
     def least(self) -> int | None:
@@ -43,51 +43,55 @@ class Clauses:
 
     def extend(self) -> None:
         """Clauses for one step more."""
-        before = self._held[-1]
+        facts_before = self._held[-1]
         step = self.steps
-        done = [(operation, self._new()) for level, operation in self._operations if level <= step]
-        after = self._layer(step + 1)
-        self._done.append(done)
+        step_literals = [(operation, self._new_literal()) for level, operation in self._operations if level <= step]
+        facts_after = self._layer(step + 1)
+        self._literals_by_step.append(step_literals)
         makers: dict[Assignment, list[int]] = {}
-        for operation, literal in done:
-            for need in operation.needs:
-                self._add([-literal, before[need]])
+        for operation, literal in step_literals:
+            for precondition in operation.preconditions:
+                self._add([-literal, facts_before[precondition]])
             for conditions, variable, value in operation.effects:
-                maker = self._under(literal, [before[c] for c in conditions if c in before]) if conditions else literal
-                if all(condition in before for condition in conditions):
-                    self._add([-maker, after[variable, value]])
+                maker = (
+                    self._add_conjunction(literal, [facts_before[c] for c in conditions if c in facts_before]) if conditions else literal
+                )
+                if all(condition in facts_before for condition in conditions):
+                    self._add([-maker, facts_after[variable, value]])
                     makers.setdefault((variable, value), []).append(maker)
-        for fact, literal in after.items():
-            self._add([-literal, *([before[fact]] if fact in before else []), *makers.get(fact, [])])
-        self._in_order(done)
-        self._alone(done)
+        for fact, literal in facts_after.items():
+            self._add([-literal, *([facts_before[fact]] if fact in facts_before else []), *makers.get(fact, [])])
+        self._in_order(step_literals)
+        self._exclude_conditional(step_literals)
         if self.busy:
-            self._one_at_a_time(done)
+            self._serialize_devices(step_literals)
 
-    def reached(self, steps: int) -> list[int]:
+    def goal_assumptions(self, steps: int) -> list[int]:
         """What is to be assumed for the goal to hold after so many steps."""
         return [self._held[steps][part] for part in self.task.goal]
 
     def plan(self, true: Collection[int], steps: int) -> list[int]:
         """The moves of a solution, in order."""
-        return [operation.move for done in self._done[:steps] for operation, literal in done if literal in true]
+        return [
+            operation.move for step_literals in self._literals_by_step[:steps] for operation, literal in step_literals if literal in true
+        ]
 
     def _levels(self) -> dict[Assignment, int]:
         level = dict.fromkeys(enumerate(self.task.initial), 0)
-        waiting = every = _ordered(self.task)
+        waiting = operations = _ordered(self.task)
         first: dict[int, int] = {}
         step = 0
         while True:
-            ready = [operation for operation in waiting if all(need in level for need in operation.needs)]
+            ready = [operation for operation in waiting if all(precondition in level for precondition in operation.preconditions)]
             if not ready:
                 break
-            waiting = [operation for operation in waiting if not all(need in level for need in operation.needs)]
+            waiting = [operation for operation in waiting if not all(precondition in level for precondition in operation.preconditions)]
             for operation in ready:
                 first[operation.move] = step
                 for _, variable, value in operation.effects:
                     level.setdefault((variable, value), step + 1)
             step += 1
-        self._operations = [(first[operation.move], operation) for operation in every if operation.move in first]
+        self._operations = [(first[operation.move], operation) for operation in operations if operation.move in first]
         return level
 
     def _begin(self) -> None:
@@ -96,85 +100,85 @@ class Clauses:
             self._add([first[fact]])
 
     def _layer(self, step: int) -> dict[Assignment, int]:
-        held = {fact: self._new() for fact, level in self._level.items() if level <= step}
-        of: dict[int, list[int]] = {}
+        held = {fact: self._new_literal() for fact, level in self._level.items() if level <= step}
+        literals_by_variable: dict[int, list[int]] = {}
         for (variable, _), literal in held.items():
-            of.setdefault(variable, []).append(literal)
-        for literals in of.values():
+            literals_by_variable.setdefault(variable, []).append(literal)
+        for literals in literals_by_variable.values():
             self._add(literals)
-            self._at_most_one(literals)
-        for group in self.task.exclusive:
-            self._at_most_one([held[fact] for fact in group if fact in held])
+            self._add_at_most_one(literals)
+        for group in self.task.mutex_groups:
+            self._add_at_most_one([held[fact] for fact in group if fact in held])
         self._held.append(held)
         return held
 
-    def _in_order(self, done: list[tuple[Operation, int]]) -> None:
+    def _in_order(self, step_literals: list[tuple[Operation, int]]) -> None:
         """Of the operations of a step none takes away what a later one needs."""
         concerned: dict[Assignment, list[tuple[int, bool, bool]]] = {}
-        for operation, literal in done:
-            made = {variable: value for _, variable, value in operation.effects}
-            needs = dict(operation.needs)
-            for variable, value in needs.items():
-                concerned.setdefault((variable, value), []).append((literal, True, made.get(variable, value) != value))
-            for variable, value in made.items():
-                if variable not in needs:
-                    for other in range(len(self.task.names[variable])):
-                        if other != value:
-                            concerned.setdefault((variable, other), []).append((literal, False, True))
+        for operation, literal in step_literals:
+            new_values = {variable: value for _, variable, value in operation.effects}
+            preconditions = dict(operation.preconditions)
+            for variable, value in preconditions.items():
+                concerned.setdefault((variable, value), []).append((literal, True, new_values.get(variable, value) != value))
+            for variable, value in new_values.items():
+                if variable not in preconditions:
+                    for other_value in range(len(self.task.names[variable])):
+                        if other_value != value:
+                            concerned.setdefault((variable, other_value), []).append((literal, False, True))
         for literals in concerned.values():
-            gone: int | None = None
-            for literal, needs_it, takes_it in literals:
-                if gone is not None and needs_it:
-                    self._add([-gone, -literal])
-                if takes_it:
-                    before, gone = gone, self._new()
-                    self._add([-literal, gone])
-                    if before is not None:
-                        self._add([-before, gone])
+            deletion: int | None = None
+            for literal, requires_fact, deletes_fact in literals:
+                if deletion is not None and requires_fact:
+                    self._add([-deletion, -literal])
+                if deletes_fact:
+                    previous, deletion = deletion, self._new_literal()
+                    self._add([-literal, deletion])
+                    if previous is not None:
+                        self._add([-previous, deletion])
 
-    def _one_at_a_time(self, done: list[tuple[Operation, int]]) -> None:
-        of: dict[int, list[int]] = {}
-        for operation, literal in done:
+    def _serialize_devices(self, step_literals: list[tuple[Operation, int]]) -> None:
+        literals_by_device: dict[int, list[int]] = {}
+        for operation, literal in step_literals:
             if operation.device:
-                of.setdefault(operation.device, []).append(literal)
-        for literals in of.values():
-            self._at_most_one(literals)
+                literals_by_device.setdefault(operation.device, []).append(literal)
+        for literals in literals_by_device.values():
+            self._add_at_most_one(literals)
 
-    def _alone(self, done: list[tuple[Operation, int]]) -> None:
+    def _exclude_conditional(self, step_literals: list[tuple[Operation, int]]) -> None:
         """What an operation does under conditions depends on what others do; it is the only one of its step."""
-        lonely = [literal for operation, literal in done if any(conditions for conditions, *_ in operation.effects)]
-        if lonely:
-            one = self._new()
-            self._at_most_one(lonely)
-            for literal in lonely:
-                self._add([-literal, one])
-            for literal in {literal for _, literal in done} - {*lonely}:
-                self._add([-literal, -one])
+        conditional_literals = [literal for operation, literal in step_literals if any(conditions for conditions, *_ in operation.effects)]
+        if conditional_literals:
+            any_conditional = self._new_literal()
+            self._add_at_most_one(conditional_literals)
+            for literal in conditional_literals:
+                self._add([-literal, any_conditional])
+            for literal in {literal for _, literal in step_literals} - {*conditional_literals}:
+                self._add([-literal, -any_conditional])
 
-    def _under(self, literal: int, conditions: list[int]) -> int:
+    def _add_conjunction(self, literal: int, conditions: list[int]) -> int:
         """The literal for: this one, and the conditions."""
-        both = self._new()
+        conjunction = self._new_literal()
         for part in (literal, *conditions):
-            self._add([-both, part])
-        self._add([both, -literal, *(-condition for condition in conditions)])
-        return both
+            self._add([-conjunction, part])
+        self._add([conjunction, -literal, *(-condition for condition in conditions)])
+        return conjunction
 
-    def _at_most_one(self, literals: Iterable[int]) -> None:
+    def _add_at_most_one(self, literals: Iterable[int]) -> None:
         """By rows and columns, of each of which at most one holds (Chen 2010)."""
-        every = list(literals)
-        if len(every) <= FEW:
-            for one, other in combinations(every, 2):
-                self._add([-one, -other])
+        members = list(literals)
+        if len(members) <= PAIRWISE_LIMIT:
+            for first, second in combinations(members, 2):
+                self._add([-first, -second])
             return
-        width = ceil(sqrt(len(every)))
-        rows, columns = [self._new() for _ in range(ceil(len(every) / width))], [self._new() for _ in range(width)]
-        for place, literal in enumerate(every):
+        width = ceil(sqrt(len(members)))
+        rows, columns = [self._new_literal() for _ in range(ceil(len(members) / width))], [self._new_literal() for _ in range(width)]
+        for place, literal in enumerate(members):
             self._add([-literal, rows[place // width]])
             self._add([-literal, columns[place % width]])
-        self._at_most_one(rows)
-        self._at_most_one(columns)
+        self._add_at_most_one(rows)
+        self._add_at_most_one(columns)
 
-    def _new(self) -> int:
+    def _new_literal(self) -> int:
         self.literals += 1
         return self.literals
 
@@ -182,29 +186,29 @@ class Clauses:
 def _ordered(task: FiniteTask) -> list[Operation]:
     """The operations so that, as far as can be, what leaves a fact as it is comes before what takes it away: so most can be done
     in one step. (Depth first, from operations to those that take away what they need; the last one finished comes first.)"""
-    takers: dict[Assignment, list[int]] = {}
-    keeps: list[list[Assignment]] = []
+    deleters: dict[Assignment, list[int]] = {}
+    kept_facts: list[list[Assignment]] = []
     for number, operation in enumerate(task.operations):
-        made = {variable: value for _, variable, value in operation.effects}
-        taken = [(variable, value) for variable, value in operation.needs if made.get(variable, value) != value]
-        keeps.append([need for need in operation.needs if need not in taken])
-        for need in taken:
-            takers.setdefault(need, []).append(number)
+        new_values = {variable: value for _, variable, value in operation.effects}
+        deleted_facts = [(variable, value) for variable, value in operation.preconditions if new_values.get(variable, value) != value]
+        kept_facts.append([precondition for precondition in operation.preconditions if precondition not in deleted_facts])
+        for fact in deleted_facts:
+            deleters.setdefault(fact, []).append(number)
     finished: list[int] = []
     seen_operations, seen_facts = set[int](), set[Assignment]()
     for start in range(len(task.operations)):
         stack = [(start, False)]
         while stack:
-            number, over = stack.pop()
-            if over:
+            number, is_finished = stack.pop()
+            if is_finished:
                 finished.append(number)
                 continue
             if number in seen_operations:
                 continue
             seen_operations.add(number)
             stack.append((number, True))
-            for need in keeps[number]:
-                if need not in seen_facts:
-                    seen_facts.add(need)
-                    stack.extend((other, False) for other in takers.get(need, ()) if other not in seen_operations)
+            for fact in kept_facts[number]:
+                if fact not in seen_facts:
+                    seen_facts.add(fact)
+                    stack.extend((deleter, False) for deleter in deleters.get(fact, ()) if deleter not in seen_operations)
     return [task.operations[number] for number in reversed(finished)]

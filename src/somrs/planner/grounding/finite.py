@@ -19,7 +19,7 @@ class Operation:
 
     move: int
     cost: int
-    needs: tuple[Assignment, ...]
+    preconditions: tuple[Assignment, ...]
     effects: tuple[Effect, ...]
     device: int = 0
 
@@ -32,40 +32,40 @@ class FiniteTask:
     initial: State
     goal: tuple[Assignment, ...]
     operations: tuple[Operation, ...]
-    exclusive: tuple[tuple[Assignment, ...], ...]
+    mutex_groups: tuple[tuple[Assignment, ...], ...]
 
 
-def relevant(task: FiniteTask) -> FiniteTask:
+def prune_irrelevant(task: FiniteTask) -> FiniteTask:
     """The task without variables that the goal does not depend on, and what only changes those."""
-    wanted = {variable for variable, _ in task.goal}
+    relevant_variables = {variable for variable, _ in task.goal}
     changing: dict[int, list[Operation]] = {}
     for operation in task.operations:
         for _, variable, _ in operation.effects:
             changing.setdefault(variable, []).append(operation)
-    waiting = list(wanted)
+    waiting = list(relevant_variables)
     while waiting:
         for operation in changing.get(waiting.pop(), ()):
-            for variable, _ in (*operation.needs, *(condition for conditions, *_ in operation.effects for condition in conditions)):
-                if variable not in wanted:
-                    wanted.add(variable)
+            for variable, _ in (*operation.preconditions, *(condition for conditions, *_ in operation.effects for condition in conditions)):
+                if variable not in relevant_variables:
+                    relevant_variables.add(variable)
                     waiting.append(variable)
-    number = {old: new for new, old in enumerate(sorted(wanted))}
+    number = {old: new for new, old in enumerate(sorted(relevant_variables))}
 
-    def renamed(assignments: Iterable[Assignment]) -> tuple[Assignment, ...]:
+    def renumber(assignments: Iterable[Assignment]) -> tuple[Assignment, ...]:
         return tuple((number[variable], value) for variable, value in assignments if variable in number)
 
     operations = (
         replace(
             operation,
-            needs=renamed(operation.needs),
-            effects=tuple((renamed(c), number[variable], value) for c, variable, value in operation.effects if variable in number),
+            needs=renumber(operation.preconditions),
+            effects=tuple((renumber(c), number[variable], value) for c, variable, value in operation.effects if variable in number),
         )
         for operation in task.operations
     )
     return FiniteTask(
-        names=tuple(task.names[old] for old in sorted(wanted)),
-        initial=tuple(task.initial[old] for old in sorted(wanted)),
-        goal=renamed(task.goal),
+        names=tuple(task.names[old] for old in sorted(relevant_variables)),
+        initial=tuple(task.initial[old] for old in sorted(relevant_variables)),
+        goal=renumber(task.goal),
         operations=tuple(operation for operation in operations if operation.effects),
-        exclusive=tuple(group for old in task.exclusive if len(group := renamed(old)) > 1),
+        mutex_groups=tuple(group for old in task.mutex_groups if len(group := renumber(old)) > 1),
     )

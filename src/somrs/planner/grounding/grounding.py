@@ -17,8 +17,8 @@ from somrs.ontology.units import convert_unit
 from somrs.ontology.values import attribute_at, constant, measure
 from somrs.planner.grounding.relevance import Demand
 from somrs.planner.model.facts import Facts
-from somrs.planner.model.operators import GOAL, SOME, Argument, Fact, Forbidden, Operator, Pattern, Test
-from somrs.planner.model.world import Bound, World, as_term
+from somrs.planner.model.operators import EXISTS_SUFFIX, GOAL, Argument, Fact, NegativePrecondition, Operator, Pattern, Test
+from somrs.planner.model.world import Binding, World, as_term
 
 ACTIONS = 100_000
 """More actions than this are not searched through."""
@@ -27,7 +27,7 @@ EFFORT = 10_000_000
 PLACES = 16
 """So many objects are tried where any of a type will do, when planning narrowly: those where such things stand now, and
 others of their types."""
-MOST_LOOKED_AT = 500
+STANDING_LIMIT = 500
 """So many objects that stand in a place are looked at, to find those."""
 
 
@@ -36,17 +36,17 @@ class Action:
     """An operator with all its variables bound."""
 
     operator: Operator
-    bound: Bound
-    needs: tuple[Fact, ...]
-    adds: tuple[Fact, ...]
-    removes: tuple[Fact, ...]
-    counts: tuple[Literal, ...] = ()
-    sets: tuple[tuple[Attribute, Term], ...] = ()
+    binding: Binding
+    preconditions: tuple[Fact, ...]
+    add_effects: tuple[Fact, ...]
+    delete_effects: tuple[Fact, ...]
+    numeric_conditions: tuple[Literal, ...] = ()
+    numeric_effects: tuple[tuple[Attribute, Term], ...] = ()
 
     @property
     def provider(self) -> str | None:
         """The device that has to do it, if the service type's formulas speak of one."""
-        provider = self.bound.get(PROVIDER)
+        provider = self.binding.get(PROVIDER)
         return provider if isinstance(provider, str) else None
 
 
@@ -58,152 +58,160 @@ class Grounding:
     """The actions that are demanded and reachable, and the facts they lead to. Making it raises TooLarge."""
 
     def __init__(
-        self, world: World, demanded: list[Demand], *, narrow: bool = False, effort: int = EFFORT, most: int | None = None
+        self, world: World, demanded: list[Demand], *, narrow: bool = False, effort: int = EFFORT, max_actions: int | None = None
     ) -> None:
         self.world = world
         self.narrow = narrow
         self.guessed = False
         """Whether a service could be given values that nobody named, and was not."""
         self._effort = effort
-        self._most = ACTIONS if most is None else most
+        self._max_actions = ACTIONS if max_actions is None else max_actions
         self.facts = Facts(world)
         self.actions: list[Action] = []
-        self._seen: set[tuple[Operator, tuple[Argument, ...]]] = set()
+        self._action_keys: set[tuple[Operator, tuple[Argument, ...]]] = set()
         self._waiting: list[Fact] = []
         self._run(demanded)
 
     @property
-    def reached(self) -> bool:
+    def is_goal_reachable(self) -> bool:
         return GOAL in self.facts.new
 
     def _run(self, demanded: list[Demand]) -> None:
         # The needs that a fact may meet, by its predicate and one argument, if one is known (its place, and what it is).
-        by_need: dict[tuple[str, int, Argument], list[tuple[Demand, Bound, Pattern]]] = {}
+        demands_by_precondition: dict[tuple[str, int, Argument], list[tuple[Demand, Binding, Pattern]]] = {}
         for demand in demanded:
-            bound = dict(demand.values)
-            for need in dict.fromkeys(demand.operator.needs):
-                known = [self._argument(term, bound) for term in need[1]]
-                place = next((place for place, argument in enumerate(known) if argument is not None), -1)
-                by_need.setdefault((need[0], place, known[place] or "" if place >= 0 else ""), []).append((demand, bound, need))
-            self._extend(demand, bound, None)
+            binding = dict(demand.values)
+            for precondition in dict.fromkeys(demand.operator.preconditions):
+                known_arguments = [self._argument(term, binding) for term in precondition[1]]
+                place = next((place for place, argument in enumerate(known_arguments) if argument is not None), -1)
+                demands_by_precondition.setdefault((precondition[0], place, known_arguments[place] or "" if place >= 0 else ""), []).append(
+                    (demand, binding, precondition)
+                )
+            self._extend(demand, binding, None)
         while self._waiting:
             fact = self._waiting.pop()
             if not self.facts.add(fact):
                 continue
             for arguments in self._orders(*fact):
                 for place, argument in ((-1, ""), *enumerate(arguments)):
-                    for demand, bound, need in by_need.get((fact[0], place, argument), ()):
-                        matched = self._match(demand, need, arguments, bound)
+                    for demand, binding, precondition in demands_by_precondition.get((fact[0], place, argument), ()):
+                        matched = self._match(demand, precondition, arguments, binding)
                         if matched is not None:
-                            self._extend(demand, matched, need)
+                            self._extend(demand, matched, precondition)
 
     def _orders(self, predicate: str, arguments: tuple[Argument, ...]) -> tuple[tuple[Argument, ...], ...]:
-        return (arguments, arguments[::-1]) if self.world.known.symmetric(predicate) else (arguments,)
+        return (arguments, arguments[::-1]) if self.world.vocabulary.is_symmetric(predicate) else (arguments,)
 
-    def _extend(self, demand: Demand, bound: Bound, met: Pattern | None) -> None:
+    def _extend(self, demand: Demand, binding: Binding, met_precondition: Pattern | None) -> None:
         operator = demand.operator
-        conditions: list[Pattern | Literal | Test] = [need for need in operator.needs if need != met]
-        conditions += [*operator.static, *operator.tests]
-        for complete in self._complete(demand, conditions, bound):
+        conditions: list[Pattern | Literal | Test] = [
+            precondition for precondition in operator.preconditions if precondition != met_precondition
+        ]
+        conditions += [*operator.static_conditions, *operator.tests]
+        for complete in self._complete(demand, conditions, binding):
             self._add(operator, complete)
 
-    def _complete(self, demand: Demand, conditions: list[Pattern | Literal | Test], bound: Bound) -> Iterator[Bound]:
+    def _complete(self, demand: Demand, conditions: list[Pattern | Literal | Test], binding: Binding) -> Iterator[Binding]:
         """The bindings that meet the conditions, taking next the condition that leaves the fewest possibilities."""
-        left: list[Pattern | Literal | Test] = []
+        open_conditions: list[Pattern | Literal | Test] = []
         for condition in conditions:
-            ready = self._ready(demand.operator, condition, bound)
+            ready = self._ready(demand.operator, condition, binding)
             if ready is None:
-                left.append(condition)
+                open_conditions.append(condition)
             elif not ready:
                 return
         best: tuple[int, Pattern | Literal] | None = None
-        for condition in left:
+        for condition in open_conditions:
             if not isinstance(condition, Test):
-                count = self._count(condition, bound)
+                count = self._count(condition, binding)
                 if count is not None and (best is None or count < best[0]):
                     best = count, condition
         if best is not None:
-            rest = [condition for condition in left if condition is not best[1]]
-            for arguments in self._possibilities(best[1], bound):
-                matched = self._match(demand, best[1], arguments, bound)
+            rest = [condition for condition in open_conditions if condition is not best[1]]
+            for arguments in self._possibilities(best[1], binding):
+                matched = self._match(demand, best[1], arguments, binding)
                 if matched is not None:
                     yield from self._complete(demand, rest, matched)
             return
-        for condition in left:
-            if isinstance(condition, Comparison) and self._defines(condition, bound):
-                for more in self.world.answers(condition, bound):
-                    yield from self._complete(demand, [c for c in left if c is not condition], more)
+        for condition in open_conditions:
+            if isinstance(condition, Comparison) and self._defines(condition, binding):
+                for extended in self.world.find_bindings(condition, binding):
+                    yield from self._complete(demand, [c for c in open_conditions if c is not condition], extended)
                 return
-        name = next((name for name in demand.operator.variables if name not in bound), None)
+        name = next((name for name in demand.operator.variables if name not in binding), None)
         if name is None:
-            if not left:
-                yield bound
+            if not open_conditions:
+                yield binding
             return
         for value in self._domain(demand, name):
-            yield from self._complete(demand, left, {**bound, name: value})
+            yield from self._complete(demand, open_conditions, {**binding, name: value})
 
-    def _ready(self, operator: Operator, condition: Pattern | Literal | Test, bound: Bound) -> bool | None:
+    def _ready(self, operator: Operator, condition: Pattern | Literal | Test, binding: Binding) -> bool | None:
         """Whether the condition is met; None while its variables are not all bound."""
         match condition:
             case Test(comparison):
-                return self.world.passes(condition, bound) if all(name in bound for name in variables(comparison)) else None
+                return self.world.passes(condition, binding) if all(name in binding for name in variables(comparison)) else None
             case Not():
                 # a variable behind NOT that nothing else binds stands for any object
-                more = any(name in operator.variables and name not in bound for name in variables(condition))
-                return None if more else self.world.settles(condition, bound)
+                has_unbound = any(name in operator.variables and name not in binding for name in variables(condition))
+                return None if has_unbound else self.world.holds_statically(condition, binding)
             case Relation() | Comparison():
-                return self.world.settles(condition, bound) if all(name in bound for name in variables(condition)) else None
+                return self.world.holds_statically(condition, binding) if all(name in binding for name in variables(condition)) else None
             case (predicate, arguments):
-                known = [self._argument(argument, bound) for argument in arguments]
-                if any(argument is None for argument in known):
+                known_arguments = [self._argument(argument, binding) for argument in arguments]
+                if any(argument is None for argument in known_arguments):
                     return None
-                return self.world.canonical((predicate, tuple(a for a in known if a is not None))) in self.facts
+                return self.world.canonical((predicate, tuple(value for value in known_arguments if value is not None))) in self.facts
 
-    def _argument(self, term: Argument | Term, bound: Bound) -> Argument | None:
+    def _argument(self, term: Argument | Term, binding: Binding) -> Argument | None:
         if isinstance(term, Variable):
-            return bound.get(term.name)
+            return binding.get(term.name)
         assert isinstance(term, str | Name | Number | Text | Truth)
         return term
 
-    def _known(self, condition: Pattern | Literal, bound: Bound) -> tuple[str, list[Argument | None]] | None:
+    def _partial_fact(self, condition: Pattern | Literal, binding: Binding) -> tuple[str, list[Argument | None]] | None:
         """The predicate or relation, and its arguments as far as they are known; None of a comparison."""
         match condition:
             case Relation(relation, arguments):
-                return relation, [argument.name if isinstance(argument, Name) else bound.get(argument.name) for argument in arguments]
+                return relation, [argument.name if isinstance(argument, Name) else binding.get(argument.name) for argument in arguments]
             case (str(predicate), arguments):
-                return predicate, [self._argument(argument, bound) for argument in arguments]
+                return predicate, [self._argument(argument, binding) for argument in arguments]
         return None
 
-    def _count(self, condition: Pattern | Literal, bound: Bound) -> int | None:
+    def _count(self, condition: Pattern | Literal, binding: Binding) -> int | None:
         """About how many possibilities there are; None of a comparison."""
-        about = self._known(condition, bound)
-        if about is None:
+        partial_fact = self._partial_fact(condition, binding)
+        if partial_fact is None:
             return None
-        predicate, known = about
+        predicate, known_arguments = partial_fact
         count = self.world.count if isinstance(condition, Relation) else self.facts.count
-        backwards = count(predicate, known[::-1]) if self.world.known.symmetric(predicate) else 0
-        return count(predicate, known) + backwards
+        backwards = count(predicate, known_arguments[::-1]) if self.world.vocabulary.is_symmetric(predicate) else 0
+        return count(predicate, known_arguments) + backwards
 
-    def _possibilities(self, condition: Pattern | Literal, bound: Bound) -> list[tuple[Argument, ...]]:
-        about = self._known(condition, bound)
-        if about is None:
+    def _possibilities(self, condition: Pattern | Literal, binding: Binding) -> list[tuple[Argument, ...]]:
+        partial_fact = self._partial_fact(condition, binding)
+        if partial_fact is None:
             return []
-        predicate, known = about
-        like = self.world.like if isinstance(condition, Relation) else self.facts.like
-        if self.world.known.symmetric(predicate):
-            return list(dict.fromkeys([*like(predicate, known), *(arguments[::-1] for arguments in like(predicate, known[::-1]))]))
-        return like(predicate, known)
+        predicate, known_arguments = partial_fact
+        lookup = self.world.find_facts if isinstance(condition, Relation) else self.facts.find_facts
+        if self.world.vocabulary.is_symmetric(predicate):
+            return list(
+                dict.fromkeys(
+                    [*lookup(predicate, known_arguments), *(arguments[::-1] for arguments in lookup(predicate, known_arguments[::-1]))]
+                )
+            )
+        return lookup(predicate, known_arguments)
 
-    def _match(self, demand: Demand, condition: Pattern | Literal, arguments: tuple[Argument, ...], bound: Bound) -> Bound | None:
+    def _match(self, demand: Demand, condition: Pattern | Literal, arguments: tuple[Argument, ...], binding: Binding) -> Binding | None:
         """What a fact binds of a condition, or None when it does not fit."""
         self._effort -= 1
         if self._effort < 0:
-            raise TooLarge(f"there are too many ways to use services, {_named(demand.operator)} among them")
-        wanted = condition.arguments if isinstance(condition, Relation) else condition[1]  # type: ignore[index]
-        if len(wanted) != len(arguments):
+            raise TooLarge(f"there are too many ways to use services, {_operator_name(demand.operator)} among them")
+        pattern_terms = condition.arguments if isinstance(condition, Relation) else condition[1]  # type: ignore[index]
+        if len(pattern_terms) != len(arguments):
             return None
-        matched = dict(bound)
-        for term, argument in zip(wanted, arguments, strict=True):
+        matched = dict(binding)
+        for term, argument in zip(pattern_terms, arguments, strict=True):
             if isinstance(term, Variable):
                 if term.name in matched:
                     if matched[term.name] != argument:
@@ -218,18 +226,18 @@ class Grounding:
 
     def _admits(self, demand: Demand, name: str, value: Argument) -> bool:
         types = self._types(demand, name)
-        return self.world.is_a(value, types)
+        return self.world.is_eligible(value, types)
 
     def _types(self, demand: Demand, name: str) -> frozenset[str]:
         types = demand.operator.types.get(name, frozenset())
-        for other, kinds in demand.kinds:
-            if other == name:
+        for variable, kinds in demand.kinds:
+            if variable == name:
                 return types | kinds
         return types
 
-    def _defines(self, comparison: Comparison, bound: Bound) -> bool:
+    def _defines(self, comparison: Comparison, binding: Binding) -> bool:
         """Whether `?w = term` gives ?w its value."""
-        unbound = [name for name in variables(comparison) if name not in bound]
+        unbound = [name for name in variables(comparison) if name not in binding]
         sides = (comparison.left, comparison.right)
         return comparison.operator == "=" and len(unbound) == 1 and any(isinstance(s, Variable) and s.name == unbound[0] for s in sides)
 
@@ -246,57 +254,73 @@ class Grounding:
         usual = list(islice(self._usual(demand.operator, name, types), PLACES))
         kinds = {objects[place].type for place in usual}
         likely: dict[Argument, None] = dict.fromkeys(usual)
-        alike = (place for kind in kinds for place in self.world.map.of_type(kind) if self.world.is_a(place, types))
+        alike = (place for kind in kinds for place in self.world.map.of_type(kind) if self.world.is_eligible(place, types))
         likely.update(dict.fromkeys(islice(alike if kinds else self.world.domain(types), PLACES)))
         return list(likely)[:PLACES]
 
     def _usual(self, operator: Operator, name: str, types: frozenset[str]) -> Iterator[str]:
         """The objects that stand in that place now, in the facts that the operator adds: where things are put as a rule."""
-        for predicate, terms in operator.adds:
+        for predicate, terms in operator.add_effects:
             for place, term in enumerate(terms):
                 if isinstance(term, Variable) and term.name == name and not predicate.startswith("."):
-                    standing = islice(self.world.map.objects_at(predicate, place), MOST_LOOKED_AT)
-                    yield from (other for other in standing if other in self.world.map.objects and self.world.is_a(other, types))
+                    standing = islice(self.world.map.objects_at(predicate, place), STANDING_LIMIT)
+                    yield from (
+                        object_name
+                        for object_name in standing
+                        if object_name in self.world.map.objects and self.world.is_eligible(object_name, types)
+                    )
 
     # Actions
 
-    def _add(self, operator: Operator, bound: Bound) -> None:
-        key = operator, tuple(bound[name] for name in operator.variables)
-        if key in self._seen:
+    def _add(self, operator: Operator, binding: Binding) -> None:
+        key = operator, tuple(binding[name] for name in operator.variables)
+        if key in self._action_keys:
             return
-        self._seen.add(key)
-        adds = [self._effect(pattern, bound) for pattern in operator.adds]
-        if any(fact is None for fact in adds):
+        self._action_keys.add(key)
+        add_effects = [self._effect(pattern, binding) for pattern in operator.add_effects]
+        if any(fact is None for fact in add_effects):
             return
-        self.actions.append(action := self._action(operator, bound, [fact for fact in adds if fact is not None]))
-        if len(self.actions) > self._most:
-            raise TooLarge(f"there are more than {self._most} ways to use services, the last one of them {_named(operator)}")
-        for predicate, arguments in action.adds:
+        self.actions.append(action := self._action(operator, binding, [fact for fact in add_effects if fact is not None]))
+        if len(self.actions) > self._max_actions:
+            raise TooLarge(f"there are more than {self._max_actions} ways to use services, the last one of them {_operator_name(operator)}")
+        for predicate, arguments in action.add_effects:
             self._waiting.append((predicate, arguments))
             if predicate in self.world.ontology.relations:
-                self._waiting.append((predicate + SOME, arguments[:1]))
+                self._waiting.append((predicate + EXISTS_SUFFIX, arguments[:1]))
 
-    def _action(self, operator: Operator, bound: Bound, adds: list[Fact]) -> Action:
+    def _action(self, operator: Operator, binding: Binding, add_effects: list[Fact]) -> Action:
         def ground(pattern: Pattern) -> Fact:
-            arguments = tuple(argument for term in pattern[1] if (argument := self._argument(term, bound)) is not None)
+            arguments = tuple(argument for term in pattern[1] if (argument := self._argument(term, binding)) is not None)
             return self.world.canonical((pattern[0], arguments))
 
-        needs = tuple(dict.fromkeys(map(ground, operator.needs)))
-        given = {name: as_term(value) for name, value in bound.items()} if operator.counts or operator.sets else {}
-        counts = tuple(substitute(literal, given) for literal in operator.counts)
-        sets = tuple((substitute_term(target, given), substitute_term(source, given)) for target, source in operator.sets)
-        return Action(operator, bound, needs, tuple(dict.fromkeys(adds)), tuple(map(ground, operator.removes)), counts, sets)  # type: ignore[arg-type]
+        preconditions = tuple(dict.fromkeys(map(ground, operator.preconditions)))
+        substitution = (
+            {name: as_term(value) for name, value in binding.items()} if operator.numeric_conditions or operator.numeric_effects else {}
+        )
+        numeric_conditions = tuple(substitute(literal, substitution) for literal in operator.numeric_conditions)
+        numeric_effects = tuple(
+            (substitute_term(target, substitution), substitute_term(source, substitution)) for target, source in operator.numeric_effects
+        )
+        return Action(
+            operator,
+            binding,
+            preconditions,
+            tuple(dict.fromkeys(add_effects)),
+            tuple(map(ground, operator.delete_effects)),
+            numeric_conditions,
+            numeric_effects,
+        )  # type: ignore[arg-type]
 
-    def _effect(self, pattern: Pattern, bound: Bound) -> Fact | None:
+    def _effect(self, pattern: Pattern, binding: Binding) -> Fact | None:
         """The fact that the effect makes; None for one that makes no sense (a thing in its own place, a value that is none)."""
         predicate, terms = pattern
         if predicate.startswith("."):
-            owner = self._argument(terms[0], bound)
+            owner = self._argument(terms[0], binding)
             attribute = attribute_at(predicate[1:], self.world.ontology)
-            value = self._value(terms[1], attribute, bound)
-            fits = isinstance(owner, str) and value is not None and self.world.has(owner, predicate[1:])
+            value = self._value(terms[1], attribute, binding)
+            fits = isinstance(owner, str) and value is not None and self.world.has_attribute(owner, predicate[1:])
             return (predicate, (owner, value)) if fits and owner is not None and value is not None else None
-        arguments = tuple(argument for term in terms if (argument := self._argument(term, bound)) is not None)
+        arguments = tuple(argument for term in terms if (argument := self._argument(term, binding)) is not None)
         if any(argument not in self.world.map.objects for argument in arguments):
             return None
         if len(set(arguments)) < len(arguments) and not self._with_itself(predicate):
@@ -308,17 +332,17 @@ class Grounding:
         relation = self.world.ontology.relations.get(predicate)
         return relation is not None and not (relation.functional or relation.symmetric or relation.excludes)
 
-    def _value(self, term: Argument | Term, attribute: AttributeType | None, bound: Bound) -> Constant | None:
+    def _value(self, term: Argument | Term, attribute: AttributeType | None, binding: Binding) -> Constant | None:
         """What the attribute will be, as the map will have it."""
-        terms: Mapping[str, Term] = {name: as_term(value) for name, value in bound.items()}
+        terms: Mapping[str, Term] = {name: as_term(value) for name, value in binding.items()}
         measured = measure(term, self.world.map, self.world.ontology, terms) if not isinstance(term, str) else None
         if measured is None or attribute is None:
             return None
         match attribute.kind, measured.constant:
             case Kind.NUMBER, Number(value, unit):
                 number = value if unit is None or attribute.unit is None else convert_unit(value, unit, attribute.unit)
-                within = number is not None and _at_least(number, attribute.minimum) and _at_least(attribute.maximum, number)
-                return constant(number, attribute) if number is not None and within else None
+                is_in_range = number is not None and _at_least(number, attribute.minimum) and _at_least(attribute.maximum, number)
+                return constant(number, attribute) if number is not None and is_in_range else None
             case Kind.TRUTH, Truth() as truth:
                 return truth
             case Kind.TEXT, Text() as text:
@@ -327,21 +351,21 @@ class Grounding:
                 return Name(word) if not attribute.values or word in attribute.values else None
         return None
 
-    def forbidden(self, action: Action) -> list[Fact]:
+    def forbidden_facts(self, action: Action) -> list[Fact]:
         """The facts, of all that can come about, that must not hold when the action starts."""
-        return [fact for forbidden in action.operator.forbids for fact in self._forbidden_by(forbidden, action)]
+        return [fact for forbidden in action.operator.negative_preconditions for fact in self._forbidden_by(forbidden, action)]
 
-    def _forbidden_by(self, forbidden: Forbidden, action: Action) -> Iterator[Fact]:
+    def _forbidden_by(self, forbidden: NegativePrecondition, action: Action) -> Iterator[Fact]:
         predicate, terms = forbidden.pattern
         hidden = forbidden.test.hidden if forbidden.test is not None else {}
-        for arguments in self._possibilities(forbidden.pattern, action.bound):
-            matched: Bound = dict(action.bound)
+        for arguments in self._possibilities(forbidden.pattern, action.binding):
+            matched: Binding = dict(action.binding)
             for term, argument in zip(terms, arguments, strict=True):
                 if isinstance(term, Variable):
                     if matched.setdefault(term.name, argument) != argument:
                         break
                     types = action.operator.types.get(term.name, frozenset())
-                    if term.name not in hidden and not self.world.is_of(argument, types):
+                    if term.name not in hidden and not self.world.has_types(argument, types):
                         break
                 elif term != argument:
                     break
@@ -350,7 +374,7 @@ class Grounding:
                     yield self.world.canonical((predicate, arguments))
 
 
-def _named(operator: Operator) -> str:
+def _operator_name(operator: Operator) -> str:
     return operator.service.name if operator.service is not None else "the task's own wish"
 
 

@@ -15,7 +15,7 @@ from itertools import combinations, permutations
 
 from somrs.planner.grounding.grounding import Action
 from somrs.planner.grounding.task import Task
-from somrs.planner.model.operators import SOME, Argument, Fact, Operator
+from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Fact, Operator
 
 CANDIDATES = 500
 """So many are looked at."""
@@ -33,34 +33,38 @@ Candidate = frozenset[Part]
 class _Change:
     """What of an action's effects matters: the facts added that it did not need, and those needed that it takes away."""
 
-    added: tuple[Fact, ...]
-    taken: tuple[Fact, ...]
+    add_effects: tuple[Fact, ...]
+    delete_effects: tuple[Fact, ...]
 
 
-def groups(task: Task) -> list[tuple[Fact, ...]]:
+def find_mutex_groups(task: Task) -> list[tuple[Fact, ...]]:
     """Sets of facts of the task, of each of which one holds at most, at any time."""
     facts: dict[str, list[Fact]] = {}
     for fact in task.place:
         if _counted(fact[0], task):
             facts.setdefault(fact[0], []).append(fact)
-    found: dict[tuple[Fact, ...], None] = {}
+    mutex_groups: dict[tuple[Fact, ...], None] = {}
     for candidate in _balanced(list(_changes(task)), facts):
         instances: dict[tuple[Argument, ...], list[Fact]] = {}
         for predicate, places in sorted(candidate):
             for fact in facts.get(predicate, ()):
                 instances.setdefault(_shared(fact, places), []).append(fact)
         for group in instances.values():
-            if len(group) > 1 and sum(_holds(fact, task) for fact in group) <= 1:
-                found[tuple(group)] = None
-    return list(found)
+            if len(group) > 1 and sum(_holds_initially(fact, task) for fact in group) <= 1:
+                mutex_groups[tuple(group)] = None
+    return list(mutex_groups)
 
 
 def _counted(predicate: str, task: Task) -> bool:
     """Not attributes, which have one value anyway; nor facts that come about with others, or that have two ways of writing."""
-    return predicate in task.known.ontology.relations and not predicate.endswith(SOME) and not task.known.symmetric(predicate)
+    return (
+        predicate in task.vocabulary.ontology.relations
+        and not predicate.endswith(EXISTS_SUFFIX)
+        and not task.vocabulary.is_symmetric(predicate)
+    )
 
 
-def _holds(fact: Fact, task: Task) -> bool:
+def _holds_initially(fact: Fact, task: Task) -> bool:
     variable, value = task.place[fact]
     return task.initial[variable] == value
 
@@ -68,30 +72,34 @@ def _holds(fact: Fact, task: Task) -> bool:
 def _changes(task: Task) -> Iterator[_Change]:
     """What actions do, of all that do the same to other objects only one: those of an operator whose variables stand for the
     same object where theirs do."""
-    seen: set[tuple[Operator, tuple[int, ...]]] = set()
+    seen_signatures: set[tuple[Operator, tuple[int, ...]]] = set()
     constants: dict[Operator, list[Argument]] = {}
     for move in task.moves:
         action = move.action
         operator = action.operator
         if operator not in constants:
-            patterns = (*operator.needs, *operator.adds, *operator.removes)
+            patterns = (*operator.preconditions, *operator.add_effects, *operator.delete_effects)
             constants[operator] = [term for _, terms in patterns for term in terms if isinstance(term, str)]
-        arguments = [*(action.bound[name] for name in operator.variables), *constants[operator]]
+        arguments = [*(action.binding[name] for name in operator.variables), *constants[operator]]
         first: dict[Argument, int] = {}
         alike = tuple(first.setdefault(argument, place) for place, argument in enumerate(arguments))
-        if (operator, alike) not in seen:
-            seen.add((operator, alike))
+        if (operator, alike) not in seen_signatures:
+            seen_signatures.add((operator, alike))
             yield _change(action, task)
 
 
 def _change(action: Action, task: Task) -> _Change:
-    replaced = {task.known.variable_of(fact): fact for fact in action.adds if task.known.variable_of(fact) is not None}
-    gone = [fact for fact in action.needs if replaced.get(task.known.variable_of(fact), fact) != fact]
-    taken = [fact for fact in dict.fromkeys((*action.removes, *gone)) if fact in action.needs and fact not in action.adds]
-    added = [fact for fact in action.adds if fact not in action.needs]
+    replaced = {task.vocabulary.variable_of(fact): fact for fact in action.add_effects if task.vocabulary.variable_of(fact) is not None}
+    displaced_facts = [fact for fact in action.preconditions if replaced.get(task.vocabulary.variable_of(fact), fact) != fact]
+    deleted_facts = [
+        fact
+        for fact in dict.fromkeys((*action.delete_effects, *displaced_facts))
+        if fact in action.preconditions and fact not in action.add_effects
+    ]
+    added_facts = [fact for fact in action.add_effects if fact not in action.preconditions]
     return _Change(
-        tuple(fact for fact in added if _counted(fact[0], task)),
-        tuple(fact for fact in taken if _counted(fact[0], task)),
+        tuple(fact for fact in added_facts if _counted(fact[0], task)),
+        tuple(fact for fact in deleted_facts if _counted(fact[0], task)),
     )
 
 
@@ -101,30 +109,35 @@ def _balanced(changes: list[_Change], facts: dict[str, list[Fact]]) -> Iterator[
     for predicate in sorted(facts):
         for count in range(min(SHARED, len(facts[predicate][0][1])) + 1):
             waiting.extend(frozenset({(predicate, places)}) for places in combinations(range(len(facts[predicate][0][1])), count))
-    seen = set(waiting)
+    seen_candidates = set(waiting)
     while waiting:
         candidate = waiting.popleft()
-        unbalanced = next((found for change in changes if (found := _unbalanced(candidate, change)) is not None), None)
+        unbalanced = next((refinements for change in changes if (refinements := _unbalanced(candidate, change)) is not None), None)
         if unbalanced is None:
             yield candidate
             continue
         for part in unbalanced if len(candidate) < RELATIONS else ():
             larger = candidate | {part}
-            if larger not in seen and len(seen) < CANDIDATES:
-                seen.add(larger)
+            if larger not in seen_candidates and len(seen_candidates) < CANDIDATES:
+                seen_candidates.add(larger)
                 waiting.append(larger)
 
 
 def _unbalanced(candidate: Candidate, change: _Change) -> list[Part] | None:
     """None if the action leaves as many of the facts as there were, or fewer; else what the candidate may lack."""
-    added: dict[tuple[Argument, ...], int] = {}
-    for shared in _members(candidate, change.added):
-        added[shared] = added.get(shared, 0) + 1
-    for shared, count in added.items():
+    added_counts: dict[tuple[Argument, ...], int] = {}
+    for shared in _members(candidate, change.add_effects):
+        added_counts[shared] = added_counts.get(shared, 0) + 1
+    for shared, count in added_counts.items():
         if count > 1:
             return []  # no further relation makes up for two facts at once
-        if shared not in _members(candidate, change.taken):
-            return [part for fact in change.taken for part in _parts(fact, shared) if all(part[0] != known for known, _ in candidate)]
+        if shared not in _members(candidate, change.delete_effects):
+            return [
+                part
+                for fact in change.delete_effects
+                for part in _parts(fact, shared)
+                if all(part[0] != relation for relation, _ in candidate)
+            ]
     return None
 
 

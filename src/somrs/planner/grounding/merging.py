@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from heapq import heapify, heappop, heappush
 
-from somrs.planner.grounding.finite import Assignment, FiniteTask, Operation, relevant
-from somrs.planner.grounding.invariants import groups
+from somrs.planner.grounding.finite import Assignment, FiniteTask, Operation, prune_irrelevant
+from somrs.planner.grounding.invariants import find_mutex_groups
 from somrs.planner.grounding.task import Task
 from somrs.planner.model.operators import Fact
 
@@ -19,89 +19,94 @@ DEAREST = 10_000
 """What the dearest move costs, as engines are told."""
 
 
-def merged(task: Task) -> FiniteTask:
+def merge_task(task: Task) -> FiniteTask:
     """The task with facts that exclude each other in one variable."""
-    found = groups(task)
-    costs = _whole([move.cost for move in task.moves])
+    mutex_groups = find_mutex_groups(task)
+    costs = _integer_costs([move.cost for move in task.moves])
     devices: dict[str | None, int] = {None: 0}
     operations = [
         Operation(
             move=number,
             cost=costs[number],
-            needs=move.needs,
+            preconditions=move.preconditions,
             effects=move.effects,
             device=devices.setdefault(move.action.provider, len(devices)),
         )
         for number, move in enumerate(task.moves)
     ]
-    excludes = _excludes(task, found)
-    operations = _settled(task, _possible(task, operations, excludes))
-    operations = _without_implied(task, operations, found, excludes)
-    return relevant(_Merging(task, found, operations).task())
+    excludes = _excludes(task, mutex_groups)
+    operations = _drop_static_preconditions(task, _reachable_operations(task, operations, excludes))
+    operations = _drop_implied_preconditions(task, operations, mutex_groups, excludes)
+    return prune_irrelevant(_Merging(task, mutex_groups, operations).task())
 
 
-def _whole(costs: list[float]) -> list[int]:
+def _integer_costs(costs: list[float]) -> list[int]:
     """What moves cost, in whole numbers: engines have no others, and none that are very large."""
     if all(cost == int(cost) and cost <= DEAREST for cost in costs):
         return list(map(int, costs))
     return [round(cost * DEAREST / max(costs)) for cost in costs]
 
 
-def _excludes(task: Task, found: list[tuple[Fact, ...]]) -> dict[Assignment, set[Assignment]]:
+def _excludes(task: Task, mutex_groups: list[tuple[Fact, ...]]) -> dict[Assignment, set[Assignment]]:
     """What cannot hold together, other than as values of the same variable."""
     excludes: dict[Assignment, set[Assignment]] = {}
-    for group in found:
+    for group in mutex_groups:
         places = [task.place[fact] for fact in group]
         for place in places:
             excludes.setdefault(place, set()).update(places)
-    for place, others in excludes.items():
-        others.discard(place)
+    for place, rivals in excludes.items():
+        rivals.discard(place)
     return excludes
 
 
-def _possible(task: Task, operations: list[Operation], excludes: dict[Assignment, set[Assignment]]) -> list[Operation]:
+def _reachable_operations(task: Task, operations: list[Operation], excludes: dict[Assignment, set[Assignment]]) -> list[Operation]:
     """The operations that need nothing that cannot hold together, and that the others make possible."""
-    left: list[int] = []
+    missing_counts: list[int] = []
     needing: dict[Assignment, list[int]] = {}
     for number, operation in enumerate(operations):
-        together = not any(excludes.get(need, set()).intersection(operation.needs) for need in operation.needs)
-        left.append(len(operation.needs) if together else -1)
-        for need in operation.needs if together else ():
-            needing.setdefault(need, []).append(number)
+        is_consistent = not any(
+            excludes.get(precondition, set()).intersection(operation.preconditions) for precondition in operation.preconditions
+        )
+        missing_counts.append(len(operation.preconditions) if is_consistent else -1)
+        for precondition in operation.preconditions if is_consistent else ():
+            needing.setdefault(precondition, []).append(number)
     reached = set(enumerate(task.initial))
     waiting = list(reached)
-    ready = [number for number, missing in enumerate(left) if missing == 0]
+    ready = [number for number, missing in enumerate(missing_counts) if missing == 0]
     while waiting or ready:
         if waiting:
             for number in needing.get(waiting.pop(), ()):
-                left[number] -= 1
-                if left[number] == 0:
+                missing_counts[number] -= 1
+                if missing_counts[number] == 0:
                     ready.append(number)
             continue
         for _, variable, value in operations[ready.pop()].effects:
             if (variable, value) not in reached:
                 reached.add((variable, value))
                 waiting.append((variable, value))
-    return [operation for operation, missing in zip(operations, left, strict=True) if missing == 0]
+    return [operation for operation, missing in zip(operations, missing_counts, strict=True) if missing == 0]
 
 
-def _settled(task: Task, operations: list[Operation]) -> list[Operation]:
+def _drop_static_preconditions(task: Task, operations: list[Operation]) -> list[Operation]:
     """Without needs that nothing ever changes."""
     changing = {variable for operation in operations for _, variable, _ in operation.effects}
     return [
-        replace(o, needs=needs) if len(needs := tuple(n for n in o.needs if n[0] in changing)) < len(o.needs) else o for o in operations
+        replace(o, needs=preconditions)
+        if len(preconditions := tuple(n for n in o.preconditions if n[0] in changing)) < len(o.preconditions)
+        else o
+        for o in operations
     ]
 
 
-def _without_implied(
-    task: Task, operations: list[Operation], found: list[tuple[Fact, ...]], excludes: dict[Assignment, set[Assignment]]
+def _drop_implied_preconditions(
+    task: Task, operations: list[Operation], mutex_groups: list[tuple[Fact, ...]], excludes: dict[Assignment, set[Assignment]]
 ) -> list[Operation]:
     """Without needs to which there is one alternative only, which something else that is needed excludes.
 
     Two facts of which always one holds are such alternatives (`is-at` and `not-at`, as domains without NOT have them), and so
     are the two values of a variable.
     """
-    pairs = [(task.place[group[0]], task.place[group[1]]) for group in found if len(group) == 2]
+    pairs = [(task.place[group[0]], task.place[group[1]]) for group in mutex_groups if len(group) == 2]
     alternative = dict(_always_one(task, operations, pairs))
     for fact, variable in task.negated.items():
         alternative[variable, 1] = task.place[fact]
@@ -109,23 +114,24 @@ def _without_implied(
         if len(values) == 2 and values[1] is not None and values[1][0] != "NOT":
             alternative[variable, 0] = variable, 1
 
-    def implied(need: Assignment, others: Sequence[Assignment]) -> bool:
-        opposite = alternative.get(need)
+    def implied(precondition: Assignment, other_preconditions: Sequence[Assignment]) -> bool:
+        opposite = alternative.get(precondition)
         if opposite is None:
             return False
         excluding = excludes.get(opposite, set())
         return any(
-            other not in (need, opposite) and (other in excluding or (other[0] == opposite[0] and other[1] != opposite[1]))
-            for other in others
+            assignment not in (precondition, opposite)
+            and (assignment in excluding or (assignment[0] == opposite[0] and assignment[1] != opposite[1]))
+            for assignment in other_preconditions
         )
 
     shortened = []
     for operation in operations:
-        needs = list(operation.needs)
-        for need in operation.needs:
-            if implied(need, needs):
-                needs.remove(need)
-        shortened.append(replace(operation, needs=tuple(needs)))
+        preconditions = list(operation.preconditions)
+        for precondition in operation.preconditions:
+            if implied(precondition, preconditions):
+                preconditions.remove(precondition)
+        shortened.append(replace(operation, needs=tuple(preconditions)))
     return shortened
 
 
@@ -133,37 +139,37 @@ def _always_one(
     task: Task, operations: list[Operation], pairs: list[tuple[Assignment, Assignment]]
 ) -> Iterator[tuple[Assignment, Assignment]]:
     """The pairs of which one holds at the beginning, and none is lost unless the other comes. Both ways round."""
-    others: dict[Assignment, set[Assignment]] = {}
-    for one, two in pairs:
-        if (task.initial[one[0]] == one[1]) != (task.initial[two[0]] == two[1]):
-            others.setdefault(one, set()).add(two)
-            others.setdefault(two, set()).add(one)
+    partners: dict[Assignment, set[Assignment]] = {}
+    for first, second in pairs:
+        if (task.initial[first[0]] == first[1]) != (task.initial[second[0]] == second[1]):
+            partners.setdefault(first, set()).add(second)
+            partners.setdefault(second, set()).add(first)
     lost: set[tuple[Assignment, Assignment]] = set()
     """A fact that goes without the other one coming: of the facts that it is paired with, each by itself."""
-    variables = {variable for variable, _ in others}
+    variables = {variable for variable, _ in partners}
     for operation in operations:
-        made = {(variable, value) for conditions, variable, value in operation.effects if not conditions}
-        needed = dict(operation.needs)
+        new_assignments = {(variable, value) for conditions, variable, value in operation.effects if not conditions}
+        preconditions = dict(operation.preconditions)
         for _, variable, value in operation.effects:
             if variable in variables:
-                before = [needed[variable]] if variable in needed else range(1, len(task.values[variable]))
-                gone = ((variable, old) for old in before if old != value)
-                lost.update((one, two) for one in gone for two in others.get(one, set()) - made)
-    for one, twos in others.items():
-        for two in twos:
-            if (one, two) not in lost and (two, one) not in lost:
-                yield one, two
+                old_values = [preconditions[variable]] if variable in preconditions else range(1, len(task.values[variable]))
+                lost_assignments = ((variable, old) for old in old_values if old != value)
+                lost.update((first, second) for first in lost_assignments for second in partners.get(first, set()) - new_assignments)
+    for first, twos in partners.items():
+        for second in twos:
+            if (first, second) not in lost and (second, first) not in lost:
+                yield first, second
 
 
 class _Merging:
     """Makes one task."""
 
-    def __init__(self, task: Task, found: list[tuple[Fact, ...]], operations: list[Operation]) -> None:
+    def __init__(self, task: Task, mutex_groups: list[tuple[Fact, ...]], operations: list[Operation]) -> None:
         self.old, self.operations = task, operations
         self.facts: list[list[Assignment]] = []
         """For each new variable the old assignments that are its values; the last value is none of them."""
         self.place: dict[Assignment, Assignment] = {}
-        self.groups = found
+        self.mutex_groups = mutex_groups
         self._cover()
 
     def task(self) -> FiniteTask:
@@ -174,13 +180,13 @@ class _Merging:
                 initial[variable] = value
         operations = [operation for old in self.operations if (operation := self._operation(old)) is not None]
         goal, operations = self._goal(operations)
-        exclusive = [tuple(self.place[self.old.place[fact]] for fact in group) for group in self.groups]
+        mutex_groups = [tuple(self.place[self.old.place[fact]] for fact in group) for group in self.mutex_groups]
         return FiniteTask(
             names=tuple((*(self._name(old) for old in values), "<none of those>") for values in self.facts),
             initial=tuple(initial),
             goal=goal,
             operations=tuple(operations),
-            exclusive=tuple(group for group in exclusive if len({variable for variable, _ in group}) > 1),
+            mutex_groups=tuple(group for group in mutex_groups if len({variable for variable, _ in group}) > 1),
         )
 
     def _goal(self, operations: list[Operation]) -> tuple[tuple[Assignment, ...], list[Operation]]:
@@ -190,8 +196,8 @@ class _Merging:
         """
         assert self.old.goal is not None, "a goal that nothing reaches is not searched for"
         reaching = [operation for operation in operations if self.old.moves[operation.move].action.operator.service is None]
-        if len(reaching) == 1 and reaching[0].needs:
-            return reaching[0].needs, [operation for operation in operations if operation is not reaching[0]]
+        if len(reaching) == 1 and reaching[0].preconditions:
+            return reaching[0].preconditions, [operation for operation in operations if operation is not reaching[0]]
         return (self.place[self.old.goal],), operations
 
     def _name(self, old: Assignment) -> str:
@@ -201,27 +207,27 @@ class _Merging:
 
     def _cover(self) -> None:
         """The largest groups first. A variable of which some move needs that none of its facts holds stays what it is."""
-        alone = {variable for operation in self.operations for variable, value in operation.needs if value == 0}
-        alone |= {
+        separate_variables = {variable for operation in self.operations for variable, value in operation.preconditions if value == 0}
+        separate_variables |= {
             variable for operation in self.operations for conditions, *_ in operation.effects for variable, value in conditions if not value
         }
-        alone |= set(self.old.negated.values())
-        free = {variable for variable in range(len(self.old.values)) if variable not in alone}
-        candidates = [(-len(group), number, [self.old.place[fact] for fact in group]) for number, group in enumerate(self.groups)]
+        separate_variables |= set(self.old.negated.values())
+        free = {variable for variable in range(len(self.old.values)) if variable not in separate_variables}
+        candidates = [(-len(group), number, [self.old.place[fact] for fact in group]) for number, group in enumerate(self.mutex_groups)]
         heapify(candidates)
         while candidates:
             size, number, group = heappop(candidates)
-            whole = self._whole(group, free)
+            whole = self._free_members(group, free)
             if len(whole) < -size and len(whole) > 1:
                 heappush(candidates, (-len(whole), number, whole))
             elif len(whole) > 1:
-                self._put(whole)
+                self._add_variable(whole)
                 free -= {variable for variable, _ in whole}
         for variable, values in enumerate(self.old.values):
             if (variable, 1) not in self.place:
-                self._put([(variable, value) for value in range(1, len(values))])
+                self._add_variable([(variable, value) for value in range(1, len(values))])
 
-    def _whole(self, group: list[Assignment], free: set[int]) -> list[Assignment]:
+    def _free_members(self, group: list[Assignment], free: set[int]) -> list[Assignment]:
         """What of the group is of variables that are still free and that it has all the facts of."""
         count: dict[int, int] = {}
         for variable, _ in group:
@@ -230,7 +236,7 @@ class _Merging:
             (variable, value) for variable, value in group if variable in free and count[variable] == len(self.old.values[variable]) - 1
         ]
 
-    def _put(self, values: Iterable[Assignment]) -> None:
+    def _add_variable(self, values: Iterable[Assignment]) -> None:
         self.facts.append(list(values))
         for value, old in enumerate(self.facts[-1]):
             self.place[old] = len(self.facts) - 1, value
@@ -243,45 +249,45 @@ class _Merging:
 
     def _operation(self, old: Operation) -> Operation | None:
         """None for one that can never be used, or that changes nothing."""
-        needs = dict.fromkeys(self._assignment(need) for need in old.needs)
-        known = dict(list(needs))
-        if len(known) < len(needs):
+        preconditions = dict.fromkeys(self._assignment(precondition) for precondition in old.preconditions)
+        known_values = dict(list(preconditions))
+        if len(known_values) < len(preconditions):
             return None
-        made = {self.place[variable, value][0]: self.place[variable, value] for _, variable, value in old.effects if value}
+        new_assignments = {self.place[variable, value][0]: self.place[variable, value] for _, variable, value in old.effects if value}
         effects: dict[tuple[tuple[Assignment, ...], int], int] = {}
         for conditions, variable, value in old.effects:
             new = tuple(dict.fromkeys(self._assignment(condition) for condition in conditions))
-            if any(v in known and known[v] != x for v, x in new):
+            if any(v in known_values and known_values[v] != x for v, x in new):
                 continue
-            new = tuple(condition for condition in new if condition not in needs)
+            new = tuple(condition for condition in new if condition not in preconditions)
             if value:
                 effects[new, self.place[variable, value][0]] = self.place[variable, value][1]
             else:
-                self._lose(variable, known, made, new, effects)
-        changing = {key: value for key, value in effects.items() if known.get(key[1]) != value}
+                self._lose(variable, known_values, new_assignments, new, effects)
+        changing = {key: value for key, value in effects.items() if known_values.get(key[1]) != value}
         if not changing:
             return None
-        return replace(old, needs=tuple(needs), effects=tuple((*key, value) for key, value in changing.items()))
+        return replace(old, needs=tuple(preconditions), effects=tuple((*key, value) for key, value in changing.items()))
 
     def _lose(
         self,
         old: int,
-        known: dict[int, int],
-        made: dict[int, Assignment],
+        known_values: dict[int, int],
+        new_assignments: dict[int, Assignment],
         conditions: tuple[Assignment, ...],
         effects: dict[tuple[tuple[Assignment, ...], int], int],
     ) -> None:
         """None of the facts of an old variable is to hold: of the new one, none of those."""
         variable = self.place[old, 1][0]
-        if variable in made:
+        if variable in new_assignments:
             return
-        none, mine = len(self.facts[variable]), [self.place[old, value] for value in range(1, len(self.old.values[old]))]
-        if len(mine) == none:
-            effects[conditions, variable] = none
+        none_value, mine = len(self.facts[variable]), [self.place[old, value] for value in range(1, len(self.old.values[old]))]
+        if len(mine) == none_value:
+            effects[conditions, variable] = none_value
             return
-        given = known | dict(conditions)
+        condition_values = known_values | dict(conditions)
         for held in mine:
-            if variable not in given:
-                effects[(*conditions, held), variable] = none
-            elif given[variable] == held[1]:
-                effects[conditions, variable] = none
+            if variable not in condition_values:
+                effects[(*conditions, held), variable] = none_value
+            elif condition_values[variable] == held[1]:
+                effects[conditions, variable] = none_value

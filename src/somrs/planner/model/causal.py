@@ -16,7 +16,7 @@ from somrs.planner.model.plan import Link, Step
 from somrs.planner.model.problem import Problem
 
 
-def linked(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula] = ()) -> tuple[Link, ...]:
+def derive_links(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula] = ()) -> tuple[Link, ...]:
     """The links among steps that can be done in the order given; `maps` are the one before the first, and those after each,
     `written` the steps' effects before anything was calculated in them.
 
@@ -25,100 +25,104 @@ def linked(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written
     """
     if len(steps) < 2:
         return ()
-    fates = _Fates(steps, maps, problem.ontology)
+    support_table = _SupportTable(steps, maps, problem.ontology)
     causal: dict[tuple[int, int], dict[str, None]] = {}
-    keeps: dict[tuple[int, int], Literal] = {}
+    protections: dict[tuple[int, int], Literal] = {}
     for place, condition in _conditions(steps, maps, problem, written or [step.effect for step in steps]):
-        fate = fates.of(condition)
-        supporter = fate.supporter(place)
+        support = support_table.find_support(condition)
+        supporter = support.supporter(place)
         if supporter >= 0 and place < len(steps):
             causal.setdefault((supporter, place), {})[str(condition)] = None
-        for n in fate.spoilers:
+        for n in support.deleters:
             if n < supporter:
-                keeps.setdefault((n, supporter), condition)
+                protections.setdefault((n, supporter), condition)
             elif n > place:
-                keeps.setdefault((place, n), condition)
+                protections.setdefault((place, n), condition)
             elif n < place < len(steps):
-                keeps.setdefault((n, place), condition)
-    links = [Link(steps[one].id, steps[other].id, fact) for (one, other), facts in causal.items() for fact in facts]
-    needed = [pair for pair in _needed({*causal, *keeps}, len(steps)) if pair not in causal]
-    links += [Link(steps[one].id, steps[other].id, str(keeps[one, other]), keeps=True) for one, other in needed]
+                protections.setdefault((n, place), condition)
+    links = [Link(steps[producer].id, steps[consumer].id, fact) for (producer, consumer), facts in causal.items() for fact in facts]
+    protection_pairs = [pair for pair in _reduce_transitively({*causal, *protections}, len(steps)) if pair not in causal]
+    links += [
+        Link(steps[first].id, steps[second].id, str(protections[first, second]), is_protection=True) for first, second in protection_pairs
+    ]
     place_of = {step.id: number for number, step in enumerate(steps)}
-    return tuple(sorted(links, key=lambda link: (place_of[link.after], link.keeps, place_of[link.before])))
+    return tuple(sorted(links, key=lambda link: (place_of[link.after], link.is_protection, place_of[link.before])))
 
 
-def useful(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) -> list[int]:
+def find_useful_steps(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) -> list[int]:
     """The places of the steps that the goal needs, or others that it needs."""
-    fates = _Fates(steps, maps, problem.ontology)
-    needs: dict[int, list[Literal]] = {}
+    support_table = _SupportTable(steps, maps, problem.ontology)
+    conditions_by_place: dict[int, list[Literal]] = {}
     for place, condition in _conditions(steps, maps, problem, [step.effect for step in steps]):
-        needs.setdefault(place, []).append(condition)
-    found: set[int] = set()
+        conditions_by_place.setdefault(place, []).append(condition)
+    useful_places: set[int] = set()
     waiting = [len(steps)]
     while waiting:
         place = waiting.pop()
-        for condition in needs.get(place, ()):
-            supporter = fates.of(condition).supporter(place)
-            if supporter >= 0 and supporter not in found:
-                found.add(supporter)
+        for condition in conditions_by_place.get(place, ()):
+            supporter = support_table.find_support(condition).supporter(place)
+            if supporter >= 0 and supporter not in useful_places:
+                useful_places.add(supporter)
                 waiting.append(supporter)
-    return sorted(found)
+    return sorted(useful_places)
 
 
 @dataclass(frozen=True, slots=True)
-class _Fate:
+class _ConditionSupport:
     """What becomes of a condition: the steps that bring it about where it was not so, and those after which it may not be so."""
 
-    makers: tuple[int, ...]
-    spoilers: tuple[int, ...]
+    achievers: tuple[int, ...]
+    deleters: tuple[int, ...]
 
     def supporter(self, place: int) -> int:
         """The last step before the place that brings it about; -1 when it is so from the start."""
-        number = bisect_left(self.makers, place)
-        return self.makers[number - 1] if number else -1
+        number = bisect_left(self.achievers, place)
+        return self.achievers[number - 1] if number else -1
 
 
-class _Fates:
+class _SupportTable:
     """The fate of each condition, found once, from the steps that speak of what it speaks of."""
 
     def __init__(self, steps: Sequence[Step], maps: Sequence[Map], ontology: Ontology) -> None:
         self._maps, self._ontology = maps, ontology
         self._effects: list[list[Formula]] = [[*conjuncts(step.effect)] for step in steps]
-        self._about: dict[object, list[int]] = {}
+        self._steps_by_subject: dict[object, list[int]] = {}
         for number, effect in enumerate(self._effects):
             for subject in dict.fromkeys(subject for part in effect for subject in self._subjects(part)):
-                self._about.setdefault(subject, []).append(number)
-        self._known: dict[Literal, _Fate] = {}
+                self._steps_by_subject.setdefault(subject, []).append(number)
+        self._support_cache: dict[Literal, _ConditionSupport] = {}
 
-    def of(self, condition: Literal) -> _Fate:
-        if condition not in self._known:
-            self._known[condition] = self._find(condition)
-        return self._known[condition]
+    def find_support(self, condition: Literal) -> _ConditionSupport:
+        if condition not in self._support_cache:
+            self._support_cache[condition] = self._compute_support(condition)
+        return self._support_cache[condition]
 
-    def _find(self, condition: Literal) -> _Fate:
+    def _compute_support(self, condition: Literal) -> _ConditionSupport:
         subjects = [*self._subjects(condition)]
         if not variables(condition):
-            subjects = [(what, object) for what, object in subjects if object is not None]
-        near = sorted({number for subject in subjects for number in self._about.get(subject, ())})
-        touching = [n for n in near if any(touches(part, condition, self._ontology) for part in self._effects[n])]
-        so = [n for n in touching if self._holds(condition, n + 1)]
-        held = set(so)
-        return _Fate(tuple(n for n in so if not self._holds(condition, n)), tuple(n for n in touching if n not in held))
+            subjects = [(topic, object) for topic, object in subjects if object is not None]
+        candidate_steps = sorted({number for subject in subjects for number in self._steps_by_subject.get(subject, ())})
+        touching = [n for n in candidate_steps if any(touches(part, condition, self._ontology) for part in self._effects[n])]
+        supporting_steps = [n for n in touching if self._condition_holds(condition, n + 1)]
+        held = set(supporting_steps)
+        return _ConditionSupport(
+            tuple(n for n in supporting_steps if not self._condition_holds(condition, n)), tuple(n for n in touching if n not in held)
+        )
 
-    def _holds(self, condition: Literal, number: int) -> bool:
+    def _condition_holds(self, condition: Literal, number: int) -> bool:
         map = self._maps[number]
         match condition:
             case Relation(name, arguments):
-                wanted = True
+                expected_truth = True
             case Not(Relation(name, arguments)):
-                wanted = False
+                expected_truth = False
             case _:
                 return formula_holds(condition, map, self._ontology)
         fact = tuple(argument.name for argument in arguments if isinstance(argument, Name))
         if len(fact) < len(arguments) or name not in self._ontology.relations:
             return formula_holds(condition, map, self._ontology)
-        there = map.has_fact(name, fact) or (self._ontology.relations[name].symmetric and map.has_fact(name, fact[::-1]))
-        return there is wanted
+        fact_holds = map.has_fact(name, fact) or (self._ontology.relations[name].symmetric and map.has_fact(name, fact[::-1]))
+        return fact_holds is expected_truth
 
     def _subjects(self, part: Formula) -> Iterator[tuple[object, Term | None]]:
         """What it is about: what touches a condition shares one of its subjects. Effects have the objects in them that they are about;
@@ -127,19 +131,19 @@ class _Fates:
             case Relation(name, arguments):
                 relation = self._ontology.relations.get(name)
                 names = (name,) if relation is None or relation.excludes is None else (name, ("excludes", relation.excludes))
-                yield from _about(names, arguments)
+                yield from _pair_topics(names, arguments)
             case Comparison() as comparison:
                 for term in terms(comparison):
                     if isinstance(term, Attribute):
-                        yield from _about((("attribute", term.path),), (term.owner,))
+                        yield from _pair_topics((("attribute", term.path),), (term.owner,))
                     elif isinstance(term, Call) and (function := self._ontology.functions.get(term.function)) is not None:
-                        yield from _about((("attribute", function.attribute),), term.arguments)
+                        yield from _pair_topics((("attribute", function.attribute),), term.arguments)
 
 
-def _about(what: Iterable[object], objects: Sequence[Term]) -> Iterator[tuple[object, Term | None]]:
-    for one in what:
-        yield from ((one, object) for object in dict.fromkeys(objects))
-        yield one, None
+def _pair_topics(topics: Iterable[object], objects: Sequence[Term]) -> Iterator[tuple[object, Term | None]]:
+    for topic in topics:
+        yield from ((topic, object) for object in dict.fromkeys(objects))
+        yield topic, None
 
 
 def _conditions(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula]) -> Iterator[tuple[int, Literal]]:
@@ -174,18 +178,20 @@ def touches(effect: Formula, condition: Literal, ontology: Ontology) -> bool:
     atom = condition.atom if isinstance(condition, Not) else condition
     written = effect.atom if isinstance(effect, Not) else effect
     match written, atom:
-        case Relation() as made, Relation() as wanted:
-            return _same_fact(made, wanted, ontology) or (isinstance(effect, Relation) and _displaces(made, wanted, ontology))
-        case Comparison() as made, Comparison() as wanted:
-            target = made.left if isinstance(made.left, Attribute) else made.right
-            return isinstance(target, Attribute) and any(_reads(term, target, ontology) for term in terms(wanted))
+        case Relation() as effect_atom, Relation() as condition_atom:
+            return _same_fact(effect_atom, condition_atom, ontology) or (
+                isinstance(effect, Relation) and _displaces(effect_atom, condition_atom, ontology)
+            )
+        case Comparison() as effect_atom, Comparison() as condition_atom:
+            target = effect_atom.left if isinstance(effect_atom.left, Attribute) else effect_atom.right
+            return isinstance(target, Attribute) and any(_reads(term, target, ontology) for term in terms(condition_atom))
     return False
 
 
 def _reads(term: object, target: Attribute, ontology: Ontology) -> bool:
     match term:
-        case Attribute(of, path):
-            return path == target.path and (of == target.owner or isinstance(of, Variable))
+        case Attribute(owner, path):
+            return path == target.path and (owner == target.owner or isinstance(owner, Variable))
         case Call(name, arguments):
             function = ontology.functions.get(name)
             mine = any(argument == target.owner or isinstance(argument, Variable) for argument in arguments)
@@ -193,36 +199,44 @@ def _reads(term: object, target: Attribute, ontology: Ontology) -> bool:
     return False
 
 
-def _matches(made: tuple[Name | Variable, ...], wanted: tuple[Name | Variable, ...]) -> bool:
-    return len(made) == len(wanted) and all(isinstance(w, Variable) or m == w for m, w in zip(made, wanted, strict=True))
+def _matches(effect_arguments: tuple[Name | Variable, ...], condition_arguments: tuple[Name | Variable, ...]) -> bool:
+    return len(effect_arguments) == len(condition_arguments) and all(
+        isinstance(w, Variable) or m == w for m, w in zip(effect_arguments, condition_arguments, strict=True)
+    )
 
 
-def _same_fact(made: Relation, wanted: Relation, ontology: Ontology) -> bool:
-    relation = ontology.relations.get(made.relation)
-    if made.relation != wanted.relation or relation is None:
+def _same_fact(effect_atom: Relation, condition_atom: Relation, ontology: Ontology) -> bool:
+    relation = ontology.relations.get(effect_atom.relation)
+    if effect_atom.relation != condition_atom.relation or relation is None:
         return False
-    return _matches(made.arguments, wanted.arguments) or (relation.symmetric and _matches(made.arguments[::-1], wanted.arguments))
+    return _matches(effect_atom.arguments, condition_atom.arguments) or (
+        relation.symmetric and _matches(effect_atom.arguments[::-1], condition_atom.arguments)
+    )
 
 
-def _displaces(made: Relation, wanted: Relation, ontology: Ontology) -> bool:
+def _displaces(effect_atom: Relation, condition_atom: Relation, ontology: Ontology) -> bool:
     """Whether the object that enters into the one relation leaves the other."""
-    one, other = ontology.relations.get(made.relation), ontology.relations.get(wanted.relation)
-    if one is None or other is None:
+    effect_relation, condition_relation = ontology.relations.get(effect_atom.relation), ontology.relations.get(condition_atom.relation)
+    if effect_relation is None or condition_relation is None:
         return False
-    gives_up = one.functional if one.name == other.name else one.excludes is not None and one.excludes == other.excludes
-    losing = wanted.arguments if other.symmetric else wanted.arguments[:1]
-    return gives_up and any(isinstance(argument, Variable) or argument == made.arguments[0] for argument in losing)
+    is_displaced = (
+        effect_relation.functional
+        if effect_relation.name == condition_relation.name
+        else effect_relation.excludes is not None and effect_relation.excludes == condition_relation.excludes
+    )
+    losing = condition_atom.arguments if condition_relation.symmetric else condition_atom.arguments[:1]
+    return is_displaced and any(isinstance(argument, Variable) or argument == effect_atom.arguments[0] for argument in losing)
 
 
-def _needed(pairs: Iterable[tuple[int, int]], count: int) -> Iterator[tuple[int, int]]:
+def _reduce_transitively(pairs: Iterable[tuple[int, int]], count: int) -> Iterator[tuple[int, int]]:
     """The pairs without orders that the others give already."""
-    after: list[list[int]] = [[] for _ in range(count)]
-    for one, other in pairs:
-        after[one].append(other)
-    beyond = [0] * count
+    successors: list[list[int]] = [[] for _ in range(count)]
+    for first, second in pairs:
+        successors[first].append(second)
+    descendants = [0] * count
     """For each step the steps that come somewhere after it, as bits."""
-    for one in reversed(range(count)):
-        for other in sorted(after[one]):  # a way round leads through a step that comes before the other
-            if not beyond[one] >> other & 1:
-                yield one, other
-                beyond[one] |= beyond[other] | 1 << other
+    for first in reversed(range(count)):
+        for second in sorted(successors[first]):  # a way round leads through a step that comes before the other
+            if not descendants[first] >> second & 1:
+                yield first, second
+                descendants[first] |= descendants[second] | 1 << second

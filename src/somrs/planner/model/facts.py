@@ -19,7 +19,7 @@ class Facts:
         self._by_argument: dict[tuple[str, int, Argument], list[tuple[Argument, ...]]] = {}
 
     def __contains__(self, fact: Fact) -> bool:
-        return fact in self.new or self._world.so(fact)
+        return fact in self.new or self._world.fact_holds(fact)
 
     def add(self, fact: Fact) -> bool:
         """Whether the fact is new."""
@@ -32,16 +32,16 @@ class Facts:
             self._by_argument.setdefault((predicate, place, argument), []).append(arguments)
         return True
 
-    def count(self, predicate: str, known: Sequence[Argument | None]) -> int:
+    def count(self, predicate: str, known_arguments: Sequence[Argument | None]) -> int:
         """About how many facts `like` would look at."""
-        return self._world.count(predicate, known) + len(self._come(predicate, known))
+        return self._world.count(predicate, known_arguments) + len(self._find_added_facts(predicate, known_arguments))
 
-    def like(self, predicate: str, known: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:
+    def find_facts(self, predicate: str, known_arguments: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:
         """The arguments of facts that may have the known ones, of which at least one was looked at."""
-        come = self._come(predicate, known)
-        so = self._world.like(predicate, known)
-        return [*so, *come] if come else so
+        added_facts = self._find_added_facts(predicate, known_arguments)
+        current_facts = self._world.find_facts(predicate, known_arguments)
+        return [*current_facts, *added_facts] if added_facts else current_facts
 
-    def _come(self, predicate: str, known: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:
-        lists = [self._by_argument.get((predicate, place, value), []) for place, value in enumerate(known) if value is not None]
+    def _find_added_facts(self, predicate: str, known_arguments: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:
+        lists = [self._by_argument.get((predicate, place, value), []) for place, value in enumerate(known_arguments) if value is not None]
         return min(lists, key=len) if lists else self._by_predicate.get(predicate, [])

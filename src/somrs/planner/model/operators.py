@@ -26,7 +26,7 @@ Pattern = tuple[str, tuple[Argument | Term, ...]]
 
 GOAL: Fact = ("", ())
 """The fact that the task is accomplished, which the goal's own operators add."""
-SOME = " *"
+EXISTS_SUFFIX = " *"
 """`isOn *` of a thing: it is on something, no matter what. Only for relations in which a thing has one partner at a time."""
 ALTERNATIVES = 256
 """Of one formula: more combinations of its ORs are not planned with."""
@@ -35,9 +35,9 @@ ALTERNATIVES = 256
 class Inexpressible(Exception):
     """A formula means what the planner cannot count with."""
 
-    def __init__(self, formula: object, why: str) -> None:
-        self.formula, self.why = formula, why
-        super().__init__(f"{formula}: {why}")
+    def __init__(self, formula: object, reason: str) -> None:
+        self.formula, self.reason = formula, reason
+        super().__init__(f"{formula}: {reason}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class Test:
 
 
 @dataclass(frozen=True, slots=True)
-class Forbidden:
+class NegativePrecondition:
     """No such fact may hold (of those whose hidden value passes the test); variables bound nowhere else stand for any object."""
 
     pattern: Pattern
@@ -64,15 +64,15 @@ class Operator:
     condition: tuple[Literal, ...]
     """The alternative as it is written."""
     effect: Formula | None
-    needs: tuple[Pattern, ...]
-    forbids: tuple[Forbidden, ...]
+    preconditions: tuple[Pattern, ...]
+    negative_preconditions: tuple[NegativePrecondition, ...]
     tests: tuple[Test, ...]
-    static: tuple[Literal, ...]
-    adds: tuple[Pattern, ...]
-    removes: tuple[Pattern, ...]
-    counts: tuple[Literal, ...]
+    static_conditions: tuple[Literal, ...]
+    add_effects: tuple[Pattern, ...]
+    delete_effects: tuple[Pattern, ...]
+    numeric_conditions: tuple[Literal, ...]
     """Comparisons of counters, which are not facts."""
-    sets: tuple[tuple[Attribute, Term], ...]
+    numeric_effects: tuple[tuple[Attribute, Term], ...]
     """The counters that it gives values, and which."""
     types: Mapping[str, frozenset[str]]
     """The types that what a variable stands for must all be of."""
@@ -102,11 +102,11 @@ class Vocabulary:
                 match part:
                     case Relation(name) | Not(Relation(name)):
                         self.relations.update([name, *self.excluded_by(name)])
-                    case Comparison(left, _, right):
-                        target = left if isinstance(left, Attribute) else right
+                    case Comparison(left_term, _, right_term):
+                        target = left_term if isinstance(left_term, Attribute) else right_term
                         if isinstance(target, Attribute):
                             self.paths.add(target.path)
-                            self.calculates |= any(isinstance(side, Arithmetic) for side in (left, right))
+                            self.calculates |= any(isinstance(side, Arithmetic) for side in (left_term, right_term))
         self.counters: set[str] = {path for path in self.paths if counting and self._is_number(path)}
         self.paths -= self.counters
 
@@ -116,8 +116,8 @@ class Vocabulary:
 
     def excluded_by(self, relation: str) -> list[str]:
         """The other relations that an object leaves when it enters into this one."""
-        known = self.ontology.relations.get(relation)
-        group = self.groups.get(known.excludes, []) if known and known.excludes else []
+        relation_type = self.ontology.relations.get(relation)
+        group = self.groups.get(relation_type.excludes, []) if relation_type and relation_type.excludes else []
         return [name for name in group if name != relation]
 
     def variable_of(self, fact: Fact) -> tuple[str, Argument] | None:
@@ -125,20 +125,20 @@ class Vocabulary:
         predicate, arguments = fact
         if predicate.startswith("."):
             return predicate, arguments[0]
-        return (self.place(predicate), arguments[0]) if self.exclusive(predicate) else None
+        return (self.place(predicate), arguments[0]) if self.is_exclusive(predicate) else None
 
     def place(self, relation: str) -> str:
         return self.ontology.relations[relation].excludes or relation
 
-    def exclusive(self, relation: str) -> bool:
+    def is_exclusive(self, relation: str) -> bool:
         """Whether, of the relation and all that it excludes, an object is in one, with one partner."""
         group = [relation, *self.excluded_by(relation)]
-        known = [self.ontology.relations.get(name) for name in group]
-        return all(r is not None and r.functional and not r.symmetric for r in known)
+        relation_types = [self.ontology.relations.get(name) for name in group]
+        return all(r is not None and r.functional and not r.symmetric for r in relation_types)
 
-    def symmetric(self, relation: str) -> bool:
-        known = self.ontology.relations.get(relation)
-        return known is not None and known.symmetric and len(known.joins) == 2
+    def is_symmetric(self, relation: str) -> bool:
+        relation_type = self.ontology.relations.get(relation)
+        return relation_type is not None and relation_type.symmetric and len(relation_type.joins) == 2
 
     def changing(self, term: Term) -> Attribute | None:
         """The attribute that the term reads, if services change it."""
@@ -166,25 +166,25 @@ def providers_of(service: str) -> str:
     return f"provider of {service}"
 
 
-def operators(service: ServiceType, known: Vocabulary) -> Iterator[Operator]:
+def operators(service: ServiceType, vocabulary: Vocabulary) -> Iterator[Operator]:
     """The operators of a service type. Raises Inexpressible."""
     inputs = {parameter.name: parameter.type for parameter in service.inputs}
     effect = with_types(parse(service.effect), inputs)
     precondition = with_types(parse(service.precondition), inputs) if service.precondition is not None else None
-    speaks = {**variables(effect), **(variables(precondition) if precondition is not None else {})}
+    formula_variables = {**variables(effect), **(variables(precondition) if precondition is not None else {})}
     for output in service.outputs:
         if output.name in variables(effect) and output.name not in inputs:
             raise Inexpressible(effect, f"?{output.name} is known only when the service is done")
-    if PROVIDER in speaks:
+    if PROVIDER in formula_variables:
         inputs[PROVIDER] = providers_of(service.name)
     for branch in _branches(precondition) if precondition is not None else [()]:
-        yield _Compiler(known, inputs).operator(service, branch, effect)
+        yield _Compiler(vocabulary, inputs).operator(service, branch, effect)
 
 
-def goal_operators(goal: Formula, known: Vocabulary) -> Iterator[Operator]:
+def goal_operators(goal: Formula, vocabulary: Vocabulary) -> Iterator[Operator]:
     """One operator for each alternative of the goal; it adds that the task is accomplished."""
     for branch in _branches(goal):
-        yield _Compiler(known, {}).operator(None, branch, None)
+        yield _Compiler(vocabulary, {}).operator(None, branch, None)
 
 
 def _branches(formula: Formula) -> list[tuple[Literal, ...]]:
@@ -196,17 +196,17 @@ def _branches(formula: Formula) -> list[tuple[Literal, ...]]:
 class _Compiler:
     """Makes one self."""
 
-    def __init__(self, known: Vocabulary, inputs: Mapping[str, str]) -> None:
-        self.known, self.inputs = known, inputs
+    def __init__(self, vocabulary: Vocabulary, inputs: Mapping[str, str]) -> None:
+        self.vocabulary, self.inputs = vocabulary, inputs
         self.occurrences: Counter[str] = Counter(inputs.keys())
-        self.needs: dict[Pattern, None] = {}
-        self.forbids: list[Forbidden] = []
+        self.preconditions: dict[Pattern, None] = {}
+        self.negative_preconditions: list[NegativePrecondition] = []
         self.tests: list[Test] = []
-        self.static: list[Literal] = []
-        self.adds: list[Pattern] = []
-        self.removes: list[Pattern] = []
-        self.counts: list[Literal] = []
-        self.sets: list[tuple[Attribute, Term]] = []
+        self.static_conditions: list[Literal] = []
+        self.add_effects: list[Pattern] = []
+        self.delete_effects: list[Pattern] = []
+        self.numeric_conditions: list[Literal] = []
+        self.numeric_effects: list[tuple[Attribute, Term]] = []
         self.types: dict[str, frozenset[str]] = {}
 
     def operator(self, service: ServiceType | None, precondition: tuple[Literal, ...], effect: Formula | None) -> Operator:
@@ -221,33 +221,33 @@ class _Compiler:
         for part in parts:
             self._effect(part)
         if service is None:
-            self.adds.append(GOAL)
+            self.add_effects.append(GOAL)
         return Operator(
             service=service,
             condition=precondition,
             effect=effect,
-            needs=tuple(self.needs),
-            forbids=tuple(self.forbids),
+            preconditions=tuple(self.preconditions),
+            negative_preconditions=tuple(self.negative_preconditions),
             tests=tuple(self.tests),
-            static=tuple(self.static),
-            adds=tuple(self.adds),
-            removes=tuple(self.removes),
-            counts=tuple(self.counts),
-            sets=tuple(self.sets),
+            static_conditions=tuple(self.static_conditions),
+            add_effects=tuple(self.add_effects),
+            delete_effects=tuple(self.delete_effects),
+            numeric_conditions=tuple(self.numeric_conditions),
+            numeric_effects=tuple(self.numeric_effects),
             types=self.types,
             variables=tuple(dict.fromkeys([*self.inputs, *self._to_bind()])),
         )
 
     def _to_bind(self) -> Iterator[str]:
         """The variables that grounding binds; one that stands behind NOT only is not, nor one that `SOME` replaced."""
-        for _, arguments in (*self.needs, *self.adds, *self.removes):
+        for _, arguments in (*self.preconditions, *self.add_effects, *self.delete_effects):
             for argument in arguments:
                 if not isinstance(argument, str):
                     yield from variables(argument)
-        for literal in (*self.static, *self.counts, *(test.comparison for test in self.tests)):
+        for literal in (*self.static_conditions, *self.numeric_conditions, *(test.comparison for test in self.tests)):
             if not isinstance(literal, Not):
                 yield from variables(literal)
-        for target, source in self.sets:
+        for target, source in self.numeric_effects:
             yield from (*variables(target), *variables(source))
 
     def _note(self, name: str, type_name: str) -> None:
@@ -258,7 +258,7 @@ class _Compiler:
         for variable in variables(part).values():
             if variable.type is not None:
                 self._note(variable.name, variable.type)
-        if isinstance(atom, Relation) and (relation := self.known.ontology.relations.get(atom.relation)):
+        if isinstance(atom, Relation) and (relation := self.vocabulary.ontology.relations.get(atom.relation)):
             for argument, joined in zip(atom.arguments, relation.joins, strict=False):
                 if isinstance(argument, Variable) and not isinstance(part, Not):
                     self._note(argument.name, joined)
@@ -267,34 +267,34 @@ class _Compiler:
 
     def _condition(self, literal: Literal) -> None:
         match literal:
-            case Relation(name) if name in self.known.relations:
-                some = self._some(literal)
-                self.needs[some if some is not None else self._pattern(literal)] = None
-            case Not(Relation(name) as atom) if name in self.known.relations:
-                self.forbids.append(Forbidden(self._pattern(atom)))
-            case Comparison() | Not(Comparison()) if any(self.known.counter(term) is not None for term in terms(literal)):
-                self.counts.append(literal)
+            case Relation(name) if name in self.vocabulary.relations:
+                existential = self._existential_pattern(literal)
+                self.preconditions[existential if existential is not None else self._pattern(literal)] = None
+            case Not(Relation(name) as atom) if name in self.vocabulary.relations:
+                self.negative_preconditions.append(NegativePrecondition(self._pattern(atom)))
+            case Comparison() | Not(Comparison()) if any(self.vocabulary.counter(term) is not None for term in terms(literal)):
+                self.numeric_conditions.append(literal)
             case Comparison() as comparison:
                 self._comparison(comparison)
             case Not(Comparison() as comparison):
                 self._negated_comparison(literal, comparison)
             case _:
-                self.static.append(literal)
+                self.static_conditions.append(literal)
 
     def _comparison(self, comparison: Comparison) -> None:
         test, patterns = self._with_hidden(comparison)
         if test is None:
-            self.static.append(comparison)
+            self.static_conditions.append(comparison)
         else:
             self.tests.append(test)
-            self.needs.update(dict.fromkeys(patterns))
+            self.preconditions.update(dict.fromkeys(patterns))
 
     def _negated_comparison(self, literal: Not, comparison: Comparison) -> None:
         test, patterns = self._with_hidden(comparison)
         if test is None:
-            self.static.append(literal)
+            self.static_conditions.append(literal)
         elif len(patterns) == 1:
-            self.forbids.append(Forbidden(patterns[0], test))
+            self.negative_preconditions.append(NegativePrecondition(patterns[0], test))
         else:
             raise Inexpressible(literal, "NOT before a comparison of two attributes that services change")
 
@@ -306,56 +306,56 @@ class _Compiler:
         def hide(term: Term) -> Term:
             if isinstance(term, Arithmetic):
                 return Arithmetic(hide(term.left), term.operator, hide(term.right))
-            attribute = self.known.changing(term)
+            attribute = self.vocabulary.changing(term)
             if attribute is None:
                 return term
             variable = Variable(str(attribute))  # a text with a dot in it is no other variable's name
-            known = attribute_at(attribute.path, self.known.ontology)
-            hidden[variable.name] = known.tolerance if known else 0.0
-            patterns.append(("." + attribute.path, (bare(attribute.owner), variable)))
+            attribute_type = attribute_at(attribute.path, self.vocabulary.ontology)
+            hidden[variable.name] = attribute_type.tolerance if attribute_type else 0.0
+            patterns.append(("." + attribute.path, (strip_type(attribute.owner), variable)))
             return variable
 
         changed = Comparison(hide(comparison.left), comparison.operator, hide(comparison.right))
         return (Test(changed, hidden) if hidden else None), patterns
 
-    def _some(self, atom: Relation) -> Pattern | None:
+    def _existential_pattern(self, atom: Relation) -> Pattern | None:
         """`isOn *` in place of `?Object isOn ?Source`, when nothing else is said of ?Source."""
-        relation = self.known.ontology.relations.get(atom.relation)
-        if relation is None or not relation.functional or not self.known.exclusive(atom.relation):
+        relation = self.vocabulary.ontology.relations.get(atom.relation)
+        if relation is None or not relation.functional or not self.vocabulary.is_exclusive(atom.relation):
             return None
         for argument, joined in zip(atom.arguments[1:], relation.joins[1:], strict=True):
             if not isinstance(argument, Variable) or self.occurrences[argument.name] != 1:
                 return None
-            if argument.type is not None and not self.known.ontology.is_subtype(joined, argument.type):
+            if argument.type is not None and not self.vocabulary.ontology.is_subtype(joined, argument.type):
                 return None
-        return atom.relation + SOME, (bare(atom.arguments[0]),)
+        return atom.relation + EXISTS_SUFFIX, (strip_type(atom.arguments[0]),)
 
     def _pattern(self, atom: Relation) -> Pattern:
-        return atom.relation, tuple(map(bare, atom.arguments))
+        return atom.relation, tuple(map(strip_type, atom.arguments))
 
     # Effects
 
     def _effect(self, part: Formula) -> None:
         match part:
             case Relation():
-                self.adds.append(self._pattern(part))
+                self.add_effects.append(self._pattern(part))
             case Not(Relation() as atom):
-                self.removes.append(self._pattern(atom))
-            case Comparison(Attribute(_, path) as target, "=", source) if path in self.known.counters:
-                self.sets.append((target, source))
-            case Comparison(source, "=", Attribute(_, path) as target) if path in self.known.counters:
-                self.sets.append((target, source))
+                self.delete_effects.append(self._pattern(atom))
+            case Comparison(Attribute(_, path) as target, "=", source) if path in self.vocabulary.counters:
+                self.numeric_effects.append((target, source))
+            case Comparison(source, "=", Attribute(_, path) as target) if path in self.vocabulary.counters:
+                self.numeric_effects.append((target, source))
             case Comparison(Attribute() as target, "=", source) | Comparison(source, "=", Attribute() as target):
                 test, patterns = self._with_hidden(Comparison(source, "=", source))
                 if test is not None:
-                    self.needs.update(dict.fromkeys(patterns))
+                    self.preconditions.update(dict.fromkeys(patterns))
                     source = test.comparison.left
-                self.adds.append(("." + target.path, (bare(target.owner), source)))
+                self.add_effects.append(("." + target.path, (strip_type(target.owner), source)))
             case Or():
                 raise Inexpressible(part, "an effect with OR does not say what becomes true")
             case _:
                 raise Inexpressible(part, "it does not say what becomes true")
 
 
-def bare(term: Name | Variable) -> str | Variable:
+def strip_type(term: Name | Variable) -> str | Variable:
     return term.name if isinstance(term, Name) else Variable(term.name)

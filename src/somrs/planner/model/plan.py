@@ -10,7 +10,7 @@ from enum import StrEnum
 from functools import cached_property
 from heapq import heappop, heappush
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from somrs.entish import Formula, Name, Term
 from somrs.entish.formula import Substitution
@@ -31,8 +31,8 @@ class Step(Struct, frozen=True):
     effect: Formula
     precondition: Formula | None = None
     provider: str | None = None
-    same: str | None = None
-    alike: tuple[str, ...] = ()
+    device_group: str | None = field(default=None, name="same")
+    alternative_providers: tuple[str, ...] = field(default=(), name="alike")
 
     @property
     def bindings(self) -> Substitution:
@@ -40,9 +40,9 @@ class Step(Struct, frozen=True):
         return self.inputs if self.provider is None else {**self.inputs, PROVIDER: Name(self.provider)}
 
     def __str__(self) -> str:
-        said = ", ".join(f"{name}: {term}" for name, term in self.inputs.items())
-        devices = " or ".join((self.provider, *self.alike)) if self.provider is not None else ""
-        return f"{self.service_type}({said})" + (f" by {devices}" if devices else "")
+        inputs_text = ", ".join(f"{name}: {term}" for name, term in self.inputs.items())
+        devices = " or ".join((self.provider, *self.alternative_providers)) if self.provider is not None else ""
+        return f"{self.service_type}({inputs_text})" + (f" by {devices}" if devices else "")
 
 
 class Link(Struct, frozen=True):
@@ -52,7 +52,7 @@ class Link(Struct, frozen=True):
     before: str
     after: str
     fact: str
-    keeps: bool = False
+    is_protection: bool = field(default=False, name="keeps")
 
 
 class Plan(Struct, frozen=True, dict=True, tag=True):
@@ -66,54 +66,58 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
         return {step.id: step for step in self.steps}
 
     @cached_property
-    def _to(self) -> Mapping[str, list[Link]]:
-        found: dict[str, list[Link]] = {}
+    def _incoming_links(self) -> Mapping[str, list[Link]]:
+        links_by_step: dict[str, list[Link]] = {}
         for link in self.links:
-            found.setdefault(link.after, []).append(link)
-        return found
+            links_by_step.setdefault(link.after, []).append(link)
+        return links_by_step
 
     @cached_property
-    def _from(self) -> Mapping[str, list[Link]]:
-        found: dict[str, list[Link]] = {}
+    def _outgoing_links(self) -> Mapping[str, list[Link]]:
+        links_by_step: dict[str, list[Link]] = {}
         for link in self.links:
-            found.setdefault(link.before, []).append(link)
-        return found
+            links_by_step.setdefault(link.before, []).append(link)
+        return links_by_step
 
     def step(self, id: str) -> Step:
         return self._by_id[id]
 
     def links_to(self, id: str) -> Sequence[Link]:
         """The links that say what has to be done before this step."""
-        return self._to.get(id, ())
+        return self._incoming_links.get(id, ())
 
-    def before(self, id: str) -> tuple[str, ...]:
+    def predecessors(self, id: str) -> tuple[str, ...]:
         """The ids of the steps that have to be done before this one, as far as the links say so directly."""
-        return tuple(dict.fromkeys(link.before for link in self._to.get(id, ())))
+        return tuple(dict.fromkeys(link.before for link in self._incoming_links.get(id, ())))
 
-    def after(self, id: str) -> tuple[str, ...]:
+    def successors(self, id: str) -> tuple[str, ...]:
         """The ids of the steps that wait for this one directly."""
-        return tuple(dict.fromkeys(link.after for link in self._from.get(id, ())))
+        return tuple(dict.fromkeys(link.after for link in self._outgoing_links.get(id, ())))
 
     def topological(self) -> tuple[Step, ...]:
         """The steps, each after all that it waits for. Steps that wait for nothing among the rest keep the plan's order."""
         place = {step.id: number for number, step in enumerate(self.steps)}
-        waits_for = {step.id: len(self.before(step.id)) for step in self.steps}
+        waits_for = {step.id: len(self.predecessors(step.id)) for step in self.steps}
         ready = [place[id] for id, count in waits_for.items() if count == 0]
         order: list[Step] = []
         while ready:
             step = self.steps[heappop(ready)]
             order.append(step)
-            for next_ in self.after(step.id):
-                waits_for[next_] -= 1
-                if waits_for[next_] == 0:
-                    heappush(ready, place[next_])
+            for successor in self.successors(step.id):
+                waits_for[successor] -= 1
+                if waits_for[successor] == 0:
+                    heappush(ready, place[successor])
         if len(order) < len(self.steps):
             raise ValueError(f"the plan's links run in a circle among {sorted(id for id, count in waits_for.items() if count)}")
         return tuple(order)
 
-    def ready(self, done: Collection[str]) -> tuple[Step, ...]:
+    def ready(self, completed_ids: Collection[str]) -> tuple[Step, ...]:
         """The steps that can start when those in `done` are over; those are not among them."""
-        return tuple(step for step in self.steps if step.id not in done and all(before in done for before in self.before(step.id)))
+        return tuple(
+            step
+            for step in self.steps
+            if step.id not in completed_ids and all(predecessor in completed_ids for predecessor in self.predecessors(step.id))
+        )
 
     def __str__(self) -> str:
         def line(step: Step) -> str:
@@ -153,7 +157,7 @@ class NoPlan(Struct, frozen=True, tag=True):
     unoffered: tuple[str, ...] = ()
     undecided: bool = False
     """Whether there may be a plan all the same: it was too much to look through, or cannot be expressed."""
-    said: tuple[str, ...] = ()
+    separate_reasons: tuple[str, ...] = field(default=(), name="said")
     """The reasons that the explanation is made of, if there are several."""
     obstacles: tuple[Obstacle, ...] = ()
     """What the reasons come to."""
@@ -163,16 +167,16 @@ class NoPlan(Struct, frozen=True, tag=True):
     @property
     def reasons(self) -> tuple[str, ...]:
         """The explanation, each reason by itself."""
-        return self.said or (self.explanation,)
+        return self.separate_reasons or (self.explanation,)
 
 
 def linearisations(plan: Plan) -> Iterator[tuple[Step, ...]]:
     """Every order in which the steps can be done one by one."""
 
-    def extend(done: tuple[Step, ...]) -> Iterator[tuple[Step, ...]]:
-        if len(done) == len(plan.steps):
-            yield done
-        for step in plan.ready({step.id for step in done}):
-            yield from extend((*done, step))
+    def extend(prefix: tuple[Step, ...]) -> Iterator[tuple[Step, ...]]:
+        if len(prefix) == len(plan.steps):
+            yield prefix
+        for step in plan.ready({step.id for step in prefix}):
+            yield from extend((*prefix, step))
 
     return extend(())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from somrs.entish import Formula
 from somrs.ontology.objects import Map
@@ -11,7 +11,7 @@ from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import Step
 
 
-class Available(Struct, frozen=True):
+class AvailableService(Struct, frozen=True):
     """A service type that can be used now, and the devices (objects of the map, if they are on it) that offer it. `prices` are what
     some of them asked for it last."""
 
@@ -20,12 +20,12 @@ class Available(Struct, frozen=True):
     prices: tuple[tuple[str, float], ...] = ()
 
 
-class Lost(Struct, frozen=True):
+class LostService(Struct, frozen=True):
     """A service that is on offer, but not to this task any more, and why: it refused, failed, or fell silent."""
 
     service_type: ServiceType
     service: str
-    why: str
+    reason: str = field(name="why")
 
 
 class Problem(Struct, frozen=True, kw_only=True, tag=True):
@@ -41,10 +41,10 @@ class Problem(Struct, frozen=True, kw_only=True, tag=True):
     ontology: Ontology
     map: Map
     goal: Formula
-    services: tuple[Available, ...] = ()
+    services: tuple[AvailableService, ...] = ()
     precondition: Formula | None = None
     excluded: frozenset[str] = frozenset()
     rest: tuple[Step, ...] = ()
     promised: frozenset[str] = frozenset()
     hurry: bool = False
-    lost: tuple[Lost, ...] = ()
+    lost: tuple[LostService, ...] = ()

@@ -14,7 +14,7 @@ def best(problem: Problem, plans: Iterable[Plan]) -> Plan:
     """By cost, then by time; where the problem is in a hurry, the other way round. Of equals the first."""
 
     def preference(plan: Plan) -> tuple[float, float]:
-        costs, ends = cost(plan, problem), span(plan)
+        costs, ends = cost(plan, problem), makespan(plan)
         return (ends, costs) if problem.hurry else (costs, ends)
 
     return min(plans, key=preference)
@@ -26,20 +26,20 @@ def cost(plan: Plan, problem: Problem) -> float:
     services = {available.service_type.name: available.service_type for available in problem.services}
     total = 0.0
     for step in plan.steps:
-        bound = {name: as_argument(term) for name, term in step.inputs.items()}
+        binding = {name: as_argument(term) for name, term in step.inputs.items()}
         if step.provider is not None:
-            bound[PROVIDER] = step.provider
-        total += world.cost(services[step.service_type], bound)
+            binding[PROVIDER] = step.provider
+        total += world.cost(services[step.service_type], binding)
     return total
 
 
-def span(plan: Plan) -> int:
+def makespan(plan: Plan) -> int:
     """After how many steps' time everything is done, if each step takes as long, begins as soon as its links let it, and a device that
     has to do a step does one at a time."""
     ends: dict[str, int] = {}
     free: dict[str, int] = {}
     for step in plan.topological():
-        start = max((ends[before] for before in plan.before(step.id)), default=0)
+        start = max((ends[predecessor] for predecessor in plan.predecessors(step.id)), default=0)
         if step.provider is not None:
             start = max(start, free.get(step.provider, 0))
             free[step.provider] = start + 1

@@ -10,7 +10,7 @@ from somrs.entish import Term, Variable
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
-from somrs.planner.model.operators import SOME, Argument, Inexpressible, Operator, Pattern, Vocabulary, bare, operators
+from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Inexpressible, Operator, Pattern, Vocabulary, operators, strip_type
 
 Outcome = tuple[bool, str]
 """That facts of a predicate hold (True) or do not hold any more."""
@@ -20,55 +20,61 @@ Outcome = tuple[bool, str]
 class Repertoire:
     """The operators of service types, and which of them bring about what."""
 
-    known: Vocabulary
-    makes: Mapping[Outcome, tuple[tuple[Operator, Pattern], ...]]
-    left_out: tuple[Inexpressible, ...]
+    vocabulary: Vocabulary
+    achievers: Mapping[Outcome, tuple[tuple[Operator, Pattern], ...]]
+    omissions: tuple[Inexpressible, ...]
     """What was said of service types that cannot be expressed."""
 
 
 @lru_cache(maxsize=32)  # an ontology is never changed: it stands for what it says
 def repertoire(ontology: Ontology, services: tuple[ServiceType, ...], counting: bool = False) -> Repertoire:
-    known = Vocabulary(ontology, [parse(service.effect) for service in services], counting)
-    makes: dict[Outcome, list[tuple[Operator, Pattern]]] = {}
-    left_out: list[Inexpressible] = []
+    vocabulary = Vocabulary(ontology, [parse(service.effect) for service in services], counting)
+    achievers: dict[Outcome, list[tuple[Operator, Pattern]]] = {}
+    omissions: list[Inexpressible] = []
     for service in services:
         try:
-            found = list(operators(service, known))
+            service_operators = list(operators(service, vocabulary))
         except Inexpressible as inexpressible:
-            left_out.append(Inexpressible(f"{service.name}: {inexpressible.formula}", inexpressible.why))
+            omissions.append(Inexpressible(f"{service.name}: {inexpressible.formula}", inexpressible.reason))
             continue
-        for operator in found:
-            for truth, pattern in _brings_about(operator, known):
-                makes.setdefault((truth, pattern[0]), []).append((operator, pattern))
-    return Repertoire(known=known, makes={key: tuple(dict.fromkeys(made)) for key, made in makes.items()}, left_out=tuple(left_out))
+        for operator in service_operators:
+            for truth, pattern in _find_outcomes(operator, vocabulary):
+                achievers.setdefault((truth, pattern[0]), []).append((operator, pattern))
+    return Repertoire(
+        vocabulary=vocabulary,
+        achievers={key: tuple(dict.fromkeys(entries)) for key, entries in achievers.items()},
+        omissions=tuple(omissions),
+    )
 
 
-def _brings_about(operator: Operator, known: Vocabulary) -> Iterator[tuple[bool, Pattern]]:
+def _find_outcomes(operator: Operator, vocabulary: Vocabulary) -> Iterator[tuple[bool, Pattern]]:
     """What the operator makes true and false, what it replaces included."""
-    for predicate, arguments in operator.adds:
+    for predicate, arguments in operator.add_effects:
         yield True, (predicate, arguments)
         if predicate.startswith("."):
             yield False, (predicate, (arguments[0], Variable("")))
-        elif predicate in known.ontology.relations:
-            yield True, (predicate + SOME, arguments[:1])
-            if known.symmetric(predicate):
+        elif predicate in vocabulary.ontology.relations:
+            yield True, (predicate + EXISTS_SUFFIX, arguments[:1])
+            if vocabulary.is_symmetric(predicate):
                 yield True, (predicate, arguments[::-1])
-            for other in (predicate, *known.excluded_by(predicate)):
-                yield from ((False, pattern) for pattern in _given_up(predicate, other, arguments, known))
-    for target, _ in operator.sets:
-        yield True, ("." + target.path, (bare(target.owner), Variable("")))
-    for predicate, arguments in operator.removes:
+            for abandoned_relation in (predicate, *vocabulary.excluded_by(predicate)):
+                yield from ((False, pattern) for pattern in _deleted_patterns(predicate, abandoned_relation, arguments, vocabulary))
+    for target, _ in operator.numeric_effects:
+        yield True, ("." + target.path, (strip_type(target.owner), Variable("")))
+    for predicate, arguments in operator.delete_effects:
         yield False, (predicate, arguments)
-        if known.symmetric(predicate):
+        if vocabulary.is_symmetric(predicate):
             yield False, (predicate, arguments[::-1])
 
 
-def _given_up(entered: str, other: str, arguments: tuple[Argument | Term, ...], known: Vocabulary) -> Iterable[Pattern]:
+def _deleted_patterns(
+    entered: str, abandoned_relation: str, arguments: tuple[Argument | Term, ...], vocabulary: Vocabulary
+) -> Iterable[Pattern]:
     """What of the other relation the first argument gives up when it enters into the one."""
-    relation = known.ontology.relations[other]
-    if other == entered and not relation.functional:
+    relation = vocabulary.ontology.relations[abandoned_relation]
+    if abandoned_relation == entered and not relation.functional:
         return
     rest = tuple(Variable("") for _ in relation.joins[1:])
-    yield other, (arguments[0], *rest)
-    if known.symmetric(other):
-        yield other, (*rest, arguments[0])
+    yield abandoned_relation, (arguments[0], *rest)
+    if vocabulary.is_symmetric(abandoned_relation):
+        yield abandoned_relation, (*rest, arguments[0])

@@ -15,22 +15,22 @@ def validate(plan: Plan, problem: Problem) -> list[str]:
     """What is wrong with the plan, by doing its steps on the map one by one in topological order; empty when all is well."""
     wrong: list[str] = []
     map = problem.map
-    known = {available.service_type.name: available.service_type for available in problem.services}
+    service_types = {available.service_type.name: available.service_type for available in problem.services}
     for step in plan.topological():
-        if step.service_type not in known:
+        if step.service_type not in service_types:
             wrong.append(f"{step.id}: nobody offers {step.service_type}")
             continue
         if step.precondition is not None and not formula_holds(step.precondition, map, problem.ontology):
             wrong.append(f"{step.id}: {step} needs {step.precondition}, which does not hold by then")
-        promised = substitute(parse(known[step.service_type].effect), step.bindings)
+        promised = substitute(parse(service_types[step.service_type].effect), step.bindings)
         if not variables(promised) and step.effect != evaluate_effect(promised, map, problem.ontology):
             wrong.append(f"{step.id}: {step.effect} is not what {step} brings about")
-        map = after(step, map, problem)
+        map = apply_step(step, map, problem)
     if not formula_holds(problem.goal, map, problem.ontology):
         wrong.append(f"after all steps {problem.goal} does not hold")
     return wrong
 
 
-def after(step: Step, map: Map, problem: Problem) -> Map:
+def apply_step(step: Step, map: Map, problem: Problem) -> Map:
     """The map once the step is done."""
     return apply_effect(step.effect, map, problem.ontology)

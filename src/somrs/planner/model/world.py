@@ -12,11 +12,11 @@ from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import ROOT, Ontology
 from somrs.ontology.values import MeasuredValue, attribute_at, compare, constant, measure, value_of
-from somrs.planner.model.operators import SOME, Argument, Fact, Test, providers_of
+from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Fact, Test, providers_of
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.repertoire import repertoire
 
-Bound = dict[str, Argument]
+Binding = dict[str, Argument]
 """What variables stand for."""
 VALUES: Mapping[str, tuple[type, ...]] = {"number": (Number,), "text": (Text, Name), "truth": (Truth,)}
 """What an input that is a value can be."""
@@ -29,73 +29,75 @@ class World:
         self.map: Map = problem.map
         self.ontology: Ontology = problem.ontology
         self.repertoire = repertoire(problem.ontology, tuple(available.service_type for available in problem.services), counting)
-        self.known = self.repertoire.known
+        self.vocabulary = self.repertoire.vocabulary
         self.excluded, self.hurry = problem.excluded, problem.hurry
         self.providers: Mapping[str, tuple[str, ...]] = {
             available.service_type.name: tuple(name for name in available.providers if name not in problem.excluded)
             for available in problem.services
         }
         """The devices that offer a service type, those that may take part."""
-        self._of: dict[str, frozenset[str]] = {providers_of(name): frozenset(found) for name, found in self.providers.items()}
+        self._providers_by_type: dict[str, frozenset[str]] = {
+            providers_of(name): frozenset(device_names) for name, device_names in self.providers.items()
+        }
         self._prices = {available.service_type.name: dict(available.prices) for available in problem.services}
-        self._by_type = any(available.service_type.cost is not None for available in problem.services)
-        every = [price for asked in self._prices.values() for price in asked.values()]
-        self._usual = sum(every) / len(every) if every else 1.0
-        self._is_a: dict[tuple[str, str], bool] = {}
+        self._has_service_costs = any(available.service_type.cost is not None for available in problem.services)
+        all_prices = [price for quotes in self._prices.values() for price in quotes.values()]
+        self._average_price = sum(all_prices) / len(all_prices) if all_prices else 1.0
+        self._subtype_cache: dict[tuple[str, str], bool] = {}
         self._settled: dict[tuple[Literal, tuple[tuple[str, Argument], ...]], bool] = {}
         self._paths: dict[str, frozenset[str]] = {}
-        self._like: dict[tuple[str, int, Argument] | str, list[tuple[Argument, ...]]] = {}
+        self._match_cache: dict[tuple[str, int, Argument] | str, list[tuple[Argument, ...]]] = {}
 
     @property
-    def priced(self) -> bool:
+    def has_varying_costs(self) -> bool:
         """Whether it is known that uses of services may cost more or less."""
-        return self._by_type or len({price for asked in self._prices.values() for price in asked.values()}) > 1
+        return self._has_service_costs or len({price for quotes in self._prices.values() for price in quotes.values()}) > 1
 
-    def cost(self, service: ServiceType | None, bound: Bound) -> float:
+    def cost(self, service: ServiceType | None, binding: Binding) -> float:
         """What a use of the service costs, as far as can be told before anybody is asked: by the service type; by what its provider, or
         the cheapest, asked last; or what services cost as a rule."""
         if service is None:
             return 0.0
         if service.cost is not None:
-            terms = {name: as_term(value) for name, value in bound.items()}
+            terms = {name: as_term(value) for name, value in binding.items()}
             measured = measure(parse_term(service.cost), self.map, self.ontology, terms)
             if measured is not None and isinstance(measured.constant, Number):
                 return max(0.0, measured.constant.value)
-        asked, provider = self._prices[service.name], bound.get(PROVIDER)
-        if isinstance(provider, str) and provider in asked:
-            return asked[provider]
-        return min(asked.values(), default=self._usual)
+        quotes, provider = self._prices[service.name], binding.get(PROVIDER)
+        if isinstance(provider, str) and provider in quotes:
+            return quotes[provider]
+        return min(quotes.values(), default=self._average_price)
 
-    def is_a(self, argument: Argument, types: Iterable[str]) -> bool:
+    def is_eligible(self, argument: Argument, types: Iterable[str]) -> bool:
         """Whether an object or value is of all the types."""
-        return argument not in self.excluded and self.is_of(argument, types)
+        return argument not in self.excluded and self.has_types(argument, types)
 
-    def is_of(self, argument: Argument, types: Iterable[str]) -> bool:
+    def has_types(self, argument: Argument, types: Iterable[str]) -> bool:
         """The same, for objects that no step may involve, too."""
         if isinstance(argument, str):
             object = self.map.objects.get(argument)
             for type_name in types:
-                if type_name in self._of:
-                    if argument not in self._of[type_name]:
+                if type_name in self._providers_by_type:
+                    if argument not in self._providers_by_type[type_name]:
                         return False
                 elif object is None or not self._type_is_a(object.type, type_name):
                     return False
             return True
         return all(isinstance(argument, VALUES.get(type_name, ())) for type_name in types)
 
-    def all_of(self, type_name: str, other: str) -> bool:
+    def is_subtype(self, type_name: str, supertype: str) -> bool:
         """Whether everything that is of the one is of the other; either may be the devices that offer a service."""
-        if other in self._of:
-            return type_name in self._of and self._of[type_name] <= self._of[other]
-        return type_name not in self._of and self._type_is_a(type_name, other)
+        if supertype in self._providers_by_type:
+            return type_name in self._providers_by_type and self._providers_by_type[type_name] <= self._providers_by_type[supertype]
+        return type_name not in self._providers_by_type and self._type_is_a(type_name, supertype)
 
     def _type_is_a(self, type_name: str, ancestor: str) -> bool:
         key = type_name, ancestor
-        if key not in self._is_a:
-            self._is_a[key] = self.ontology.is_subtype(type_name, ancestor)
-        return self._is_a[key]
+        if key not in self._subtype_cache:
+            self._subtype_cache[key] = self.ontology.is_subtype(type_name, ancestor)
+        return self._subtype_cache[key]
 
-    def has(self, name: str, path: str) -> bool:
+    def has_attribute(self, name: str, path: str) -> bool:
         """Whether the object may have the attribute."""
         object = self.map.objects.get(name)
         if object is None:
@@ -107,74 +109,84 @@ class World:
     def domain(self, types: frozenset[str]) -> Iterator[str]:
         """The objects that are of all the types."""
         for type_name in types:
-            if type_name in self._of:
-                candidates: Iterable[str] = next(found for name, found in self.providers.items() if providers_of(name) == type_name)
+            if type_name in self._providers_by_type:
+                candidates: Iterable[str] = next(
+                    device_names for name, device_names in self.providers.items() if providers_of(name) == type_name
+                )
                 break
         else:
             narrowest = max(types, key=lambda name: len(self.ontology.ancestors(name)), default=ROOT)
             candidates = (name for subtype in self.ontology.subtypes(narrowest) for name in self.map.of_type(subtype))
-        return (name for name in candidates if self.is_a(name, types))
+        return (name for name in candidates if self.is_eligible(name, types))
 
     # What holds now, of what services change
 
-    def so(self, fact: Fact) -> bool:
+    def fact_holds(self, fact: Fact) -> bool:
         """Whether the fact holds now."""
         predicate, arguments = fact
         if predicate.startswith("."):
             return self._value(arguments[0], predicate[1:]) == arguments[1]
         names = self._names(arguments)
-        if predicate.endswith(SOME):
-            return bool(self.map.facts_with(predicate.removesuffix(SOME), 0, names[0]))
-        return self.map.has_fact(predicate, names) or (self.known.symmetric(predicate) and self.map.has_fact(predicate, names[::-1]))
+        if predicate.endswith(EXISTS_SUFFIX):
+            return bool(self.map.facts_with(predicate.removesuffix(EXISTS_SUFFIX), 0, names[0]))
+        return self.map.has_fact(predicate, names) or (
+            self.vocabulary.is_symmetric(predicate) and self.map.has_fact(predicate, names[::-1])
+        )
 
-    def count(self, predicate: str, known: Sequence[Argument | None]) -> int:
+    def count(self, predicate: str, known_arguments: Sequence[Argument | None]) -> int:
         """About how many facts hold now that `like` would look at; never fewer."""
         if predicate.startswith("."):
-            return 1 if known[0] is not None else len(self.map.objects) if known[1] is None else len(self.like(predicate, known))
-        relation = predicate.removesuffix(SOME)
-        places = (0, 1) if self.known.symmetric(relation) else None
+            return (
+                1
+                if known_arguments[0] is not None
+                else len(self.map.objects)
+                if known_arguments[1] is None
+                else len(self.find_facts(predicate, known_arguments))
+            )
+        relation = predicate.removesuffix(EXISTS_SUFFIX)
+        places = (0, 1) if self.vocabulary.is_symmetric(relation) else None
         return min(
             (
                 sum(len(self.map.facts_with(relation, p, value)) for p in places or (place,))
-                for place, value in enumerate(known)
+                for place, value in enumerate(known_arguments)
                 if isinstance(value, str)
             ),
             default=self.map.count(relation),
         )
 
-    def like(self, predicate: str, known: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:
+    def find_facts(self, predicate: str, known_arguments: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:
         """The arguments of facts that hold now and may have the known ones, of which at least one was looked at."""
-        places = [place for place, value in enumerate(known) if value is not None]
-        place = min(places, key=lambda place: self._few(predicate, place, known[place]), default=None)
-        key = (predicate, place, known[place]) if place is not None else predicate
-        if key not in self._like:
-            self._like[key] = list(self._found(predicate, place, known[place] if place is not None else None))  # type: ignore[index]
-        return self._like[key]  # type: ignore[index]
+        places = [place for place, value in enumerate(known_arguments) if value is not None]
+        place = min(places, key=lambda place: self._count_matches(predicate, place, known_arguments[place]), default=None)
+        key = (predicate, place, known_arguments[place]) if place is not None else predicate
+        if key not in self._match_cache:
+            self._match_cache[key] = list(self._scan_facts(predicate, place, known_arguments[place] if place is not None else None))  # type: ignore[index]
+        return self._match_cache[key]  # type: ignore[index]
 
-    def _few(self, predicate: str, place: int, value: Argument | None) -> int:
+    def _count_matches(self, predicate: str, place: int, value: Argument | None) -> int:
         """How many facts there are with the value at the place; fewer are better."""
         if predicate.startswith("."):
             return place
-        return len(self.map.facts_with(predicate.removesuffix(SOME), place, value)) if isinstance(value, str) else 0
+        return len(self.map.facts_with(predicate.removesuffix(EXISTS_SUFFIX), place, value)) if isinstance(value, str) else 0
 
-    def _found(self, predicate: str, place: int | None, value: Argument | None) -> Iterator[tuple[Argument, ...]]:
+    def _scan_facts(self, predicate: str, place: int | None, value: Argument | None) -> Iterator[tuple[Argument, ...]]:
         if predicate.startswith("."):
             for name in self._owners(predicate[1:], place, value):
-                if (known := self._value(name, predicate[1:])) is not None:
-                    yield name, known
+                if (current_value := self._value(name, predicate[1:])) is not None:
+                    yield name, current_value
             return
-        relation = predicate.removesuffix(SOME)
+        relation = predicate.removesuffix(EXISTS_SUFFIX)
         if place is None:
             tuples: Iterable[tuple[str, ...]] = (fact.arguments for fact in self.map.facts(relation))
         else:
             name = value if isinstance(value, str) else ""
-            either = (place, 1 - place) if self.known.symmetric(relation) else (place,)
-            tuples = (arguments for place in either for arguments in self.map.facts_with(relation, place, name))
-        if predicate.endswith(SOME):
+            places = (place, 1 - place) if self.vocabulary.is_symmetric(relation) else (place,)
+            tuples = (arguments for place in places for arguments in self.map.facts_with(relation, place, name))
+        if predicate.endswith(EXISTS_SUFFIX):
             yield from dict.fromkeys(arguments[:1] for arguments in tuples)
-        elif self.known.symmetric(relation):
-            every = dict.fromkeys(self.canonical((relation, arguments))[1] for arguments in tuples)
-            yield from (arguments for arguments in every if place is None or arguments[place] == value)
+        elif self.vocabulary.is_symmetric(relation):
+            distinct_tuples = dict.fromkeys(self.canonical((relation, arguments))[1] for arguments in tuples)
+            yield from (arguments for arguments in distinct_tuples if place is None or arguments[place] == value)
         else:
             yield from tuples
 
@@ -201,41 +213,44 @@ class World:
     def canonical(self, fact: Fact) -> Fact:
         """One way of writing facts of symmetric relations."""
         predicate, arguments = fact
-        return (predicate, tuple(sorted(arguments, key=str))) if self.known.symmetric(predicate) else fact
+        return (predicate, tuple(sorted(arguments, key=str))) if self.vocabulary.is_symmetric(predicate) else fact
 
-    def settles(self, literal: Literal, bound: Bound) -> bool:
+    def holds_statically(self, literal: Literal, binding: Binding) -> bool:
         """Whether a literal over what no service changes holds."""
-        key = literal, tuple((name, bound[name]) for name in variables(literal) if name in bound)
+        key = literal, tuple((name, binding[name]) for name in variables(literal) if name in binding)
         if key not in self._settled:
-            self._settled[key] = next(self.answers(literal, dict(key[1])), None) is not None
+            self._settled[key] = next(self.find_bindings(literal, dict(key[1])), None) is not None
         return self._settled[key]
 
-    def answers(self, literal: Literal, bound: Bound) -> Iterator[Bound]:
+    def find_bindings(self, literal: Literal, binding: Binding) -> Iterator[Binding]:
         """The ways in which such a literal holds."""
-        given = {name: as_term(value) for name, value in bound.items() if name in variables(literal)}
-        for row in rows(literal, given, self.map, self.ontology):
-            yield {**bound, **{name: as_argument(term) for name, term in row.items()}}
+        substitution = {name: as_term(value) for name, value in binding.items() if name in variables(literal)}
+        for row in rows(literal, substitution, self.map, self.ontology):
+            yield {**binding, **{name: as_argument(term) for name, term in row.items()}}
 
-    def passes(self, test: Test, bound: Bound) -> bool:
+    def passes(self, test: Test, binding: Binding) -> bool:
         """Whether the comparison holds with these values of attributes."""
-        terms = {name: as_term(value) for name, value in bound.items()}
+        terms = {name: as_term(value) for name, value in binding.items()}
         sides = []
         for side in (test.comparison.left, test.comparison.right):
             measured = measure(side, self.map, self.ontology, terms)
             if measured is not None and isinstance(side, Variable) and side.name in test.hidden:
                 measured = MeasuredValue(measured.constant, test.hidden[side.name])
             sides.append(measured)
-        left, right = sides
-        return left is not None and right is not None and compare(left, test.comparison.operator, right)
+        left_value, right_value = sides
+        return left_value is not None and right_value is not None and compare(left_value, test.comparison.operator, right_value)
 
 
-def rows(formula: Formula, given: Mapping[str, Term], map: Map, ontology: Ontology) -> Iterator[Mapping[str, Term]]:
+def rows(formula: Formula, substitution: Mapping[str, Term], map: Map, ontology: Ontology) -> Iterator[Mapping[str, Term]]:
     """The ways in which the formula holds, of a provider too that is not on the map."""
-    provider = given.get(PROVIDER)
+    provider = substitution.get(PROVIDER)
     if isinstance(provider, Name) and provider.name not in map.objects:
         formula = substitute(formula, {PROVIDER: provider})
-        return ({**row, PROVIDER: provider} for row in bindings(formula, map, ontology, {n: t for n, t in given.items() if n != PROVIDER}))
-    return bindings(formula, map, ontology, given)
+        return (
+            {**row, PROVIDER: provider}
+            for row in bindings(formula, map, ontology, {n: t for n, t in substitution.items() if n != PROVIDER})
+        )
+    return bindings(formula, map, ontology, substitution)
 
 
 def as_term(argument: Argument) -> Constant:

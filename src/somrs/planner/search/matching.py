@@ -11,8 +11,8 @@ from somrs.planner.model.operators import Operator
 from somrs.planner.model.plan import Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.world import World
-from somrs.planner.search.search import TooHard, cheapest, without_useless
-from somrs.planner.search.steps import stated
+from somrs.planner.search.search import TooHard, cheapest, remove_redundant_moves
+from somrs.planner.search.steps import build_plan
 
 CHAINS = (1, 2)
 """So many services one after the other, each for what the next needs; the goal's parts have such chains each."""
@@ -25,17 +25,17 @@ EFFORT = 10_000
 def match(problem: Problem, world: World, goals: Sequence[Operator]) -> Plan | None:
     """A plan of short chains, if there is one among few possibilities: the shortest, or the cheapest, if it is known that services cost
     more or less. None says nothing."""
-    found: list[list[Move]] = []
+    plans: list[list[Move]] = []
     for depth in CHAINS:
         try:
             grounding = Grounding(world, demands(goals, world, narrow=True, depth=depth), narrow=True, effort=FACTS)
-            if grounding.reached:
+            if grounding.is_goal_reachable:
                 task = Task(grounding)
                 moves = cheapest(task, EFFORT)
                 if moves is not None:
-                    found.append(without_useless(moves, task))
+                    plans.append(remove_redundant_moves(moves, task))
         except (TooLarge, TooHard):
             break
-        if found and not (world.priced and not problem.hurry):
+        if plans and not (world.has_varying_costs and not problem.hurry):
             break
-    return stated(problem, min(found, key=lambda moves: sum(move.cost for move in moves))) if found else None
+    return build_plan(problem, min(plans, key=lambda moves: sum(move.cost for move in moves))) if plans else None

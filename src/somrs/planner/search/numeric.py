@@ -9,7 +9,7 @@ from somrs.ontology.units import convert_unit
 from somrs.ontology.values import ROUNDING
 from somrs.planner.grounding.task import Assignment, Move, Task
 from somrs.planner.model.operators import Inexpressible
-from somrs.planner.search.counting import Condition, Counters, Setting
+from somrs.planner.search.counting import Counters, NumericCondition, NumericEffect
 
 INDENT = "\n  "
 
@@ -22,7 +22,7 @@ class NumericTask:
         self.domain = self._domain()
         self.problem = self._problem()
 
-    def read(self, names: list[str]) -> list[Move]:
+    def decode_moves(self, names: list[str]) -> list[Move]:
         """The moves that an engine named, without the last one, which only says that the goal is reached."""
         moves = [self._task.moves[int(name.lower().removeprefix("a"))] for name in names]
         return [move for move in moves if move.action.operator.service is not None]
@@ -40,29 +40,29 @@ class NumericTask:
         return f"(define (problem p) (:domain d)\n(:init {facts} {numbers})\n(:goal (reached)))\n"
 
     def _action(self, number: int, move: Move) -> str:
-        needs = [*map(_atom, move.needs)]
-        for condition in self._counters.conditions[move]:
-            needs.extend(self._condition(condition))
+        preconditions = [*map(_atom, move.preconditions)]
+        for condition in self._counters.numeric_conditions[move]:
+            preconditions.extend(self._condition(condition))
         effects = [part for effect in move.effects for part in self._effect(move, *effect)]
-        for setting in self._counters.settings[move]:
-            value = self._expression(setting.source, self._counters.unit(setting.sets))
-            needs.extend(self._range(setting, value))
-            effects.append(f"(assign (n{setting.sets}) {value})")
+        for numeric_effect in self._counters.numeric_effects[move]:
+            value = self._expression(numeric_effect.source, self._counters.unit(numeric_effect.counter))
+            preconditions.extend(self._range(numeric_effect, value))
+            effects.append(f"(assign (n{numeric_effect.counter}) {value})")
         if move.action.operator.service is None:
             effects = ["(reached)"]
-        return f"(:action a{number} :parameters () :precondition (and {' '.join(needs)}){INDENT}:effect (and {' '.join(effects)}))"
+        return f"(:action a{number} :parameters () :precondition (and {' '.join(preconditions)}){INDENT}:effect (and {' '.join(effects)}))"
 
     def _effect(self, move: Move, conditions: tuple[Assignment, ...], variable: int, value: int) -> Iterator[str]:
         """A variable gets a value; it has its old one no more, whichever that was."""
-        known = dict((*move.needs, *conditions)).get(variable)
-        old = [known] if known is not None else range(len(self._task.values[variable]))
-        made = [_atom((variable, value)), *(f"(not {_atom((variable, other))})" for other in old if other != value)]
+        known_value = dict((*move.preconditions, *conditions)).get(variable)
+        old = [known_value] if known_value is not None else range(len(self._task.values[variable]))
+        literals = [_atom((variable, value)), *(f"(not {_atom((variable, other_value))})" for other_value in old if other_value != value)]
         if conditions:
-            yield f"(when (and {' '.join(map(_atom, conditions))}) (and {' '.join(made)}))"
+            yield f"(when (and {' '.join(map(_atom, conditions))}) (and {' '.join(literals)}))"
         else:
-            yield from made
+            yield from literals
 
-    def _condition(self, condition: Condition) -> Iterator[str]:
+    def _condition(self, condition: NumericCondition) -> Iterator[str]:
         if isinstance(condition.literal, Not):
             atom = condition.literal.atom
             assert isinstance(atom, Comparison), "counters are compared"
@@ -74,31 +74,31 @@ class NumericTask:
             assert isinstance(condition.literal, Comparison), "counters are compared"
             yield from self._comparison(condition.literal, condition)
 
-    def _comparison(self, comparison: Comparison, condition: Condition) -> Iterator[str]:
+    def _comparison(self, comparison: Comparison, condition: NumericCondition) -> Iterator[str]:
         """Two numbers within tolerance are the same, as everywhere."""
-        counter = condition.reads[0]
-        left = self._expression(comparison.left, self._counters.unit(counter))
-        right = self._expression(comparison.right, self._counters.unit(counter))
+        counter = condition.read_counters[0]
+        left_expression = self._expression(comparison.left, self._counters.unit(counter))
+        right_expression = self._expression(comparison.right, self._counters.unit(counter))
         attribute = self._counters.attributes[counter]
         slack = _plain((attribute.tolerance if attribute is not None else 0.0) + ROUNDING)
         match comparison.operator:
             case "=":
-                yield f"(>= {left} (- {right} {slack}))"
-                yield f"(<= {left} (+ {right} {slack}))"
+                yield f"(>= {left_expression} (- {right_expression} {slack}))"
+                yield f"(<= {left_expression} (+ {right_expression} {slack}))"
             case ">=":
-                yield f"(>= {left} (- {right} {slack}))"
+                yield f"(>= {left_expression} (- {right_expression} {slack}))"
             case "<=":
-                yield f"(<= {left} (+ {right} {slack}))"
+                yield f"(<= {left_expression} (+ {right_expression} {slack}))"
             case ">":
-                yield f"(> {left} (+ {right} {slack}))"
+                yield f"(> {left_expression} (+ {right_expression} {slack}))"
             case "<":
-                yield f"(< {left} (- {right} {slack}))"
+                yield f"(< {left_expression} (- {right_expression} {slack}))"
             case _:
                 raise Inexpressible(comparison, "an engine does not take that two numbers differ")
 
-    def _range(self, setting: Setting, value: str) -> Iterator[str]:
-        attribute = self._counters.attributes[setting.sets]
-        if setting.reads and attribute is not None:
+    def _range(self, numeric_effect: NumericEffect, value: str) -> Iterator[str]:
+        attribute = self._counters.attributes[numeric_effect.counter]
+        if numeric_effect.read_counters and attribute is not None:
             if attribute.minimum is not None:
                 yield f"(>= {value} {_plain(attribute.minimum)})"
             if attribute.maximum is not None:
@@ -110,32 +110,32 @@ class NumericTask:
             case Variable(name):
                 counter = self._counters.names.index(name)
                 return _scaled(f"(n{counter})", self._counters.unit(counter), unit, term)
-            case Arithmetic(left, "*", right):
-                return self._product(left, right, unit)
-            case Arithmetic(left, sign, right):
-                return f"({sign} {self._expression(left, unit)} {self._expression(right, unit)})"
+            case Arithmetic(left_term, "*", right_term):
+                return self._product(left_term, right_term, unit)
+            case Arithmetic(left_term, sign, right_term):
+                return f"({sign} {self._expression(left_term, unit)} {self._expression(right_term, unit)})"
             case Number(value, None):
                 return _plain(value)
             case Name():
                 raise Inexpressible(term, "it is no number")
-        measured = self._counters.measured(term)
+        measured = self._counters.measure_term(term)
         if measured is None:
             raise Inexpressible(term, "it has no value")
         return _converted(measured, unit, term)
 
-    def _product(self, left: Term, right: Term, unit: str | None) -> str:
+    def _product(self, left_term: Term, right_term: Term, unit: str | None) -> str:
         """One factor is a constant, as far as engines can calculate."""
-        for factor, other in ((left, right), (right, left)):
-            constant = self._counters.measured(factor)
+        for factor, other_factor in ((left_term, right_term), (right_term, left_term)):
+            constant = self._counters.measure_term(factor)
             if constant is not None:
-                whole = self._counters.measured(other)
+                whole = self._counters.measure_term(other_factor)
                 if whole is not None:
-                    product = self._counters.measured(Arithmetic(left, "*", right))
+                    product = self._counters.measure_term(Arithmetic(left_term, "*", right_term))
                     assert product is not None, "both factors are known"
-                    return _converted(product, unit, left)
+                    return _converted(product, unit, left_term)
                 if constant.unit is None:
-                    return f"(* {_plain(constant.value)} {self._expression(other, unit)})"
-        raise Inexpressible(Arithmetic(left, "*", right), "an engine does not multiply two numbers that change, or with units")
+                    return f"(* {_plain(constant.value)} {self._expression(other_factor, unit)})"
+        raise Inexpressible(Arithmetic(left_term, "*", right_term), "an engine does not multiply two numbers that change, or with units")
 
 
 def _atom(assignment: Assignment) -> str:
@@ -156,10 +156,10 @@ def _converted(number: Number, unit: str | None, term: Term) -> str:
     return _plain(value)
 
 
-def _scaled(text: str, unit: str | None, wanted: str | None, term: Term) -> str:
-    if unit is None or wanted is None or unit == wanted:
+def _scaled(text: str, unit: str | None, target_unit: str | None, term: Term) -> str:
+    if unit is None or target_unit is None or unit == target_unit:
         return text
-    none, one = convert_unit(0.0, unit, wanted), convert_unit(1.0, unit, wanted)
-    if none != 0 or one is None:
-        raise Inexpressible(term, f"{unit} and {wanted} differ by more than a factor")
-    return f"(* {_plain(one)} {text})"
+    offset, factor = convert_unit(0.0, unit, target_unit), convert_unit(1.0, unit, target_unit)
+    if offset != 0 or factor is None:
+        raise Inexpressible(term, f"{unit} and {target_unit} differ by more than a factor")
+    return f"(* {_plain(factor)} {text})"

@@ -9,7 +9,7 @@ from heapq import heapify, heappop, heappush
 
 from somrs.planner.grounding.finite import Assignment, State
 from somrs.planner.grounding.task import Move, Task
-from somrs.planner.search.progress import Progress, how_far
+from somrs.planner.search.progress import Progress, measure_progress
 
 EFFORT = 1_500_000
 """Moves and effects looked at before an engine is asked instead: about half a second."""
@@ -28,9 +28,9 @@ def cheapest(task: Task, effort: int = EFFORT) -> list[Move] | None:
     moves = search(task, effort)
     if moves is None or task.hurry or len({move.cost for move in task.moves if move.length}) < 2:
         return moves
-    plans = [without_useless(moves, task)]
+    plans = [remove_redundant_moves(moves, task)]
     with contextlib.suppress(TooHard):
-        plans.append(without_useless(search(task, effort, cheap=True) or moves, task))
+        plans.append(remove_redundant_moves(search(task, effort, cheap=True) or moves, task))
     return min(plans, key=lambda plan: sum(move.cost for move in plan))
 
 
@@ -38,99 +38,104 @@ def search(task: Task, effort: int = EFFORT, *, cheap: bool = False) -> list[Mov
     """The moves that reach the goal, or None if nothing does; `cheap` rather than found at once: then what the moves to a state cost is
     added to its distance, as A* does. Raises TooHard."""
     assert task.goal is not None, "a goal that nothing reaches is not searched for"
-    estimate = Estimate(task, cheap=cheap)
-    came: dict[State, tuple[State, Move] | None] = {task.initial: None}
+    heuristic = AdditiveHeuristic(task, cheap=cheap)
+    parents: dict[State, tuple[State, Move] | None] = {task.initial: None}
     spent = {task.initial: 0.0}
     open_: list[tuple[float, bool, int, State]] = [(0.0, True, 0, task.initial)]
     count = 0
     while open_:
         *_, state = heappop(open_)
         if state[task.goal[0]] == task.goal[1]:
-            return _path(came, state)
-        distance, helpful = estimate.of(state)
+            return _path(parents, state)
+        distance, helpful = heuristic.evaluate(state)
         if distance is None:
             continue
         for move in task.moves:
-            if not move.applicable(state):
+            if not move.is_applicable(state):
                 continue
-            after = move.apply(state)
+            successor = move.apply(state)
             costs = spent[state] + move.cost if cheap else 0.0
-            if after in came and costs >= spent[after]:
+            if successor in parents and costs >= spent[successor]:
                 continue
-            came[after], spent[after] = (state, move), costs
-            if after[task.goal[0]] == task.goal[1] and not cheap:
-                return _path(came, after)
+            parents[successor], spent[successor] = (state, move), costs
+            if successor[task.goal[0]] == task.goal[1] and not cheap:
+                return _path(parents, successor)
             count += 1
-            heappush(open_, (costs + distance, move not in helpful, count, after))
+            heappush(open_, (costs + distance, move not in helpful, count, successor))
         effort -= len(task.moves)
-        if effort - estimate.looked_at < 0:
-            raise TooHard(how_far(task, came))
+        if effort - heuristic.visit_count < 0:
+            raise TooHard(measure_progress(task, parents))
     return None
 
 
-def _path(came: dict[State, tuple[State, Move] | None], state: State) -> list[Move]:
+def _path(parents: dict[State, tuple[State, Move] | None], state: State) -> list[Move]:
     moves: list[Move] = []
-    while (step := came[state]) is not None:
+    while (step := parents[state]) is not None:
         state, move = step
         if move.action.operator.service is not None:
             moves.append(move)
     return moves[::-1]
 
 
-def without_useless(moves: Sequence[Move], task: Task) -> list[Move]:
+def remove_redundant_moves(moves: Sequence[Move], task: Task) -> list[Move]:
     """The plan without moves that it can do without, with those that only they make possible (Nakhost and Müller 2010)."""
-    kept = list(moves)
+    kept_moves = list(moves)
     place = 0
-    while place < len(kept):
+    while place < len(kept_moves):
         rest: list[Move] = []
         state = task.initial
-        for other in (*kept[:place], *kept[place + 1 :]):
-            if other.applicable(state):
-                state = other.apply(state)
-                rest.append(other)
+        for move in (*kept_moves[:place], *kept_moves[place + 1 :]):
+            if move.is_applicable(state):
+                state = move.apply(state)
+                rest.append(move)
         if _reaches(state, task):
-            kept = rest
+            kept_moves = rest
         else:
             place += 1
-    return kept
+    return kept_moves
 
 
 def _reaches(state: State, task: Task) -> bool:
-    return any(move.action.operator.service is None and move.applicable(state) for move in task.moves)
+    return any(move.action.operator.service is None and move.is_applicable(state) for move in task.moves)
 
 
-class Estimate:
+class AdditiveHeuristic:
     """How far a state is from the goal: each fact costs what the best move to it costs, and what that needs, added up. A move costs
     one, or, if it is to be `cheap`, what it is said to."""
 
     def __init__(self, task: Task, *, cheap: bool = False) -> None:
         self.task, self.cheap = task, cheap
-        self.looked_at = 0
+        self.visit_count = 0
         # Effects with the same conditions come about together: one unit of a move, what it needs, and what it makes.
         self.moves: list[Move] = []
-        self.needs: list[tuple[Assignment, ...]] = []
-        self.makes: list[list[Assignment]] = []
-        self.needing: dict[Assignment, list[int]] = {}
+        self.preconditions: list[tuple[Assignment, ...]] = []
+        self.effects: list[list[Assignment]] = []
+        self.dependents: dict[Assignment, list[int]] = {}
         for move in task.moves:
             units: dict[tuple[Assignment, ...], list[Assignment]] = {}
             for conditions, variable, value in move.effects:
                 units.setdefault(conditions, []).append((variable, value))
-            for conditions, made in units.items():
-                needs = tuple(dict.fromkeys((*move.needs, *conditions)))
-                for need in needs:
-                    self.needing.setdefault(need, []).append(len(self.moves))
+            for conditions, unit_effects in units.items():
+                unit_preconditions = tuple(dict.fromkeys((*move.preconditions, *conditions)))
+                for precondition in unit_preconditions:
+                    self.dependents.setdefault(precondition, []).append(len(self.moves))
                 self.moves.append(move)
-                self.needs.append(needs)
-                self.makes.append(made)
+                self.preconditions.append(unit_preconditions)
+                self.effects.append(unit_effects)
 
-    def of(self, state: State) -> tuple[float | None, set[Move]]:
+    def evaluate(self, state: State) -> tuple[float | None, set[Move]]:
         """The distance, and the moves of the state that a way there begins with. None: the goal cannot be reached from
         there, even if nothing were ever undone."""
-        left = [len(needs) for needs in self.needs]
+        unmet_counts = [len(unit_preconditions) for unit_preconditions in self.preconditions]
         total = [move.cost if self.cheap else float(move.length) for move in self.moves]
         supporter: dict[Assignment, int] = {}
         queue: list[tuple[float, Assignment, int]] = [(0.0, assignment, -1) for assignment in enumerate(state)]
-        queue += [(total[n], made, n) for n, needs in enumerate(self.needs) if not needs for made in self.makes[n]]
+        queue += [
+            (total[n], effect, n)
+            for n, unit_preconditions in enumerate(self.preconditions)
+            if not unit_preconditions
+            for effect in self.effects[n]
+        ]
         heapify(queue)
         while queue:
             price, assignment, index = heappop(queue)
@@ -139,27 +144,27 @@ class Estimate:
             supporter[assignment] = index
             if assignment == self.task.goal:
                 return price, self._helpful(supporter, state)
-            for index in self.needing.get(assignment, ()):
-                self.looked_at += 1
-                left[index] -= 1
+            for index in self.dependents.get(assignment, ()):
+                self.visit_count += 1
+                unmet_counts[index] -= 1
                 total[index] += price
-                if left[index] == 0:
-                    for made in self.makes[index]:
-                        if made not in supporter:
-                            heappush(queue, (total[index], made, index))
+                if unmet_counts[index] == 0:
+                    for effect in self.effects[index]:
+                        if effect not in supporter:
+                            heappush(queue, (total[index], effect, index))
         return None, set()
 
     def _helpful(self, supporter: dict[Assignment, int], state: State) -> set[Move]:
         assert self.task.goal is not None, "it was just reached"
-        found: set[Move] = set()
-        waiting, seen = [self.task.goal], {self.task.goal}
+        helpful_moves: set[Move] = set()
+        waiting, seen_assignments = [self.task.goal], {self.task.goal}
         while waiting:
             index = supporter[waiting.pop()]
             if index < 0:
                 continue
-            if self.moves[index].applicable(state):
-                found.add(self.moves[index])
-            new = [need for need in self.needs[index] if need not in seen]
-            seen.update(new)
+            if self.moves[index].is_applicable(state):
+                helpful_moves.add(self.moves[index])
+            new = [precondition for precondition in self.preconditions[index] if precondition not in seen_assignments]
+            seen_assignments.update(new)
             waiting.extend(new)
-        return found
+        return helpful_moves

@@ -12,14 +12,14 @@ from somrs.ontology.effects import evaluate_effect
 from somrs.ontology.objects import Map
 from somrs.planner.grounding.grounding import Action
 from somrs.planner.grounding.task import Move
-from somrs.planner.model.causal import linked
+from somrs.planner.model.causal import derive_links
 from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.problem import Problem
-from somrs.planner.model.validation import after, validate
+from somrs.planner.model.validation import apply_step, validate
 from somrs.planner.model.world import as_term, rows
 
 
-def stated(problem: Problem, moves: Sequence[Move]) -> Plan:
+def build_plan(problem: Problem, moves: Sequence[Move]) -> Plan:
     """The plan that the moves are, in services, with the links between its steps."""
     steps: list[Step] = []
     written: list[Formula] = []
@@ -28,12 +28,12 @@ def stated(problem: Problem, moves: Sequence[Move]) -> Plan:
         step = _step(f"step{len(steps) + 1}", move.action, maps[-1], problem)
         written.append(step.effect)
         steps.append(structs.replace(step, effect=evaluate_effect(step.effect, maps[-1], problem.ontology)))
-        maps.append(after(steps[-1], maps[-1], problem))
-    made = Plan(tuple(steps), linked(steps, maps, problem, written))
-    wrong = validate(made, problem)
+        maps.append(apply_step(steps[-1], maps[-1], problem))
+    plan = Plan(tuple(steps), derive_links(steps, maps, problem, written))
+    wrong = validate(plan, problem)
     if wrong:
         raise AssertionError("; ".join(wrong))
-    return made
+    return plan
 
 
 def _step(id: str, action: Action, map: Map, problem: Problem) -> Step:
@@ -41,21 +41,21 @@ def _step(id: str, action: Action, map: Map, problem: Problem) -> Step:
     operator = action.operator
     assert operator.service is not None, "the goal is no step"
     assert operator.effect is not None, "services have effects"
-    bound: dict[str, Term] = {name: as_term(value) for name, value in action.bound.items()}
+    binding: dict[str, Term] = {name: as_term(value) for name, value in action.binding.items()}
     precondition: Formula | None = None
     if operator.condition:
-        wanted = conjunction(*operator.condition)
-        given = {name: bound[name] for name in variables(wanted) if name in bound}
-        found = next(rows(wanted, given, map, problem.ontology), None)
-        if found is None:
-            raise AssertionError(f"{operator.service.name} was planned where {substitute(wanted, given)} does not hold")
-        bound.update(found)
-        precondition = substitute(wanted, bound)
+        condition = conjunction(*operator.condition)
+        substitution = {name: binding[name] for name in variables(condition) if name in binding}
+        row = next(rows(condition, substitution, map, problem.ontology), None)
+        if row is None:
+            raise AssertionError(f"{operator.service.name} was planned where {substitute(condition, substitution)} does not hold")
+        binding.update(row)
+        precondition = substitute(condition, binding)
     return Step(
         id=id,
         service_type=operator.service.name,
-        inputs={parameter.name: bound[parameter.name] for parameter in operator.service.inputs},
-        effect=substitute(operator.effect, bound),
+        inputs={parameter.name: binding[parameter.name] for parameter in operator.service.inputs},
+        effect=substitute(operator.effect, binding),
         precondition=precondition,
         provider=action.provider,
     )

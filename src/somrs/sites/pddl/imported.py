@@ -17,7 +17,7 @@ from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType, Value
 from somrs.ontology.values import measure
 from somrs.planner.model.plan import Step
-from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.problem import AvailableService, Problem
 from somrs.sites.pddl.actions import Actions, Offer
 from somrs.sites.pddl.formulas import Speech, Words
 from somrs.sites.pddl.kinds import DEVICE, DRIVER, Kinds
@@ -58,13 +58,13 @@ class Imported:
         return Problem(ontology=self.ontology, map=self.map, goal=self.goal, services=self.available)
 
     @cached_property
-    def available(self) -> tuple[Available, ...]:
+    def available(self) -> tuple[AvailableService, ...]:
         """Every service type, with the agents that offer it."""
         providers: dict[str, list[str]] = {service.name: [] for service in self.services}
         for agent, offered in self.agents.items():
             for service in offered:
                 providers[service.name].append(agent)
-        return tuple(Available(service, tuple(providers[service.name])) for service in self.services)
+        return tuple(AvailableService(service, tuple(providers[service.name])) for service in self.services)
 
     def price(self, service: str, inputs: Mapping[str, str], agent: str) -> float:
         """What doing it costs; 1 when the problem counts no costs. `inputs` are names of objects."""

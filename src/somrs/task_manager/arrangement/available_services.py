@@ -12,7 +12,7 @@ from somrs.kernel.replica import Replica
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import WORKING
 from somrs.planner.model.plan import Step
-from somrs.planner.model.problem import Lost
+from somrs.planner.model.problem import LostService
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.execution.bids import able, about, precondition_now, service_types
 from somrs.task_manager.execution.workflow import StepRun
@@ -53,10 +53,10 @@ class AvailableServices:
         return [offer for offer in self._state.offers if offer.service not in self.broken]
 
     @property
-    def lost_to_it(self) -> list[Lost]:
+    def lost_to_it(self) -> list[LostService]:
         """What is on offer, but will not be asked, and why."""
         return [
-            Lost(offer.service_type, offer.service, self.broken[offer.service])
+            LostService(offer.service_type, offer.service, self.broken[offer.service])
             for offer in self._state.offers
             if offer.service in self.broken
         ]

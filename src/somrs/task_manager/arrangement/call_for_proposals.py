@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from msgspec import Struct, field
 
 from somrs.kernel.component import Doing, Effects, Wake
-from somrs.planner.model.choice import by
+from somrs.planner.model.choice import assign_provider
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Submit
@@ -75,7 +75,7 @@ class Calls(Struct, kw_only=True):
 
     def settles(self, step: Step) -> bool:
         """Whether it is being found out at another step which device does this one, too."""
-        return bool(step.alike) and any(call.same == step.same for call in self.pending.values())
+        return bool(step.alternative_providers) and any(call.same == step.device_group for call in self.pending.values())
 
     def due(self, now: float) -> Iterator[Call]:
         """Those for which the time to answer is over, unless what came of the ones before has closed them; `wake` afterwards."""
@@ -168,10 +168,10 @@ class Arrangement:
 
         def arrange(offer: Offer) -> frp.Arrange:
             """The same for all, but for who is spoken of."""
-            key = offer.service_type.name, offer.provider if run.step.alike else None
+            key = offer.service_type.name, offer.provider if run.step.alternative_providers else None
             if key not in arranges:
-                step = by(run.step, offer.provider) if run.step.alike else run.step
-                precondition = step.precondition if run.step.alike else run.precondition or step.precondition
+                step = assign_provider(run.step, offer.provider) if run.step.alternative_providers else run.step
+                precondition = step.precondition if run.step.alternative_providers else run.precondition or step.precondition
                 arranges[key] = frp.Arrange(
                     service_type=offer.service_type.name,
                     inputs=inputs,
@@ -192,4 +192,6 @@ class Arrangement:
 
 def call_for(run: StepRun, invited: Iterable[str], *, earliest: float, latest: float | None, until: float) -> Call:
     """The call for a step that these participants were asked for."""
-    return Call(step=run.step.id, key=run.key, same=run.step.same, invited=tuple(invited), earliest=earliest, latest=latest, until=until)
+    return Call(
+        step=run.step.id, key=run.key, same=run.step.device_group, invited=tuple(invited), earliest=earliest, latest=latest, until=until
+    )

@@ -84,7 +84,7 @@ def able(step: Step, offers: Sequence[Offer], known: dict[str, ServiceType], exc
         offer
         for offer in offers
         if is_a(offer.service_type.name)
-        and (step.provider in (None, offer.provider) or offer.provider in step.alike)
+        and (step.provider in (None, offer.provider) or offer.provider in step.alternative_providers)
         and offer.service not in excluded
     ]
 

@@ -9,7 +9,7 @@ from enum import StrEnum
 from msgspec import Struct
 
 from somrs.entish import Formula
-from somrs.planner.model.choice import by
+from somrs.planner.model.choice import assign_provider
 from somrs.planner.model.plan import Plan, Step
 from somrs.protocol.messages.events import GoalKind
 from somrs.task_manager.context import Interval
@@ -90,8 +90,8 @@ class Workflow(Struct, dict=True, eq=False):
         runs, plan = self.runs, self.plan
         self._place = {id: number for number, id in enumerate(runs)}
         self._by_key = {run.key: run for run in runs.values()}
-        self._before = {id: tuple(runs[before] for before in plan.before(id)) for id in runs}
-        self._after = {id: tuple(runs[after] for after in plan.after(id)) for id in runs}
+        self._before = {id: tuple(runs[before] for before in plan.predecessors(id)) for id in runs}
+        self._after = {id: tuple(runs[after] for after in plan.successors(id)) for id in runs}
         self._count = Counter({**dict.fromkeys(Progress, 0), **Counter(run.progress for run in runs.values())})
         self._unarranged = {id: sum(one.progress in UNPROMISED for one in before) for id, before in self._before.items()}
         """How many steps right before it nobody has promised to do, by step."""
@@ -164,7 +164,10 @@ class Workflow(Struct, dict=True, eq=False):
             if run.progress is not Progress.ARRANGED or member is None:
                 continue
             who = member.offer.provider
-            same = next((new for new in waiting.get(run.work, ()) if new.step.provider in (None, who) or who in new.step.alike), None)
+            same = next(
+                (new for new in waiting.get(run.work, ()) if new.step.provider in (None, who) or who in new.step.alternative_providers),
+                None,
+            )
             if same is not None:
                 new = same
                 waiting[run.work].remove(new)
@@ -177,9 +180,9 @@ class Workflow(Struct, dict=True, eq=False):
 
     def bind(self, run: StepRun, provider: str) -> None:
         """The device does the step, and with it all that have to be done by the same one."""
-        if run.step.alike:
-            for other in [other for other in self if other.step.same == run.step.same]:
-                other.step = by(other.step, provider)
+        if run.step.alternative_providers:
+            for other in [other for other in self if other.step.device_group == run.step.device_group]:
+                other.step = assign_provider(other.step, provider)
 
     def run_of(self, member: Member) -> StepRun | None:
         """The step that the participant was asked for."""

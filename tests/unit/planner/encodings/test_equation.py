@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, composite
 
 from somrs.planner.encodings.equation import Equation, companions, definite, equation
-from somrs.planner.encodings.sas import written
+from somrs.planner.encodings.sas import encode_sas
 from somrs.planner.grounding.finite import Assignment, Effect, FiniteTask, Operation, State
 from tests.support.examples import examples
 
@@ -37,8 +37,8 @@ def tasks(draw: DrawFn) -> FiniteTask:
         names=tuple(tuple(f"fact{v}({x})" for x in range(size)) for v, size in enumerate(sizes)),
         initial=tuple(draw(st.integers(0, size - 1)) for size in sizes),
         goal=draw(st.lists(facts, min_size=1, max_size=3, unique_by=lambda fact: fact[0]).map(tuple)),
-        operations=tuple(Operation(move=n, cost=1, needs=needs, effects=made) for n, (needs, made) in enumerate(operations)),
-        exclusive=(),
+        operations=tuple(Operation(move=n, cost=1, preconditions=needs, effects=made) for n, (needs, made) in enumerate(operations)),
+        mutex_groups=(),
     )
 
 
@@ -54,7 +54,7 @@ def a_plan(task: FiniteTask) -> list[int] | None:
                 at = step[0]
             return found[::-1]
         for number, operation in enumerate(task.operations):
-            if holds(operation.needs, state) and (after := done(operation, state)) not in before:
+            if holds(operation.preconditions, state) and (after := done(operation, state)) not in before:
                 before[after] = (state, number)
                 waiting.append(after)
     return None
@@ -103,7 +103,7 @@ def test_companions_are_definite_and_what_changes_one_says_the_other(task: Finit
         assert {first, second} <= definite(task)
         assert any(
             all(
-                one in dict(operation.needs)
+                one in dict(operation.preconditions)
                 for operation in task.operations
                 if any(variable == other for _, variable, _ in operation.effects)
             )
@@ -113,14 +113,14 @@ def test_companions_are_definite_and_what_changes_one_says_the_other(task: Finit
 
 def test_a_lamp_that_a_switch_lights_only_if_there_is_power_is_not_looked_at_with_it() -> None:
     switch, lamp, power = range(3)
-    pressed = Operation(move=0, cost=1, needs=((switch, 0),), effects=(((), switch, 1), (((power, 1),), lamp, 1)))
-    plugged = Operation(move=1, cost=1, needs=((power, 0),), effects=(((), power, 1),))
+    pressed = Operation(move=0, cost=1, preconditions=((switch, 0),), effects=(((), switch, 1), (((power, 1),), lamp, 1)))
+    plugged = Operation(move=1, cost=1, preconditions=((power, 0),), effects=(((), power, 1),))
     task = FiniteTask(
         names=(("up()", "down()"), ("dark()", "lit()"), ("out()", "in()")),
         initial=(0, 0, 0),
         goal=((lamp, 1),),
         operations=(pressed, plugged),
-        exclusive=(),
+        mutex_groups=(),
     )
     assert definite(task) == {switch, power}
     assert companions(task) == []
@@ -138,7 +138,7 @@ def test_no_plan_is_said_of_no_task_that_has_one(task: FiniteTask) -> None:
 
 def proved(task: FiniteTask, place: Path) -> bool:
     file = place / "task.sas"
-    file.write_text(written(task), encoding="ascii")
+    file.write_text(encode_sas(task), encoding="ascii")
     from somrs.planner_service.engine_equation import UNSOLVABLE, main
 
     return main(str(file)) == UNSOLVABLE
@@ -158,8 +158,8 @@ def lift(passengers: int, counted: int) -> FiniteTask:
         names=(*names, ("count(0)", "count(1)", "count(2)")),
         initial=(*(1 if who < passengers else 0 for who in range(3)), counted),
         goal=tuple((who, 2) for who in range(3)),
-        operations=tuple(Operation(move=n, cost=1, needs=needs, effects=effects) for n, (needs, effects) in enumerate(all_moves)),
-        exclusive=(),
+        operations=tuple(Operation(move=n, cost=1, preconditions=needs, effects=effects) for n, (needs, effects) in enumerate(all_moves)),
+        mutex_groups=(),
     )
 
 
@@ -211,8 +211,8 @@ def sensors(charges: tuple[int, ...], measured: tuple[bool, ...]) -> FiniteTask:
         names=tuple(names),
         initial=tuple(initial),
         goal=tuple((has(base, data), 1) for data in row),
-        operations=tuple(Operation(move=n, cost=1, needs=needs, effects=effects) for n, (needs, effects) in enumerate(moves())),
-        exclusive=(),
+        operations=tuple(Operation(move=n, cost=1, preconditions=needs, effects=effects) for n, (needs, effects) in enumerate(moves())),
+        mutex_groups=(),
     )
 
 

@@ -35,13 +35,13 @@ class Encoded:
 
     def possible(self, goal: bool = False) -> set[tuple[frozenset[int], ...]]:
         """All that can be done in the steps; so that the goal is reached, if that is asked for."""
-        assumed = self.clauses.reached(self.steps) if goal else []
+        assumed = self.clauses.goal_assumptions(self.steps) if goal else []
         every = [[frozenset(some) for n in range(len(of) + 1) for some in combinations(sorted(of), n)] for of in self.of]
         return {chosen for chosen in product(*every) if self._model(chosen, assumed) is not None}
 
     def plans(self) -> list[list[int]]:
         """The moves of the solutions, in order."""
-        assumed = self.clauses.reached(self.steps)
+        assumed = self.clauses.goal_assumptions(self.steps)
         found = (self._model(chosen, assumed) for chosen in self.possible(goal=True))
         return [self.clauses.plan(true, self.steps) for true in found if true is not None]
 
@@ -89,13 +89,13 @@ def task(
             Operation(
                 move=number,
                 cost=1,
-                needs=tuple(needs.items()),
+                preconditions=tuple(needs.items()),
                 effects=tuple(((), variable, value) for variable, value in made.items()),
                 device=devices[number] if devices else 0,
             )
             for number, (needs, made) in enumerate(operations)
         ),
-        exclusive=exclusive,
+        mutex_groups=exclusive,
     )
 
 
@@ -145,7 +145,7 @@ def test_a_device_does_one_thing_in_a_step_if_that_is_asked_for() -> None:
 
 
 def under(*conditions: Assignment) -> Operation:
-    return Operation(move=0, cost=1, needs=(), effects=((tuple(conditions), 1, 1),))
+    return Operation(move=0, cost=1, preconditions=(), effects=((tuple(conditions), 1, 1),))
 
 
 @pytest.mark.parametrize(
@@ -154,10 +154,10 @@ def under(*conditions: Assignment) -> Operation:
 )
 def test_an_effect_comes_under_its_conditions(conditions: tuple[Assignment, ...], comes: bool) -> None:
     plain = task([2, 2, 2], goal=[(1, 1)])
-    mover = Operation(move=1, cost=1, needs=((0, 1),), effects=(((), 1, 1), ((), 0, 0)))
-    asked = FiniteTask(names=plain.names, initial=plain.initial, goal=((1, 1),), operations=(under(*conditions), mover), exclusive=())
+    mover = Operation(move=1, cost=1, preconditions=((0, 1),), effects=(((), 1, 1), ((), 0, 0)))
+    asked = FiniteTask(names=plain.names, initial=plain.initial, goal=((1, 1),), operations=(under(*conditions), mover), mutex_groups=())
     assert Encoded(asked, 1).possible(goal=True) == (sets("0") if comes else set())
-    left = FiniteTask(names=plain.names, initial=plain.initial, goal=((1, 0),), operations=asked.operations, exclusive=())
+    left = FiniteTask(names=plain.names, initial=plain.initial, goal=((1, 0),), operations=asked.operations, mutex_groups=())
     assert Encoded(left, 1).possible(goal=True) == (sets("") if comes else sets("", "0"))
 
 
@@ -165,10 +165,10 @@ def test_what_does_something_under_conditions_is_done_alone() -> None:
     plain = task([2, 2, 2, 2], ({}, {2: 1}), ({}, {3: 1}))
     operations = (
         under((0, 0)),
-        *(Operation(move=n, cost=1, needs=(), effects=o.effects) for n, o in enumerate(plain.operations, 1)),
-        Operation(move=3, cost=1, needs=(), effects=((((0, 0),), 0, 0), ((), 1, 0))),
+        *(Operation(move=n, cost=1, preconditions=(), effects=o.effects) for n, o in enumerate(plain.operations, 1)),
+        Operation(move=3, cost=1, preconditions=(), effects=((((0, 0),), 0, 0), ((), 1, 0))),
     )
-    asked = FiniteTask(names=plain.names, initial=plain.initial, goal=(), operations=operations, exclusive=())
+    asked = FiniteTask(names=plain.names, initial=plain.initial, goal=(), operations=operations, mutex_groups=())
     assert Encoded(asked, 1).possible() == sets("", "0", "1", "2", "12", "3")
 
 
@@ -187,7 +187,7 @@ def test_a_plan_has_the_moves_of_its_steps_in_order() -> None:
     assert encoded.clauses.steps == 3
     assert [1, 2, 0] in encoded.plans()
     assert {frozenset(plan) for plan in encoded.plans()} == {frozenset({0, 1, 2})}
-    (true,) = [found for found in [solution(encoded.written, {*encoded.clauses.reached(3)})] if found]
+    (true,) = [found for found in [solution(encoded.written, {*encoded.clauses.goal_assumptions(3)})] if found]
     assert len(encoded.clauses.plan(true, 2)) < len(encoded.clauses.plan(true, 3))
     assert [sorted(of) for of in encoded.of] == [[1], [1, 2], [0, 1, 2]]
 
@@ -206,6 +206,6 @@ def test_whatever_the_clauses_allow_is_a_plan_and_a_plan_is_allowed(asked: Finit
         for plan in Encoded(asked, steps).plans():
             state = asked.initial
             for move in plan:
-                assert holds(asked.operations[move].needs, state), plan
+                assert holds(asked.operations[move].preconditions, state), plan
                 state = done(asked.operations[move], state)
             assert holds(asked.goal, state), plan

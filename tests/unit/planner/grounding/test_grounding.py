@@ -13,7 +13,7 @@ from somrs.planner.grounding.grounding import Action, Grounding, TooLarge
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.model.operators import Fact as GroundFact
 from somrs.planner.model.operators import goal_operators
-from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.world import World
 
 ONTOLOGY = Ontology(
@@ -63,15 +63,15 @@ def world(
     written = [text.split() for text in facts.split(", ") if text]
     known = [Fact(words[1], (words[0], words[2])) if len(words) == 3 else Fact(words[0], tuple(words[1:])) for words in written]
     map = Map([Object(name=n, type=t, values=(values or {}).get(n, {})) for n, t in (objects or OBJECTS).items()], known)
-    offered = tuple(Available(one, ("R1",)) for one in services)
+    offered = tuple(AvailableService(one, ("R1",)) for one in services)
     problem = Problem(ontology=ONTOLOGY, map=map, goal=parse(goal), services=offered)
     return problem, World(problem, counting=counting)
 
 
 def grounded(asked: tuple[Problem, World], narrow: bool = False, most: int | None = None, effort: int = 10_000) -> Grounding:
     problem, known = asked
-    wanted = demands(list(goal_operators(problem.goal, known.known)), known, narrow=narrow)
-    return Grounding(known, wanted, narrow=narrow, effort=effort, most=most)
+    wanted = demands(list(goal_operators(problem.goal, known.vocabulary)), known, narrow=narrow)
+    return Grounding(known, wanted, narrow=narrow, effort=effort, max_actions=most)
 
 
 def fact(one: GroundFact) -> str:
@@ -85,7 +85,7 @@ def uses(grounding: Grounding) -> list[str]:
 
 def use(action: Action) -> str:
     name = action.operator.service.name if action.operator.service is not None else "goal"
-    return " ".join([name, *(f"{variable}={action.bound[variable]}" for variable in action.operator.variables)])
+    return " ".join([name, *(f"{variable}={action.binding[variable]}" for variable in action.operator.variables)])
 
 
 PUT = service("Put", "?T heldBy ?Provider AND ?Provider at ?P", "?T on ?P", T="Thing", P="Place")
@@ -95,7 +95,7 @@ GO = service("Go", "?Provider at ?From AND ?From near ?To", "?Provider at ?To", 
 
 def test_the_actions_that_are_reachable() -> None:
     found = grounded(world("T1 on P2", PUT, TAKE, GO, facts="T1 on P1, R1 at P1, P2 near P1"))
-    assert found.reached
+    assert found.is_goal_reachable
     assert uses(found) == [
         "Go To=P1 Provider=R1 From=P2",
         "Go To=P2 Provider=R1 From=P1",
@@ -105,14 +105,14 @@ def test_the_actions_that_are_reachable() -> None:
         "Take T=T1 Provider=R1 P=P2",
     ]
     put = next(action for action in found.actions if use(action).startswith("Put T=T1 P=P2"))
-    assert [*map(fact, put.needs)] == ["heldBy(T1, R1)", "at(R1, P2)"]
-    assert [*map(fact, put.adds)] == ["on(T1, P2)"]
-    assert (put.removes, put.counts, put.sets, put.provider) == ((), (), (), "R1")
+    assert [*map(fact, put.preconditions)] == ["heldBy(T1, R1)", "at(R1, P2)"]
+    assert [*map(fact, put.add_effects)] == ["on(T1, P2)"]
+    assert (put.delete_effects, put.numeric_conditions, put.numeric_effects, put.provider) == ((), (), (), "R1")
 
 
 def test_what_is_too_far_is_not_reached() -> None:
     found = grounded(world("T1 on P2", PUT, TAKE, GO, facts="T1 on P1, R1 at P1"))
-    assert not found.reached
+    assert not found.is_goal_reachable
     assert uses(found) == ["Put T=T1 P=P1 Provider=R1", "Take T=T1 Provider=R1 P=P1"]
 
 
@@ -123,9 +123,9 @@ def test_a_use_that_speaks_of_no_provider_has_none() -> None:
 
 def test_actions_remove_what_their_effects_say() -> None:
     found = grounded(world("NOT P2 near P1", service("Part", None, "NOT ?P near ?Q", P="Place", Q="Place"), facts="P2 near P1"))
-    removed = {use(action): [*map(fact, action.removes)] for action in found.actions}
+    removed = {use(action): [*map(fact, action.delete_effects)] for action in found.actions}
     assert removed["Part P=P2 Q=P1"] == removed["Part P=P1 Q=P2"] == ["near(P1, P2)"]
-    assert [[*map(fact, found.forbidden(action))] for action in found.actions if use(action) == "goal"] == [["near(P1, P2)"]]
+    assert [[*map(fact, found.forbidden_facts(action))] for action in found.actions if use(action) == "goal"] == [["near(P1, P2)"]]
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_which_values_attributes_are_given(effect: str, made: str | None) -> Non
     does = service("Do", None, f"{effect} AND ?T likes P2", T="Thing")
     found = grounded(world("T1 likes P2", does))
     expected = [["." + path + f"({owner}, {made})", "likes(T1, P2)"]] if made is not None else []
-    assert [[*map(fact, action.adds)] for action in found.actions if action.operator.service] == expected
+    assert [[*map(fact, action.add_effects)] for action in found.actions if action.operator.service] == expected
 
 
 def test_the_service_may_be_given_either_truth_and_no_value_that_nobody_named() -> None:
@@ -195,7 +195,7 @@ def test_the_service_may_be_given_either_truth_and_no_value_that_nobody_named() 
     for type_name, path in (("number", "Count"), ("text", "Label")):
         does = service("Set", None, f"?T.{path} = ?V AND ?T likes P1", T="Thing", V=type_name)
         guessed = grounded(world("T1 likes P1", does))
-        assert (uses(guessed), guessed.guessed, guessed.reached) == ([], True, False)
+        assert (uses(guessed), guessed.guessed, guessed.is_goal_reachable) == ([], True, False)
 
 
 def test_a_comparison_gives_a_variable_its_value() -> None:
@@ -216,7 +216,7 @@ def test_a_fact_of_a_symmetric_relation_that_comes_about_is_so_both_ways_round()
     join = service("Join", None, "?P near ?Q", P="Place", Q="Place")
     for goal, here in (("R1 at P1", "P2"), ("R1 at P2", "P1")):
         found = grounded(world(goal, GO, join, facts=f"R1 at {here}"))
-        assert found.reached
+        assert found.is_goal_reachable
         assert {each for each in uses(found) if each.startswith("Go")} == {"Go To=P1 Provider=R1 From=P2", "Go To=P2 Provider=R1 From=P1"}
 
 
@@ -259,7 +259,7 @@ def test_what_must_not_be_so(goal: str, facts: str, expected: list[str]) -> None
     ]
     found = grounded(world(goal, *services, facts=facts, values={"T1": {"Level": 2.0}}))
     (last,) = (action for action in found.actions if action.operator.service is None)
-    assert sorted(map(fact, found.forbidden(last))) == expected
+    assert sorted(map(fact, found.forbidden_facts(last))) == expected
 
 
 def test_so_many_actions_are_allowed_and_no_more() -> None:
@@ -285,7 +285,7 @@ def test_so_many_facts_are_looked_at_and_no_more() -> None:
 
 def _reached(asked: tuple[Problem, World], effort: int) -> bool:
     try:
-        return grounded(asked, effort=effort).reached
+        return grounded(asked, effort=effort).is_goal_reachable
     except TooLarge:
         return False
 
@@ -294,7 +294,9 @@ def test_counters_are_compared_and_set_with_the_objects_named() -> None:
     fill = service("Fill", "?T.Count < ?Of.Count", "?T.Count = ?T.Count + 1", T="Thing", Of="Cup")
     close = service("Close", "?T.Count >= 3", "marked(?T)", T="Thing")
     found = grounded(world("T1.Count >= 2 AND marked(T1)", fill, close, counting=True))
-    told = [(use(a), [*map(str, a.counts)], [f"{target} = {source}" for target, source in a.sets]) for a in found.actions]
+    told = [
+        (use(a), [*map(str, a.numeric_conditions)], [f"{target} = {source}" for target, source in a.numeric_effects]) for a in found.actions
+    ]
     assert ("Fill T=T1 Of=C1", ["T1.Count < C1.Count"], ["T1.Count = T1.Count + 1"]) in told
     assert ("Close T=T1", ["T1.Count >= 3"], []) in told
     assert ("goal", ["T1.Count >= 2"], []) in told
@@ -320,5 +322,5 @@ def test_when_planning_narrowly_so_many_places_are_tried_those_first_where_such_
 
 def test_a_value_is_a_number_in_the_unit_of_its_attribute() -> None:
     found = grounded(world("T1.Level = 2 m", service("Set", None, "?T.Level = 200 cm", T="Thing")))
-    assert found.reached
+    assert found.is_goal_reachable
     assert [one for one in found.facts.new if one[0] == ".Level"] == [(".Level", ("T1", Number(2.0, "m")))]

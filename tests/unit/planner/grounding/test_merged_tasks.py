@@ -7,7 +7,7 @@ from msgspec import structs
 
 from somrs.ontology.services import ServiceType
 from somrs.planner.grounding.finite import FiniteTask
-from somrs.planner.grounding.merging import merged
+from somrs.planner.grounding.merging import merge_task
 from somrs.planner.grounding.task import Task
 from tests.unit.planner.grounding.test_grounding import GO, PUT, TAKE, grounded, service, use, world
 
@@ -29,7 +29,7 @@ NONE = "<none of those>"
 
 def asked(goal: str, *services: ServiceType, facts: str = "") -> tuple[Task, FiniteTask]:
     task = Task(grounded(world(goal, *services, facts=facts)))
-    return task, merged(task)
+    return task, merge_task(task)
 
 
 def told(goal: str, *services: ServiceType, facts: str = "") -> dict[str, list[str]]:
@@ -45,13 +45,13 @@ def told(goal: str, *services: ServiceType, facts: str = "") -> dict[str, list[s
 
     lines = []
     for one in found.operations:
-        needs, effects = (name(*need) for need in one.needs), (effect(*made) for made in one.effects)
+        needs, effects = (name(*need) for need in one.preconditions), (effect(*made) for made in one.effects)
         lines.append(f"{use(task.moves[one.move].action)}: {' & '.join(needs)} -> {' & '.join(effects)}")
     return {
         "values": [", ".join(values) for values in found.names],
         "initial": [name(*one) for one in enumerate(found.initial)],
         "goal": [name(*one) for one in found.goal],
-        "exclusive": [", ".join(name(*one) for one in group) for group in found.exclusive],
+        "exclusive": [", ".join(name(*one) for one in group) for group in found.mutex_groups],
         "operations": lines,
     }
 

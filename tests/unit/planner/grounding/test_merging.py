@@ -9,11 +9,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from somrs.planner.encodings.sas import parsed, written
+from somrs.planner.encodings.sas import encode_sas, parse_sas
 from somrs.planner.grounding.finite import State
 from somrs.planner.grounding.grounding import Grounding
-from somrs.planner.grounding.invariants import groups
-from somrs.planner.grounding.merging import merged
+from somrs.planner.grounding.invariants import find_mutex_groups
+from somrs.planner.grounding.merging import merge_task
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.model.operators import goal_operators
@@ -36,8 +36,8 @@ STATES = 300
 
 def task_of(problem: Problem) -> Task | None:
     world = World(problem)
-    grounding = Grounding(world, demands(list(goal_operators(problem.goal, world.known)), world))
-    return Task(grounding) if grounding.reached else None
+    grounding = Grounding(world, demands(list(goal_operators(problem.goal, world.vocabulary)), world))
+    return Task(grounding) if grounding.is_goal_reachable else None
 
 
 def codmap(name: str) -> Problem:
@@ -48,7 +48,7 @@ def reachable(task: Task) -> list[State]:
     states = {task.initial: None}
     for state in (waiting := [task.initial]):
         for move in task.moves if len(states) < STATES else ():
-            if move.applicable(state) and (after := move.apply(state)) not in states:
+            if move.is_applicable(state) and (after := move.apply(state)) not in states:
                 states[after] = None
                 waiting.append(after)
     return waiting
@@ -56,7 +56,7 @@ def reachable(task: Task) -> list[State]:
 
 def check_groups(task: Task) -> int:
     """How many groups there are; in no state that can be reached do two facts of one hold."""
-    found = groups(task)
+    found = find_mutex_groups(task)
     for state in reachable(task):
         for group in found:
             assert sum(state[variable] == value for variable, value in (task.place[fact] for fact in group)) <= 1, group
@@ -91,18 +91,23 @@ def test_the_same_in_problems_of_the_field(name: str) -> None:
 def test_what_is_written_can_be_read(problem: Problem) -> None:
     task = task_of(problem)
     if task is not None:
-        asked = merged(task)
-        again = parsed(written(asked))
-        assert (again.initial, again.goal, again.exclusive) == (asked.initial, asked.goal, asked.exclusive)
+        asked = merge_task(task)
+        again = parse_sas(encode_sas(asked))
+        assert (again.initial, again.goal, again.mutex_groups) == (asked.initial, asked.goal, asked.mutex_groups)
         assert [len(names) for names in again.names] == [len(names) for names in asked.names]
         for one, other in zip(again.operations, asked.operations, strict=True):
-            assert (one.move, one.cost, {*one.needs}, {*one.effects}) == (other.move, other.cost, {*other.needs}, {*other.effects})
+            assert (one.move, one.cost, {*one.preconditions}, {*one.effects}) == (
+                other.move,
+                other.cost,
+                {*other.preconditions},
+                {*other.effects},
+            )
 
 
 def test_where_a_chest_is_is_one_variable_whoever_lifts_it() -> None:
     task = task_of(small("yard"))
     assert task is not None
-    asked = merged(task)
+    asked = merge_task(task)
     lifted = [variable[:-1] for variable in asked.names if any(name.startswith("hangs") for name in variable)]
     assert sorted({name[name.index("chest") :][:6] for name in variable}.pop() for variable in lifted) == ["chest1", "chest2"]
     for variable in lifted:
@@ -113,7 +118,7 @@ def test_what_must_not_be_so_is_not_asked_for_where_it_goes_without_saying() -> 
     """A note that lies at a node does not lie at another one, nor on its way, though the domain says it in facts of their own."""
     task = task_of(small("beacons"))
     assert task is not None
-    asked = merged(task)
+    asked = merge_task(task)
     assert not [name for variable in asked.names for name in variable if name.startswith(("not-under-way", "lies-not"))]
     assert len(asked.names) < len(task.values) / 2
 
@@ -162,19 +167,22 @@ def test_what_goes_without_saying_is_so_in_every_state(problem: Problem) -> None
     task = task_of(problem)
     if task is None:
         return
-    asked = merged(task)
+    asked = merge_task(task)
     reached = {number for number, move in enumerate(task.moves) if move.length == 0}
     begun = task.initial, asked.initial
     seen = {begun}
     for old, new in (waiting := [begun]):
-        ready = {one.move for one in asked.operations if all(new[variable] == value for variable, value in one.needs)}
+        ready = {one.move for one in asked.operations if all(new[variable] == value for variable, value in one.preconditions)}
         there = all(new[variable] == value for variable, value in asked.goal) or bool(ready & reached)
-        assert there == any(task.moves[number].applicable(old) for number in reached)
+        assert there == any(task.moves[number].is_applicable(old) for number in reached)
         for operation in asked.operations:
             move = task.moves[operation.move]
-            assert move.applicable(old) == (operation.move in ready), str(move.action)
+            assert move.is_applicable(old) == (operation.move in ready), str(move.action)
             if operation.move in ready - reached:
-                after = move.apply(old), Move(action=move.action, needs=operation.needs, effects=operation.effects).apply(new)
+                after = (
+                    move.apply(old),
+                    Move(action=move.action, preconditions=operation.preconditions, effects=operation.effects).apply(new),
+                )
                 if after not in seen:
                     seen.add(after)
                     waiting.append(after)

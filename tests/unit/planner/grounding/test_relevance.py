@@ -9,7 +9,7 @@ from somrs.ontology.objects import Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.model.operators import goal_operators
-from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.world import World
 from tests.unit.planner.test_planning import DRIVE, FACTS, LABEL, OBJECTS, OPEN, TRANSFER, WASH, laboratory
 
@@ -23,7 +23,7 @@ TRANSFER_JAR = ServiceType(
 def helping(goal: str, *services: ServiceType, narrow: bool = False, depth: int | None = None) -> list[str]:
     """As in `TransferObject Object=Jar001 Destination:Shelf`: this one, to any shelf."""
     map = Map([Object(name=name, type=type_name) for name, type_name in {**OBJECTS, "Cube1": "Graspable"}.items()], FACTS)
-    offered = tuple(Available(service, ("Robot1",)) for service in services)
+    offered = tuple(AvailableService(service, ("Robot1",)) for service in services)
     problem = Problem(ontology=laboratory(), map=map, goal=parse(goal), services=offered)
     world = World(problem)
     return sorted(
@@ -34,7 +34,7 @@ def helping(goal: str, *services: ServiceType, narrow: bool = False, depth: int 
                 *(f"{name}:{'+'.join(sorted(kinds))}" for name, kinds in demand.kinds),
             ]
         )
-        for demand in demands(list(goal_operators(problem.goal, world.known)), world, narrow=narrow, depth=depth)
+        for demand in demands(list(goal_operators(problem.goal, world.vocabulary)), world, narrow=narrow, depth=depth)
         if demand.operator.service is not None
     )
 

@@ -28,7 +28,7 @@ def told(task: Task, move: Move) -> str:
         shown(task, (variable, value)) + "".join(f" IF {shown(task, condition)}" for condition in conditions)
         for conditions, variable, value in move.effects
     ]
-    return f"{' AND '.join(shown(task, need) for need in move.needs)} -> {' AND '.join(sorted(made))}".strip()
+    return f"{' AND '.join(shown(task, need) for need in move.preconditions)} -> {' AND '.join(sorted(made))}".strip()
 
 
 def moves(task: Task) -> dict[str, str]:
@@ -341,9 +341,13 @@ def test_moves_are_made_when_what_they_need_is_so_and_change_what_their_conditio
     drop = {use(move.action): move for move in asked.moves}
     there, gone = drop["Drop T=T1 P=P1"], drop["Drop T=T1 P=P2"]
     assert beginning(asked) == ["on *(T1)", "on(T1, P1)", "no marked(T1)", "no ()"]
-    assert [there.applicable(asked.initial), gone.applicable(asked.initial), drop["goal"].applicable(asked.initial)] == [True, True, False]
+    assert [there.is_applicable(asked.initial), gone.is_applicable(asked.initial), drop["goal"].is_applicable(asked.initial)] == [
+        True,
+        True,
+        False,
+    ]
     after = there.apply(asked.initial)
     assert [shown(asked, place) for place in enumerate(after)] == ["no on *(T1)", "no on(T1, P1)", "marked(T1)", "no ()"]
     other = gone.apply(asked.initial)
     assert [shown(asked, place) for place in enumerate(other)] == ["on *(T1)", "on(T1, P1)", "marked(T1)", "no ()"]
-    assert [there.applicable(after), drop["goal"].applicable(after), drop["goal"].applicable(other)] == [False, True, False]
+    assert [there.is_applicable(after), drop["goal"].is_applicable(after), drop["goal"].is_applicable(other)] == [False, True, False]

@@ -15,10 +15,10 @@ from somrs.entish.parse import parse
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, Ontology, RelationType
-from somrs.planner.model.causal import linked, touches, useful
+from somrs.planner.model.causal import derive_links, find_useful_steps, touches
 from somrs.planner.model.plan import Link, Plan, Step, linearisations
 from somrs.planner.model.problem import Problem
-from somrs.planner.model.validation import after
+from somrs.planner.model.validation import apply_step
 from tests.support.relay import carried, longest, maps_of, problem
 
 ONTOLOGY = Ontology(
@@ -44,13 +44,13 @@ def random_plan(seed: int) -> tuple[list[Step], list[Map], Problem]:
     map = Map([Object(name=name, type="Object") for name in "ABCD"])
     start = Problem(ontology=ONTOLOGY, map=map, goal=parse("marked(A)"))
     for atom in dice.sample(ATOMS, 3):
-        map = after(_step("start", atom), map, start)
+        map = apply_step(_step("start", atom), map, start)
     maps, steps = [map], list[Step]()
     for number in range(dice.randint(4, 5)):
         so = [literal for literal in _literals() if formula_holds(parse(literal), maps[-1], ONTOLOGY)]
         needs = conjunction(*map_parse(dice.sample(so, dice.randint(0, 2)))) if so else None
         steps.append(_step(f"step{number}", dice.choice([*_literals()]), needs))
-        maps.append(after(steps[-1], maps[-1], start))
+        maps.append(apply_step(steps[-1], maps[-1], start))
     so = [literal for literal in _literals() if formula_holds(parse(literal), maps[-1], ONTOLOGY)]
     goal = conjunction(*map_parse(dice.sample(so, dice.randint(1, 2))))
     return steps, maps, Problem(ontology=ONTOLOGY, map=map, goal=goal)
@@ -76,7 +76,7 @@ def can_be_done(steps: tuple[Step, ...], problem: Problem) -> bool:
     for step in steps:
         if step.precondition is not None and not formula_holds(step.precondition, map, problem.ontology):
             return False
-        map = after(step, map, problem)
+        map = apply_step(step, map, problem)
     return formula_holds(problem.goal, map, problem.ontology)
 
 
@@ -106,7 +106,7 @@ def test_no_order_is_shorter_and_none_of_it_can_be_left_out(seed: int) -> None:
     steps, maps, known = random_plan(seed)
     count = len(steps)
     place = {step.id: number for number, step in enumerate(steps)}
-    links = linked(steps, maps, known)
+    links = derive_links(steps, maps, known)
     mine = closed(frozenset((place[link.before], place[link.after]) for link in links))
     good = {way for way in permutations(range(count)) if can_be_done(tuple(steps[number] for number in way), known)}
     assert in_every_way(mine, good, count), links
@@ -122,7 +122,7 @@ def test_no_order_is_shorter_and_none_of_it_can_be_left_out(seed: int) -> None:
 def test_each_link_says_which_fact_it_is_for() -> None:
     known = problem(couriers=2, parcels=1)
     steps = carried(couriers=2, parcels=1)[:6]
-    links = {(link.before, link.after): link.fact for link in linked(steps, maps_of(steps, known), known) if not link.keeps}
+    links = {(link.before, link.after): link.fact for link in derive_links(steps, maps_of(steps, known), known) if not link.is_protection}
     assert links["step2", "step3"] == "Courier0 isAt Place1"
     assert links["step3", "step5"] == "Parcel0 isOn Place1"
     assert ("step1", "step6") not in links
@@ -132,7 +132,7 @@ def test_hundreds_of_steps_are_linked_within_a_moment() -> None:
     steps, known = carried(couriers=10, parcels=11), problem(couriers=10, parcels=11)
     maps = maps_of(steps, known)
     began = time.process_time()
-    links = linked(steps, maps, known)
+    links = derive_links(steps, maps, known)
     assert time.process_time() - began < 5.0, "0.08 s where it was measured, for 440 steps"
     plan = Plan(tuple(steps), links)
     assert longest(plan) == 30 + 4 * 10 + 1
@@ -140,7 +140,7 @@ def test_hundreds_of_steps_are_linked_within_a_moment() -> None:
 
 def test_a_plan_of_many_couriers_can_be_done_in_other_orders() -> None:
     steps, known = carried(couriers=2, parcels=2), problem(couriers=2, parcels=2)
-    plan = Plan(tuple(steps), linked(steps, maps_of(steps, known), known))
+    plan = Plan(tuple(steps), derive_links(steps, maps_of(steps, known), known))
     for order in islice(linearisations(plan), 200):
         assert can_be_done(order, known)
 
@@ -196,11 +196,11 @@ def test_the_steps_that_the_goal_needs() -> None:
     ]
     maps = [start]
     for step in steps:
-        maps.append(after(step, maps[-1], known))
-    assert useful(steps, maps, known) == [0, 3, 4]
-    links = {(link.before, link.after, link.fact, link.keeps) for link in linked(steps, maps, known)}
+        maps.append(apply_step(step, maps[-1], known))
+    assert find_useful_steps(steps, maps, known) == [0, 3, 4]
+    links = {(link.before, link.after, link.fact, link.is_protection) for link in derive_links(steps, maps, known)}
     assert links == {("step0", "step3", "marked(A)", False), ("step3", "step4", "C on B", False)}
-    assert linked(steps[:1], maps[:2], known) == ()
+    assert derive_links(steps[:1], maps[:2], known) == ()
 
 
 @pytest.mark.parametrize("effect", ["A.Level = B.Level + 1", "B.Level + 1 = A.Level", "A.Level = 1 + level(B)"])
@@ -217,8 +217,8 @@ def test_what_an_effect_is_calculated_from_has_to_be_so_by_then(effect: str) -> 
     maps = maps_of(steps, known)
     written = [*(step.effect for step in steps[:2]), parse(effect), *(step.effect for step in steps[3:])]
     (read,) = {"level(B)", "B.Level"} & {str(term) for term in terms(parse(effect))}
-    assert linked(steps, maps, known, written) == (
+    assert derive_links(steps, maps, known, written) == (
         Link("step1", "step2", f"{read} = 2"),
-        Link("step2", "step3", f"{read} = 2", keeps=True),
+        Link("step2", "step3", f"{read} = 2", is_protection=True),
     )
-    assert linked(steps, maps, known) == ()
+    assert derive_links(steps, maps, known) == ()

@@ -11,10 +11,10 @@ from somrs.entish.parse import parse
 from somrs.ontology.effects import apply_effect
 from somrs.ontology.files.loading import load_text
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.planner.model.causal import linked
-from somrs.planner.model.choice import by, opened
+from somrs.planner.model.causal import derive_links
+from somrs.planner.model.choice import assign_provider, generalize_providers
 from somrs.planner.model.plan import Plan
-from somrs.planner.model.problem import Available, Problem
+from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
 from somrs.protocol.messages.clients import Policy
@@ -54,7 +54,7 @@ ROBOTS = ("Robot1", "Robot2", "Robot3")
 def gripping(goal: str, *services: ServiceType, robots: tuple[str, ...] = ROBOTS) -> Problem:
     loaded = load_text(SITE, "site.yaml")
     assert loaded.map is not None
-    available = tuple(Available(service, robots) for service in services or (PICK, PUT))
+    available = tuple(AvailableService(service, robots) for service in services or (PICK, PUT))
     return Problem(ontology=loaded.ontology, map=loaded.map, goal=parse(goal), services=available)
 
 
@@ -69,13 +69,13 @@ def test_who_takes_a_thing_puts_it_down_whoever_that_is() -> None:
     found = planned(problem)
     same: dict[str | None, list[str]] = defaultdict(list)
     for step in found.steps:
-        assert {step.provider, *step.alike} == set(ROBOTS)
-        same[step.same].append(str(step.inputs["Object"]))
+        assert {step.provider, *step.alternative_providers} == set(ROBOTS)
+        same[step.device_group].append(str(step.inputs["Object"]))
     assert len(same) == 3
     assert all(len(objects) == 2 and len(set(objects)) == 1 for objects in same.values())
     for robots in (("Robot3", "Robot2", "Robot1"), ("Robot2", "Robot2", "Robot2")):
         who = dict(zip(same, robots, strict=True))
-        assert validate(Plan(tuple(by(step, who[step.same]) for step in found.steps), found.links), problem) == []
+        assert validate(Plan(tuple(assign_provider(step, who[step.device_group]) for step in found.steps), found.links), problem) == []
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_who_takes_a_thing_puts_it_down_whoever_that_is() -> None:
     ids=["what it holds matters", "it is changed", "the wish names it", "there is one only", "the others are promised"],
 )
 def test_where_it_matters_who_does_it_the_plan_says_who(problem: Problem) -> None:
-    assert all(step.provider is not None and not step.alike for step in planned(problem).steps)
+    assert all(step.provider is not None and not step.alternative_providers for step in planned(problem).steps)
 
 
 def test_who_is_charged_for_it_cannot_be_replaced_by_whom_that_leaves_as_it_is() -> None:
@@ -104,20 +104,20 @@ def test_who_is_charged_for_it_cannot_be_replaced_by_whom_that_leaves_as_it_is()
         ("PickUp", "Robot1"),
         ("PutDown", "Robot1"),
     ]
-    assert opened(problem, found) == found
+    assert generalize_providers(problem, found) == found
 
 
 def test_couriers_that_move_cannot_take_each_others_place() -> None:
     steps, known = carried(2, 2), relay(2, 2)
-    made = Plan(tuple(steps), linked(steps, maps_of(steps, known), known))
-    assert opened(known, made) == made
+    made = Plan(tuple(steps), derive_links(steps, maps_of(steps, known), known))
+    assert generalize_providers(known, made) == made
 
 
 def test_only_those_are_alike_of_which_the_same_is_so() -> None:
     problem = gripping("Jar001 isOn Platform001", picking(" AND ?Provider.Working = TRUE"), PUT)
     working = apply_effect(parse("Robot2.Working = FALSE"), problem.map, problem.ontology)
     found = planned(replace(problem, map=working))
-    assert {(step.provider, *step.alike) for step in found.steps} <= {("Robot1", "Robot3"), ("Robot3", "Robot1")}
+    assert {(step.provider, *step.alternative_providers) for step in found.steps} <= {("Robot1", "Robot3"), ("Robot3", "Robot1")}
 
 
 class Grippers(VirtualSystem):

@@ -80,14 +80,14 @@ def shown(pattern: Pattern) -> str:
 def told(operator: Operator) -> dict[str, list[str]]:
     """What an operator says, of the fields that say anything."""
     said = {
-        "needs": [shown(need) for need in operator.needs],
-        "forbids": [shown(one.pattern) + (f" if {one.test.comparison}" if one.test else "") for one in operator.forbids],
+        "needs": [shown(need) for need in operator.preconditions],
+        "forbids": [shown(one.pattern) + (f" if {one.test.comparison}" if one.test else "") for one in operator.negative_preconditions],
         "tests": [str(test.comparison) for test in operator.tests],
-        "static": [str(literal) for literal in operator.static],
-        "adds": [shown(pattern) for pattern in operator.adds],
-        "removes": [shown(pattern) for pattern in operator.removes],
-        "counts": [str(literal) for literal in operator.counts],
-        "sets": [f"{target} = {source}" for target, source in operator.sets],
+        "static": [str(literal) for literal in operator.static_conditions],
+        "adds": [shown(pattern) for pattern in operator.add_effects],
+        "removes": [shown(pattern) for pattern in operator.delete_effects],
+        "counts": [str(literal) for literal in operator.numeric_conditions],
+        "sets": [f"{target} = {source}" for target, source in operator.numeric_effects],
     }
     return {field: lines for field, lines in said.items() if lines}
 
@@ -140,8 +140,8 @@ def test_whether_effects_calculate(effects: tuple[str, ...], calculates: bool) -
 def test_which_relations_replace_each_other(relation: str, excluded: list[str], exclusive: bool, symmetric: bool) -> None:
     known = vocabulary(EVERYTHING)
     assert known.excluded_by(relation) == excluded
-    assert known.exclusive(relation) is exclusive
-    assert known.symmetric(relation) is symmetric
+    assert known.is_exclusive(relation) is exclusive
+    assert known.is_symmetric(relation) is symmetric
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_a_distance_is_not_counted_with_where_services_move_things(path: str) ->
     with pytest.raises(Inexpressible, match=r"distance\(T1, P1\): services on offer move what it measures") as raised:
         vocabulary(f"?T.{path} = 1 m").changing(parse_term("distance(T1, P1)"))
     assert raised.value.formula == parse_term("distance(T1, P1)")
-    assert raised.value.why == "services on offer move what it measures"
+    assert raised.value.reason == "services on offer move what it measures"
 
 
 # Services
@@ -288,7 +288,7 @@ def test_each_alternative_is_an_operator_with_what_is_written() -> None:
     does = service("marked(T1) OR marked(T2)", "marked(T3)")
     found = list(operators(does, vocabulary(EVERYTHING)))
     assert [one.condition for one in found] == [(parse("marked(T1)"),), (parse("marked(T2)"),)]
-    assert [one.needs for one in found] == [(("marked", ("T1",)),), (("marked", ("T2",)),)]
+    assert [one.preconditions for one in found] == [(("marked", ("T1",)),), (("marked", ("T2",)),)]
     assert {one.service for one in found} == {does}
     assert {one.effect for one in found} == {parse("marked(T3)")}
 
@@ -332,7 +332,7 @@ def test_there_may_be_so_many_alternatives_and_no_more() -> None:
 
 def test_a_goal_adds_that_the_task_is_accomplished() -> None:
     found = wished("?T: Cup on P1 AND NOT marked(?T)")
-    assert (found.service, found.effect, found.adds) == (None, None, (GOAL,))
+    assert (found.service, found.effect, found.add_effects) == (None, None, (GOAL,))
     assert told(found) == {"needs": ["on(?T, P1)"], "forbids": ["marked(?T)"], "adds": ["()"]}
     assert found.types == {"T": {"Cup", "Thing"}}
     assert found.variables == ("T",)
@@ -340,5 +340,5 @@ def test_a_goal_adds_that_the_task_is_accomplished() -> None:
 
 def test_patterns_have_names_as_texts_and_values_as_they_are() -> None:
     found = compiled(None, "T1 on ?P AND T1.Level = 1 m")
-    assert found.adds == (("on", ("T1", parse_term("?P"))), (".Level", ("T1", Number(1.0, "m"))))
-    assert Name("T1") not in found.adds[0][1]
+    assert found.add_effects == (("on", ("T1", parse_term("?P"))), (".Level", ("T1", Number(1.0, "m"))))
+    assert Name("T1") not in found.add_effects[0][1]

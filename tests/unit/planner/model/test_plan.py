@@ -13,7 +13,7 @@ from somrs.planner.model.plan import Link, NoPlan, Plan, Step, linearisations
 
 
 def step(id: str, provider: str | None = None, alike: tuple[str, ...] = ()) -> Step:
-    return Step(id=id, service_type="Do", inputs={}, effect=parse("marked(A)"), provider=provider, alike=alike)
+    return Step(id=id, service_type="Do", inputs={}, effect=parse("marked(A)"), provider=provider, alternative_providers=alike)
 
 
 def plan(ids: str, *pairs: str) -> Plan:
@@ -56,12 +56,12 @@ def test_the_steps_that_can_start(done: str, ready: str) -> None:
 
 def test_what_is_linked_to_a_step() -> None:
     assert DIAMOND.step("c") is DIAMOND.steps[2]
-    assert [DIAMOND.before(id) for id in "abcd"] == [(), ("a",), ("a",), ("b", "c")]
-    assert [DIAMOND.after(id) for id in "abcd"] == [("b", "c"), ("d",), ("d",), ()]
+    assert [DIAMOND.predecessors(id) for id in "abcd"] == [(), ("a",), ("a",), ("b", "c")]
+    assert [DIAMOND.successors(id) for id in "abcd"] == [("b", "c"), ("d",), ("d",), ()]
     assert [*DIAMOND.links_to("d")] == [Link("b", "d", "fact b"), Link("c", "d", "fact c")]
     assert [*DIAMOND.links_to("a")] == []
     twice = Plan((step("a"), step("b")), (Link("a", "b", "one"), Link("a", "b", "other")))
-    assert (twice.before("b"), twice.after("a"), len(twice.links_to("b"))) == (("a",), ("b",), 2)
+    assert (twice.predecessors("b"), twice.successors("a"), len(twice.links_to("b"))) == (("a",), ("b",), 2)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_what_a_step_binds() -> None:
 
 def test_the_reasons_are_the_explanation_if_there_are_no_others() -> None:
     assert NoPlan(explanation="a; b").reasons == ("a; b",)
-    assert NoPlan(explanation="a; b", said=("a", "b")).reasons == ("a", "b")
+    assert NoPlan(explanation="a; b", separate_reasons=("a", "b")).reasons == ("a", "b")
 
 
 def test_what_is_not_said_is_nothing() -> None:

@@ -10,8 +10,8 @@ from somrs.entish.parse import parse
 from somrs.ontology.files.loading import load_text
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import Plan
-from somrs.planner.model.problem import Available, Problem
-from somrs.planner.model.quality import best, cost, span
+from somrs.planner.model.problem import AvailableService, Problem
+from somrs.planner.model.quality import best, cost, makespan
 from somrs.planner.planning import plan
 from somrs.protocol.messages.clients import Policy
 from tests.support.virtual_system import SITE, Robot, VirtualSystem
@@ -23,7 +23,7 @@ WAYS = (FERRY, FIRST, SECOND)
 """The jar comes to the platform at once, or by way of the other cupboard."""
 
 
-def problem(services: tuple[Available, ...]) -> Problem:
+def problem(services: tuple[AvailableService, ...]) -> Problem:
     loaded = load_text(SITE, "site.yaml")
     assert loaded.map is not None
     return Problem(ontology=loaded.ontology, map=loaded.map, goal=parse("Jar002 isOn Platform001"), services=services)
@@ -31,7 +31,7 @@ def problem(services: tuple[Available, ...]) -> Problem:
 
 def quoted(**prices: float) -> Problem:
     """What the services asked last, those that were asked."""
-    return problem(tuple(Available(one, ("Robot1",), (("Robot1", prices[one.name]),) if one.name in prices else ()) for one in WAYS))
+    return problem(tuple(AvailableService(one, ("Robot1",), (("Robot1", prices[one.name]),) if one.name in prices else ()) for one in WAYS))
 
 
 def found(asked: Problem) -> Plan:
@@ -58,7 +58,7 @@ def test_what_services_asked_last_decides(prices: dict[str, float], way: list[st
 
 def test_what_a_service_type_says_that_it_costs_decides() -> None:
     costs = {"Ferry": "10", "FirstLeg": "2", "SecondLeg": "3"}
-    asked = problem(tuple(Available(structs.replace(one, cost=costs[one.name]), ("Robot1",)) for one in WAYS))
+    asked = problem(tuple(AvailableService(structs.replace(one, cost=costs[one.name]), ("Robot1",)) for one in WAYS))
     assert ways(found(asked)) == ["FirstLeg", "SecondLeg"]
     assert cost(found(asked), asked) == 5.0
 
@@ -71,7 +71,7 @@ def test_who_is_in_a_hurry_takes_the_short_way() -> None:
 def test_the_best_is_by_cost_or_by_time() -> None:
     asked = quoted(Ferry=10.0, FirstLeg=2.0, SecondLeg=3.0)
     dear, cheap = found(replace(asked, hurry=True)), found(asked)
-    assert (cost(dear, asked), span(dear), cost(cheap, asked), span(cheap)) == (10.0, 1, 5.0, 2)
+    assert (cost(dear, asked), makespan(dear), cost(cheap, asked), makespan(cheap)) == (10.0, 1, 5.0, 2)
     assert best(asked, [dear, cheap]) is cheap
     assert best(replace(asked, hurry=True), [cheap, dear]) is dear
 

@@ -17,7 +17,7 @@ def told(found: Repertoire) -> dict[str, list[str]]:
     def shown(pattern: Pattern) -> str:
         return f"{pattern[0]}({', '.join(map(str, pattern[1]))})"
 
-    return {("" if truth else "NOT ") + predicate: [shown(p) for _, p in made] for (truth, predicate), made in found.makes.items()}
+    return {("" if truth else "NOT ") + predicate: [shown(p) for _, p in made] for (truth, predicate), made in found.achievers.items()}
 
 
 @pytest.mark.parametrize(
@@ -62,18 +62,18 @@ def test_what_is_counted_comes_about_with_any_value() -> None:
 def test_each_alternative_of_each_service_brings_it_about() -> None:
     either = service("Either", "marked(T1) OR marked(T2)", "marked(?T)", T="Thing")
     found = repertoire(ONTOLOGY, (either, service("Mark", None, "marked(?T)", T="Thing")))
-    assert [operator.service.name for operator, _ in found.makes[True, "marked"] if operator.service] == ["Either", "Either", "Mark"]
-    assert found.left_out == ()
+    assert [operator.service.name for operator, _ in found.achievers[True, "marked"] if operator.service] == ["Either", "Either", "Mark"]
+    assert found.omissions == ()
 
 
 def test_services_that_cannot_be_expressed_are_left_out() -> None:
     find = ServiceType(name="Find", outputs=(Parameter(name="P", type="Object"),), effect="T1 on ?P")
     found = repertoire(ONTOLOGY, (find, service("Mark", None, "marked(?T)", T="Thing")))
-    assert [(str(one), one.formula, one.why) for one in found.left_out] == [
+    assert [(str(one), one.formula, one.reason) for one in found.omissions] == [
         ("Find: T1 on ?P: ?P is known only when the service is done", "Find: T1 on ?P", "?P is known only when the service is done")
     ]
     assert set(told(found)) == {"marked", "marked *"}
-    assert found.known.relations == {"on", "heldBy", "marked"}
+    assert found.vocabulary.relations == {"on", "heldBy", "marked"}
 
 
 # Facts
@@ -93,6 +93,6 @@ def test_facts_are_found_by_any_argument() -> None:
         (("C1", "P1"), [("C1", "P1")]),
         ((None, "R1"), []),
     ):
-        assert facts.like("on", asked) == found
+        assert facts.find_facts("on", asked) == found
         assert facts.count("on", asked) >= len(found)
     assert [facts.count("on", asked) for asked in ((None, None), (None, "P1"), ("T2", None))] == [4, 3, 2]

@@ -12,8 +12,8 @@ from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, Rela
 from somrs.planner.model.operators import Argument
 from somrs.planner.model.operators import Fact as Pattern
 from somrs.planner.model.operators import Test as Compared
-from somrs.planner.model.problem import Available, Problem
-from somrs.planner.model.world import Bound, World, as_argument, as_term
+from somrs.planner.model.problem import AvailableService, Problem
+from somrs.planner.model.world import Binding, World, as_argument, as_term
 
 ONTOLOGY = Ontology(
     [
@@ -53,8 +53,8 @@ PUT = ServiceType(name="Put", inputs=(Parameter(name="T", type="Thing"),), effec
 WIPE = ServiceType(name="Wipe", inputs=(Parameter(name="T", type="Thing"),), effect="?T.Clean = TRUE")
 
 
-def world(*services: Available, excluded: frozenset[str] = frozenset()) -> World:
-    offered = services or (Available(PUT, ("R1", "R2")), Available(WIPE, ("R2", "Far")))
+def world(*services: AvailableService, excluded: frozenset[str] = frozenset()) -> World:
+    offered = services or (AvailableService(PUT, ("R1", "R2")), AvailableService(WIPE, ("R2", "Far")))
     return World(Problem(ontology=ONTOLOGY, map=Map(OBJECTS, FACTS), goal=parse("marked(T1)"), services=offered, excluded=excluded))
 
 
@@ -86,14 +86,14 @@ def world(*services: Available, excluded: frozenset[str] = frozenset()) -> World
     ],
 )
 def test_what_is_of_all_the_types(argument: Argument, types: set[str], expected: bool) -> None:
-    assert world().is_of(argument, types) is expected
-    assert world().is_a(argument, types) is expected
+    assert world().has_types(argument, types) is expected
+    assert world().is_eligible(argument, types) is expected
 
 
 def test_what_is_excluded_is_of_its_type_and_not_to_be_used() -> None:
     asked = world(excluded=frozenset({"T1", "R2"}))
-    assert asked.is_of("T1", {"Thing"})
-    assert not asked.is_a("T1", {"Thing"})
+    assert asked.has_types("T1", {"Thing"})
+    assert not asked.is_eligible("T1", {"Thing"})
     assert asked.providers == {"Put": ("R1",), "Wipe": ("Far",)}
     assert [*asked.domain(frozenset({"Thing"}))] == ["T2", "C1"]
 
@@ -111,13 +111,13 @@ def test_what_is_excluded_is_of_its_type_and_not_to_be_used() -> None:
     ],
 )
 def test_whether_all_of_one_type_are_of_the_other(type_name: str, other: str, expected: bool) -> None:
-    assert world().all_of(type_name, other) is expected
+    assert world().is_subtype(type_name, other) is expected
 
 
 def test_those_who_offer_less_offer_what_more_offer() -> None:
-    asked = world(Available(PUT, ("R1", "R2")), Available(WIPE, ("R2",)))
-    assert asked.all_of("provider of Wipe", "provider of Put")
-    assert not asked.all_of("provider of Put", "provider of Wipe")
+    asked = world(AvailableService(PUT, ("R1", "R2")), AvailableService(WIPE, ("R2",)))
+    assert asked.is_subtype("provider of Wipe", "provider of Put")
+    assert not asked.is_subtype("provider of Put", "provider of Wipe")
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_the_objects_of_all_the_types(types: set[str], expected: list[str]) -> N
     [("T1", "Clean", True), ("C1", "Level", True), ("P1", "Clean", False), ("Nobody", "Level", False)],
 )
 def test_which_attributes_an_object_may_have(name: str, path: str, expected: bool) -> None:
-    assert world().has(name, path) is expected
+    assert world().has_attribute(name, path) is expected
 
 
 # What holds now
@@ -168,7 +168,7 @@ def test_which_attributes_an_object_may_have(name: str, path: str, expected: boo
     ],
 )
 def test_what_is_so(fact: Pattern, expected: bool) -> None:
-    assert world().so(fact) is expected
+    assert world().fact_holds(fact) is expected
 
 
 @pytest.mark.parametrize(
@@ -204,8 +204,8 @@ def test_the_facts_that_may_have_the_known_arguments(
     predicate: str, known: tuple[Argument | None, ...], found: list[tuple[Argument, ...]], count: int
 ) -> None:
     asked = world()
-    assert asked.like(predicate, known) == found
-    assert asked.like(predicate, known) is asked.like(predicate, known), "it is kept"
+    assert asked.find_facts(predicate, known) == found
+    assert asked.find_facts(predicate, known) is asked.find_facts(predicate, known), "it is kept"
     assert asked.count(predicate, known) == count
 
 
@@ -233,17 +233,17 @@ def test_facts_of_symmetric_relations_are_written_in_one_way() -> None:
         ("?X = 1 m", {"X": Number(100.0, "m")}, False),
     ],
 )
-def test_what_no_service_changes_is_settled(literal: str, bound: Bound, expected: bool) -> None:
+def test_what_no_service_changes_is_settled(literal: str, bound: Binding, expected: bool) -> None:
     asked = world()
     for _ in range(2):
-        assert asked.settles(parse(literal), {**bound, "Other": "T2"}) is expected  # type: ignore[arg-type]
+        assert asked.holds_statically(parse(literal), {**bound, "Other": "T2"}) is expected  # type: ignore[arg-type]
 
 
 def test_the_ways_in_which_something_is_so_keep_what_was_bound() -> None:
     asked = world()
-    found = asked.answers(parse("?T on ?P"), {"P": "P1", "Other": "R1"})  # type: ignore[arg-type]
+    found = asked.find_bindings(parse("?T on ?P"), {"P": "P1", "Other": "R1"})  # type: ignore[arg-type]
     assert [*found] == [{"P": "P1", "Other": "R1", "T": "T1"}, {"P": "P1", "Other": "R1", "T": "T2"}]
-    far = asked.answers(parse("NOT ?Provider.Mode = Fast"), {PROVIDER: "Far"})  # type: ignore[arg-type]
+    far = asked.find_bindings(parse("NOT ?Provider.Mode = Fast"), {PROVIDER: "Far"})  # type: ignore[arg-type]
     assert [*far] == [{PROVIDER: "Far"}]
 
 
@@ -262,7 +262,7 @@ def test_the_ways_in_which_something_is_so_keep_what_was_bound() -> None:
         ("?V = ?T.Level", {"V": 0.0}, {"V": Number(2.0, "m"), "T": "P1"}, False),
     ],
 )
-def test_comparisons_with_values_of_attributes(comparison: str, hidden: dict[str, float], bound: Bound, expected: bool) -> None:
+def test_comparisons_with_values_of_attributes(comparison: str, hidden: dict[str, float], bound: Binding, expected: bool) -> None:
     assert world().passes(Compared(parse(comparison), hidden), bound) is expected  # type: ignore[arg-type]
 
 
@@ -279,7 +279,7 @@ def test_objects_are_names_in_formulas(argument: Argument, term: Name | Number |
 
 def priced(cost: str | None, *prices: tuple[str, float]) -> tuple[World, ServiceType]:
     service = ServiceType(name="Put", inputs=PUT.inputs, effect=PUT.effect, cost=cost)
-    return world(Available(service, ("R1", "R2"), prices), Available(WIPE, ("R1",))), service
+    return world(AvailableService(service, ("R1", "R2"), prices), AvailableService(WIPE, ("R1",))), service
 
 
 @pytest.mark.parametrize(
@@ -299,7 +299,7 @@ def priced(cost: str | None, *prices: tuple[str, float]) -> tuple[World, Service
         ("?T.Label", (("R1", 3.0),), {"T": "T1"}, 3.0),
     ],
 )
-def test_what_a_use_of_a_service_costs(cost: str | None, prices: tuple[tuple[str, float], ...], bound: Bound, expected: float) -> None:
+def test_what_a_use_of_a_service_costs(cost: str | None, prices: tuple[tuple[str, float], ...], bound: Binding, expected: float) -> None:
     asked, service = priced(cost, *prices)
     assert asked.cost(service, bound) == expected
 
@@ -321,4 +321,4 @@ def test_who_never_asked_is_thought_to_ask_what_services_cost_as_a_rule() -> Non
     ],
 )
 def test_whether_uses_may_cost_more_or_less(cost: str | None, prices: tuple[tuple[str, float], ...], expected: bool) -> None:
-    assert priced(cost, *prices)[0].priced is expected
+    assert priced(cost, *prices)[0].has_varying_costs is expected

@@ -7,7 +7,7 @@ import pytest
 from somrs.entish.formula import Literal, conjuncts
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceType
-from somrs.planner.search.conflict import impossible, smallest, torn
+from somrs.planner.search.conflict import find_minimal_conflict, find_torn_object, is_impossible
 from tests.unit.planner.grounding.test_grounding import GO, PUT, TAKE, service, world
 
 MARK = service("Mark", None, "marked(?T)", T="Thing")
@@ -39,16 +39,16 @@ def parts(goal: str) -> tuple[Literal, ...]:
 )
 def test_what_is_certain_not_to_come_about(goal: str, services: tuple[ServiceType, ...], facts: str, certain: bool) -> None:
     _, known = world(goal, *services, facts=facts)
-    assert impossible(parts(goal), known) is certain
+    assert is_impossible(parts(goal), known) is certain
 
 
 @pytest.mark.parametrize("limit", ["EFFORT", "FACTS"])
 def test_what_takes_too_long_is_not_certain(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
     goal = "T1.Clean = TRUE AND T2.Clean = TRUE"
     _, known = world(goal, BURN, facts="marked R1")
-    assert impossible(parts(goal), known)
+    assert is_impossible(parts(goal), known)
     monkeypatch.setattr(f"somrs.planner.search.conflict.{limit}", 0)
-    assert not impossible(parts(goal), known)
+    assert not is_impossible(parts(goal), known)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_what_takes_too_long_is_not_certain(limit: str, monkeypatch: pytest.Monk
 )
 def test_of_parts_as_few_are_left_as_are_impossible_together(goal: str, left: str) -> None:
     _, known = world(goal, LAY, MARK)
-    assert smallest(parts(goal), known) == parts(left)
+    assert find_minimal_conflict(parts(goal), known) == parts(left)
 
 
 def test_after_so_many_attempts_what_is_left_is_made_no_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,7 +74,7 @@ def test_after_so_many_attempts_what_is_left_is_made_no_smaller(monkeypatch: pyt
     found = []
     for attempts in range(7):
         monkeypatch.setattr("somrs.planner.search.conflict.PARTS", attempts)
-        found.append(len(smallest(parts(goal), known)))
+        found.append(len(find_minimal_conflict(parts(goal), known)))
     assert found == [4, 4, 4, 3, 3, 2, 2]
 
 
@@ -97,4 +97,4 @@ def test_after_so_many_attempts_what_is_left_is_made_no_smaller(monkeypatch: pyt
 )
 def test_what_would_be_in_two_places(goal: str, thing: str | None) -> None:
     _, known = world(goal, *CARRY, service("Like", None, "?T likes ?P", T="Thing", P="Place"))
-    assert torn(parts(goal), known) == thing
+    assert find_torn_object(parts(goal), known) == thing

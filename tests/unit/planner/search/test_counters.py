@@ -16,7 +16,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.model.validation import validate
 from somrs.planner.model.world import World
 from somrs.planner.planning import plan
-from somrs.planner.search.counting import Counters, count, reaches
+from somrs.planner.search.counting import Counters, reaches_goal, search_with_counters
 from somrs.planner.search.numeric import NumericTask
 from somrs.planner_service.engine_counters import there, tyr
 from somrs.planner_service.engines import plan_in_process
@@ -27,7 +27,7 @@ needs_engine = pytest.mark.skipif(not there(), reason="the numbers extra is not 
 
 def counted(asked: Problem) -> tuple[Task, Counters]:
     world = World(asked, counting=True)
-    grounding = Grounding(world, demands(list(goal_operators(asked.goal, world.known)), world))
+    grounding = Grounding(world, demands(list(goal_operators(asked.goal, world.vocabulary)), world))
     task = Task(grounding)
     return task, Counters(task, world)
 
@@ -44,11 +44,11 @@ def boxes(number: int, full: int) -> Problem:
 def test_the_engine_and_the_search_that_counts_agree(charge: float, service: ServiceType) -> None:
     task, counters = counted(problem(corridor(6, charge), "Robot1 isInside Hall5 AND Robot1.Charge >= 25 %", service, RECHARGE))
     asked = NumericTask(task, counters)
-    names, own = tyr(asked.domain, asked.problem, 20), count(task, counters, 5_000)
+    names, own = tyr(asked.domain, asked.problem, 20), search_with_counters(task, counters, 5_000)
     assert (names is None) == (own is None)
     if names is not None and own is not None:
-        assert reaches(asked.read(names), task, counters)
-        assert len(asked.read(names)) <= len(own) + 2
+        assert reaches_goal(asked.decode_moves(names), task, counters)
+        assert len(asked.decode_moves(names)) <= len(own) + 2
 
 
 @needs_engine

@@ -8,7 +8,7 @@ from somrs.entish import Number
 from somrs.entish.parse import parse_term
 from somrs.ontology.services import ServiceType
 from somrs.planner.grounding.task import Move, Task
-from somrs.planner.search.counting import Counters, Numbers, TooMany, count, reaches, without_useless
+from somrs.planner.search.counting import Counters, CountingFailed, Numbers, reaches_goal, remove_redundant_moves, search_with_counters
 from tests.unit.planner.grounding.test_grounding import grounded, service, use, world
 
 Values = dict[str, dict[str, float | str | bool]]
@@ -105,7 +105,7 @@ def test_the_numbers_that_are_given_count_and_not_those_of_the_beginning() -> No
 def test_what_a_move_makes_of_counters(effect: str, values: dict[str, float | str | bool], made: dict[str, float] | None) -> None:
     counters, move = one(None, f"{effect} AND ", {"T1": values})
     before = dict(zip(counters.names, counters.initial, strict=True))
-    after = counters.after(move, counters.initial)
+    after = counters.apply(move, counters.initial)
     if made is None:
         assert after is None
     else:
@@ -115,7 +115,7 @@ def test_what_a_move_makes_of_counters(effect: str, values: dict[str, float | st
 
 def test_a_move_that_sets_no_counter_leaves_them_as_they_are() -> None:
     counters, move = one(None, "", {"T1": {"Count": 1.0}})
-    assert counters.after(move, (7.0, 8.0)) == (7.0, 8.0)
+    assert counters.apply(move, (7.0, 8.0)) == (7.0, 8.0)
 
 
 def test_the_counters_of_a_task() -> None:
@@ -125,10 +125,10 @@ def test_the_counters_of_a_task() -> None:
     assert known["T1.Count"] == (1.0, None)
     assert known["T2.Level"] == (None, "m")
     assert len(known) == len(counters.names) == len(counters.attributes)
-    assert counters.measured(parse_term("3 m")) == Number(3.0, "m")
-    assert counters.measured(parse_term("T1.Count")) == Number(1.0)
-    assert counters.measured(parse_term("T2.Count")) is None
-    assert counters.measured(parse_term("TRUE")) is None
+    assert counters.measure_term(parse_term("3 m")) == Number(3.0, "m")
+    assert counters.measure_term(parse_term("T1.Count")) == Number(1.0)
+    assert counters.measure_term(parse_term("T2.Count")) is None
+    assert counters.measure_term(parse_term("TRUE")) is None
 
 
 # The search
@@ -138,7 +138,7 @@ USE = service("Use", "?T.Count >= 1", "?T.Count = ?T.Count - 1 AND ?T.Clean = TR
 
 
 def found(task: Task, counters: Counters, states: int = 1000) -> list[str] | None:
-    moves = count(task, counters, states)
+    moves = search_with_counters(task, counters, states)
     return [use(move.action) for move in moves] if moves is not None else None
 
 
@@ -160,19 +160,19 @@ def test_plans_that_count(goal: str, services: tuple[ServiceType, ...], values: 
 
 def test_what_a_step_uses_up_is_made_up_for() -> None:
     task, counters = counted("T1.Clean = TRUE AND T1.Count >= 1", FILL, USE, values={"T1": {"Count": 1.0}})
-    moves = count(task, counters, 1000)
+    moves = search_with_counters(task, counters, 1000)
     assert moves is not None
     assert sorted(use(move.action) for move in moves) == ["Fill T=T1", "Use T=T1"]
-    assert reaches(moves, task, counters)
+    assert reaches_goal(moves, task, counters)
 
 
 def test_so_many_states_are_looked_at_and_no_more() -> None:
     task, counters = counted("T1.Count >= 4", FILL, values={"T1": {"Count": 0.0}})
-    with pytest.raises(TooMany, match="3 states were looked at"):
-        count(task, counters, 2)
+    with pytest.raises(CountingFailed, match="3 states were looked at"):
+        search_with_counters(task, counters, 2)
     assert found(task, counters, 5) == ["Fill T=T1"] * 4
-    with pytest.raises(TooMany, match="5 states were looked at"):
-        count(task, counters, 4)
+    with pytest.raises(CountingFailed, match="5 states were looked at"):
+        search_with_counters(task, counters, 4)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_so_many_states_are_looked_at_and_no_more() -> None:
 def test_numbers_that_are_asked_for_and_those_that_lead_there_are_gone_for(goal: str, states: int, steps: int) -> None:
     close = service("Close", "?T.Count >= 4", "marked(?T)", T="Thing")
     task, counters = counted(goal, FILL, close, values={name: {"Count": 0.0} for name in ("T1", "T2", "C1")})
-    moves = count(task, counters, states)
+    moves = search_with_counters(task, counters, states)
     assert moves is not None
     assert len(moves) == steps
 
@@ -194,8 +194,8 @@ def test_numbers_that_are_asked_for_and_those_that_lead_there_are_gone_for(goal:
 def test_moves_that_a_plan_can_do_without_are_left_out() -> None:
     task, counters = counted("T1.Count >= 2 AND marked(T1)", FILL, CLOSE, values={"T1": {"Count": 0.0}})
     fill, close = move_of(task, "Fill T=T1"), move_of(task, "Close T=T1")
-    assert without_useless([fill, fill, close, fill, close], task, counters) == [fill, fill, close]
-    assert without_useless([fill, fill, close], task, counters) == [fill, fill, close]
+    assert remove_redundant_moves([fill, fill, close, fill, close], task, counters) == [fill, fill, close]
+    assert remove_redundant_moves([fill, fill, close], task, counters) == [fill, fill, close]
 
 
 def test_whether_moves_can_be_done_and_lead_to_the_goal() -> None:
@@ -203,11 +203,11 @@ def test_whether_moves_can_be_done_and_lead_to_the_goal() -> None:
         "T1.Level >= 5 m AND marked(T1)", LEVEL, service("Mark", "?T.Level >= 5 m", "marked(?T)", T="Thing"), values={"T1": {"Level": 4.0}}
     )
     lift, mark = move_of(task, "Raise T=T1"), move_of(task, "Mark T=T1")
-    assert reaches([lift, mark], task, counters)
-    assert not reaches([mark, lift], task, counters)
-    assert not reaches([lift], task, counters)
-    assert not reaches([lift, lift, mark], task, counters)
-    assert not reaches([lift, mark, lift], task, counters)
+    assert reaches_goal([lift, mark], task, counters)
+    assert not reaches_goal([mark, lift], task, counters)
+    assert not reaches_goal([lift], task, counters)
+    assert not reaches_goal([lift, lift, mark], task, counters)
+    assert not reaches_goal([lift, mark, lift], task, counters)
 
 
 def test_a_move_needs_what_is_so() -> None:
@@ -215,5 +215,5 @@ def test_a_move_needs_what_is_so() -> None:
         "T1.Clean = TRUE", MARK, service("Wash", "marked(?T)", "?T.Clean = TRUE AND ?T.Count = 1", T="Thing"), values={}
     )
     mark, wash = move_of(task, "Mark T=T1"), move_of(task, "Wash T=T1")
-    assert [reaches(moves, task, counters) for moves in ([mark, wash], [wash], [wash, mark], [])] == [True, False, False, False]
+    assert [reaches_goal(moves, task, counters) for moves in ([mark, wash], [wash], [wash, mark], [])] == [True, False, False, False]
     assert found(task, counters) == ["Mark T=T1", "Wash T=T1"]

@@ -16,7 +16,7 @@ from somrs.planner.model.plan import Link, Step
 from somrs.planner.model.world import World
 from somrs.planner.search.matching import match
 from somrs.planner.search.search import search
-from somrs.planner.search.steps import stated
+from somrs.planner.search.steps import build_plan
 from tests.unit.planner.grounding.test_grounding import GO, PUT, TAKE, grounded, service, use, world
 
 MARK = service("Mark", None, "marked(?T)", T="Thing")
@@ -32,7 +32,7 @@ def costing(service: ServiceType, cost: int) -> ServiceType:
 def matched(goal: str, *services: ServiceType, facts: str = "", hurry: bool = False) -> list[str] | None:
     problem, known = world(goal, *services, facts=facts)
     known.hurry = hurry
-    found = match(structs.replace(problem, hurry=hurry), known, list(goal_operators(problem.goal, known.known)))
+    found = match(structs.replace(problem, hurry=hurry), known, list(goal_operators(problem.goal, known.vocabulary)))
     return [str(step) for step in found.steps] if found is not None else None
 
 
@@ -101,7 +101,7 @@ def steps_of(goal: str, *names: str) -> tuple[tuple[Step, ...], tuple[Link, ...]
     problem, known = world(goal, PUT, TAKE, GO, facts=WAY)
     task = Task(grounded((problem, known)))
     by_name = {use(move.action): move for move in task.moves}
-    made = stated(problem, [by_name[name] for name in names])
+    made = build_plan(problem, [by_name[name] for name in names])
     return made.steps, made.links
 
 
@@ -137,7 +137,7 @@ def test_moves_become_steps_of_which_all_is_said() -> None:
         ),
     )
     assert links == (
-        Link("step1", "step2", "R1 at P1", keeps=True),
+        Link("step1", "step2", "R1 at P1", is_protection=True),
         Link("step1", "step3", "T1 heldBy R1"),
         Link("step2", "step3", "R1 at P2"),
     )
@@ -154,14 +154,14 @@ def test_what_an_effect_calculates_is_said_as_it_is_then() -> None:
     fill = service("Fill", None, "?T.Weight = ?T.Count + 1", T="Thing")
     problem, known = world("T1.Weight = 3 kg", fill, values={"T1": {"Count": 2.0}})
     task = Task(grounded((problem, known)))
-    (step,) = stated(problem, [move for move in task.moves if move.length]).steps
+    (step,) = build_plan(problem, [move for move in task.moves if move.length]).steps
     assert step == Step(id="step1", service_type="Fill", inputs={"T": Name("T1")}, effect=parse("T1.Weight = 3"))
 
 
 def test_a_precondition_says_what_the_map_had_in_the_place_of_anything() -> None:
     problem, known = world("T1 on P2", service("Move", "?T on ?From", "?T on ?To", T="Thing", To="Place"), facts="T1 on P1")
     task = Task(grounded((problem, known)))
-    (step,) = stated(problem, search(task) or ()).steps
+    (step,) = build_plan(problem, search(task) or ()).steps
     assert (str(step.precondition), str(step.effect)) == ("T1 on P1", "T1 on P2")
 
 
@@ -172,6 +172,6 @@ def test_a_step_comes_after_the_one_that_sets_what_it_calculates_with() -> None:
     task = Task(grounded((problem, known)))
     moves = search(task)
     assert moves is not None
-    made = stated(problem, moves)
+    made = build_plan(problem, moves)
     assert [str(step) for step in made.steps] == ["Count(T: T1)", "Weigh(T: T1)"]
     assert made.links == (Link("step1", "step2", "T1.Count = 2"),)

@@ -7,8 +7,8 @@ from msgspec import structs
 
 from somrs.ontology.services import ServiceType
 from somrs.planner.grounding.task import Move, Task
-from somrs.planner.search.progress import Progress, how_far
-from somrs.planner.search.search import Estimate, TooHard, cheapest, search, without_useless
+from somrs.planner.search.progress import Progress, measure_progress
+from somrs.planner.search.search import AdditiveHeuristic, TooHard, cheapest, remove_redundant_moves, search
 from tests.unit.planner.grounding.test_grounding import GO, PUT, TAKE, grounded, service, use, world
 
 MARK = service("Mark", None, "marked(?T)", T="Thing")
@@ -102,7 +102,7 @@ def test_a_search_that_gave_up_says_how_far_it_got() -> None:
     task = task_of("marked(T1) AND marked(T2) AND marked(C1)", MARK)
     with pytest.raises(TooHard, match=r"^4 states were looked at; at best 1 of the goal's 3 parts held at once$") as raised:
         search(task, 0)
-    assert raised.value.progress == Progress(states=4, together=1, parts=3)
+    assert raised.value.progress == Progress(states=4, held_count=1, parts=3)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_how_far_states_are_from_the_nearest_alternative(states: list[list[str]]
         for move in moves_of(task, *names):
             state = move.apply(state)
         looked_at.append(state)
-    assert how_far(task, looked_at) == Progress(states=len(states), together=together, parts=parts)
+    assert measure_progress(task, looked_at) == Progress(states=len(states), held_count=together, parts=parts)
 
 
 @pytest.mark.parametrize(
@@ -143,20 +143,20 @@ def test_how_far_the_goal_is_and_what_a_way_there_begins_with(
     goal: str, services: tuple[ServiceType, ...], facts: str, distance: float, helpful: set[str]
 ) -> None:
     task = task_of(goal, *services, facts=facts)
-    found, moves = Estimate(task).of(task.initial)
+    found, moves = AdditiveHeuristic(task).evaluate(task.initial)
     assert (found, {use(move.action) for move in moves}) == (distance, helpful)
 
 
 def test_a_state_from_which_nothing_leads_to_the_goal_has_no_distance() -> None:
     task = task_of("T1.Clean = TRUE AND T2.Clean = TRUE", BURN, facts="marked R1")
     (burn,) = moves_of(task, "Burn T=T1")
-    assert Estimate(task).of(burn.apply(task.initial)) == (None, set())
+    assert AdditiveHeuristic(task).evaluate(burn.apply(task.initial)) == (None, set())
 
 
 def test_the_cheapest_way_is_as_far_as_it_costs() -> None:
     task = task_of("marked(T1)", costing(MARK, 5), costing(WASH, 1), costing(LABEL, 3))
-    assert [Estimate(task, cheap=cheap).of(task.initial)[0] for cheap in (False, True)] == [1.0, 4.0]
-    assert told([*Estimate(task, cheap=True).of(task.initial)[1]]) == ["Wash T=T1"]
+    assert [AdditiveHeuristic(task, cheap=cheap).evaluate(task.initial)[0] for cheap in (False, True)] == [1.0, 4.0]
+    assert told([*AdditiveHeuristic(task, cheap=True).evaluate(task.initial)[1]]) == ["Wash T=T1"]
 
 
 @pytest.mark.parametrize(
@@ -172,4 +172,4 @@ def test_the_cheapest_way_is_as_far_as_it_costs() -> None:
 )
 def test_what_a_plan_can_do_without_goes_with_what_only_that_makes_possible(goal: str, moves: list[str], kept: list[str]) -> None:
     task = task_of(f"({goal}) OR marked(C1) AND marked(T2) AND T2 likes P1", MARK, WASH, LABEL)
-    assert told(without_useless(moves_of(task, *moves), task)) == kept
+    assert told(remove_redundant_moves(moves_of(task, *moves), task)) == kept

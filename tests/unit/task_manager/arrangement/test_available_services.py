@@ -11,7 +11,7 @@ from somrs.ontology.objects import ValueSet
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import WORKING
 from somrs.planner.model.plan import Step
-from somrs.planner.model.problem import Lost
+from somrs.planner.model.problem import LostService
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.arrangement.available_services import MOST_FAILURES, AvailableServices, KnownServices, named
 from somrs.task_manager.execution.workflow import StepRun
@@ -55,8 +55,8 @@ def test_who_failed_or_would_not_serve_is_not_asked_and_the_planner_hears_why() 
     services.exclude({"Robot1.TransferObject": "too heavy", "Robot2.TransferObject": "too far"})
     assert named(services.usable) == ("Robot3.TransferObject", "Robot4.TransferObject")
     assert services.lost_to_it == [
-        Lost(TRANSFER, "Robot1.TransferObject", "it broke"),
-        Lost(TRANSFER, "Robot2.TransferObject", "too far"),
+        LostService(TRANSFER, "Robot1.TransferObject", "it broke"),
+        LostService(TRANSFER, "Robot2.TransferObject", "too far"),
     ]
     run = step_run()
     run.excluded = {"Robot4.TransferObject": "too late"}

@@ -88,7 +88,7 @@ def test_a_participant_answers_the_call_that_it_was_invited_to() -> None:
 )
 def test_one_call_settles_which_device_does_all_steps_that_say_the_same(same: str, alike: tuple[str, ...], settles: bool) -> None:
     calls = opened(call("a", 10.0, "g"), call("b", 10.0, "h"))
-    assert calls.settles(Step("c", "Work", {}, parse(EFFECT), provider="Robot1", same=same, alike=alike)) is settles
+    assert calls.settles(Step("c", "Work", {}, parse(EFFECT), provider="Robot1", device_group=same, alternative_providers=alike)) is settles
 
 
 # One call
@@ -175,7 +175,9 @@ def test_the_precondition_is_as_it_is_now_but_for_a_step_that_several_could_do(
 ) -> None:
     precondition = parse(planned) if planned is not None else None
     asking = Asking(offer("Robot2"), precondition=now)
-    asking.run.step = Step("step1", "Work", {}, parse(EFFECT), precondition, provider="Robot1", alike=alike, same="g")
+    asking.run.step = Step(
+        "step1", "Work", {}, parse(EFFECT), precondition, provider="Robot1", alternative_providers=alike, device_group="g"
+    )
     effects, _ = carried_out(asking.arrangement.call(asking.run, [offer("Robot2")], 100.0, None, 50.0))
     ((body, _),) = sends(effects)
     assert isinstance(body, frp.Arrange)
@@ -304,6 +306,6 @@ def test_a_bid_says_when_the_step_would_begin_and_end() -> None:
 
 
 def test_a_call_is_for_its_step() -> None:
-    run = StepRun(step=Step("step1", "Work", {}, parse(EFFECT), same="g"), label="undo1.step1", key="2.1/step1")
+    run = StepRun(step=Step("step1", "Work", {}, parse(EFFECT), device_group="g"), label="undo1.step1", key="2.1/step1")
     found = call_for(run, iter(("a", "b")), earliest=1.0, latest=2.0, until=3.0)
     assert structs.astuple(found) == ("step1", "2.1/step1", "g", ("a", "b"), 1.0, 2.0, 3.0)

@@ -10,7 +10,7 @@ from somrs.kernel.component import Ask, Effect, Send, Trouble, Withdraw
 from somrs.kernel.replica import Replica
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import NoPlan, Plan, Step
-from somrs.planner.model.problem import Lost, Problem
+from somrs.planner.model.problem import LostService, Problem
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Discover, Offer
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
@@ -107,7 +107,7 @@ def test_the_planner_is_asked_for_a_plan_with_what_may_be_used() -> None:
     problem = requesting.discovered(offer("Robot1"), offer("Robot2"))
     assert (str(problem.goal), problem.excluded, problem.map) == (WISH, frozenset({"Jar002"}), MAP)
     assert [(one.providers, one.prices) for one in problem.services] == [(("Robot1",), (("Robot1", 4.0),))]
-    assert problem.lost == (Lost(TRANSFER, "Robot2.TransferObject", "it broke"),)
+    assert problem.lost == (LostService(TRANSFER, "Robot2.TransferObject", "it broke"),)
     assert (problem.rest, problem.promised) == ((), frozenset())
     assert (requesting.request.attempt, requesting.request.avoided, requesting.request.regardless) == (1, frozenset({"Jar002"}), False)
     assert [*requesting.requester.withdraw()] == [Withdraw(PlanWanted("task1", 3, 2, 1))]

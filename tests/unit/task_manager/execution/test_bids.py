@@ -91,7 +91,7 @@ def offer(service_type: str, provider: str = "Robot1") -> Offer:
 )
 def test_who_can_be_asked(wanted: str, provider: str | None, alike: tuple[str, ...], excluded: tuple[str, ...], found: list[str]) -> None:
     offers = [offer("Work"), offer("Work", "Robot2"), offer("FinestWork"), offer("Lost"), offer("Circle")]
-    step = Step("step1", wanted, {}, parse("Jar001.Clean = TRUE"), provider=provider, alike=alike)
+    step = Step("step1", wanted, {}, parse("Jar001.Clean = TRUE"), provider=provider, alternative_providers=alike)
     assert [one.service for one in able(step, offers, TYPES, excluded)] == found
 
 

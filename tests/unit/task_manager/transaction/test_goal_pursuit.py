@@ -113,7 +113,7 @@ def test_a_task_without_a_plan_fails(found: object, why: str) -> None:
 def test_why_services_are_not_asked_belongs_to_why_there_is_no_plan() -> None:
     desk = Desk("Robot1", "Robot2")
     desk.says(frp.Refuse(reason="too heavy"), 1.0)
-    desk.found = [NoPlan("none", said=("none", "never"), lost=(TWO,))]
+    desk.found = [NoPlan("none", separate_reasons=("none", "never"), lost=(TWO,))]
     desk.says(frp.Refuse(reason="too far"), 2.0, TWO)
     assert desk.task.reasons == ("no plan: none", "never", f"{ONE}: too heavy")
     assert desk.task.services.broken == {ONE: "too heavy", TWO: "too far"}

@@ -175,7 +175,7 @@ def test_a_procedure_that_cannot_be_had_is_told_of_and_the_step_is_recovered() -
     desk = Desk("Robot1", "Robot2", handlers=(Handler(on=Occasion.FAILURE, effect=aside),))
     desk.executing()
     since = len(desk.task.events)
-    desk.found = [NoPlan("none"), NoPlan("none at all", said=("none at all", "never"))]
+    desk.found = [NoPlan("none"), NoPlan("none at all", separate_reasons=("none at all", "never"))]
     desk.says(frp.Failed(description="stuck", situation=BEFORE), 5.0)
     assert desk.news(since) == [
         (events.StepFailed(service=ONE, description="stuck", situation=BEFORE), *STEP),
