@@ -17,7 +17,7 @@ from msgspec import structs
 
 from somrs.client.client import Addresses, Client
 from somrs.kernel.component import Received, Record
-from somrs.kernel.pending import Journaled
+from somrs.kernel.pending import JournaledComponent
 from somrs.ontology.files.loading import upper
 from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import ValueSet
@@ -69,7 +69,7 @@ def asked(body: Consider | UpdateMap, identity: object) -> Received:
     return Received(Message(header=Header(sender="urn:benchmark", recipient=HERE, message_id=message_id(identity)), body=body))
 
 
-def begun(journal: Journal) -> Journaled:
+def begun(journal: Journal) -> JournaledComponent:
     """The Repository that the journal has, or a new one."""
     journaled, _ = journal.begin(HERE, lambda address: Repository(address, Contents(ontology=upper(), map=hall())))
     return journaled
@@ -85,7 +85,7 @@ def filled(path: Path) -> None:
     for number in range(EVENTS):
         name, color = f"Jar{number % 2500}", "Red" if number % 5000 < 2500 else "Green"
         update = UpdateMap(changes=(ValueSet(name, "Color", color), ValueSet(name, "Weight", number / EVENTS)))
-        entry = journaled.entry(asked(update, number), 1.0)
+        entry = journaled.make_entry(asked(update, number), 1.0)
         journal.append(entry)
         for effect, _ in journaled.handle(entry):
             if isinstance(effect, Record):

@@ -13,7 +13,7 @@ from aiohttp import web
 from msgspec import Struct
 
 from somrs.kernel.codec import Schema
-from somrs.kernel.component import Effect, Input, Rang, Received, Send, Undelivered
+from somrs.kernel.component import DeliveryFailed, Effect, Input, Received, Send, TimerFired
 from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.protocol.soap import soap
@@ -69,9 +69,9 @@ class Mouth:
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         match event:
-            case Rang(timer):
-                return [Send(message, until=now + self.patience) for message in self.letters[str(timer)]]
-            case Undelivered(message, _) if isinstance(message.body, CancelTask):
+            case TimerFired(timer):
+                return [Send(message, expires_at=now + self.patience) for message in self.letters[str(timer)]]
+            case DeliveryFailed(message, _) if isinstance(message.body, CancelTask):
                 self.lost.append(message.body.task)
         return []
 
@@ -135,7 +135,7 @@ class Stage:
         self.mouth.letters[name] = [
             one if isinstance(one, Message) else said(one[1], f"{self.url}{one[0]}", number) for number, one in enumerate(letters)
         ]
-        self.node.feed(Rang(name))
+        self.node.feed(TimerFired(name))
 
     async def __aenter__(self) -> Stage:
         await self.here.start()

@@ -12,8 +12,8 @@ import pytest
 from somrs.client.client import Addresses
 from somrs.deployment.device import DeviceRunner, device_journal, load
 from somrs.errors import DeviceError, UsageError
-from somrs.kernel.component import Effect, Input, Rang, Received, Send, Started
-from somrs.kernel.pending import Journaled
+from somrs.kernel.component import Effect, Input, Received, Send, Started, TimerFired
+from somrs.kernel.pending import JournaledComponent
 from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, ParticipantSession
 from somrs.protocol.messages import frp
@@ -97,7 +97,7 @@ async def _scenario(data: Path) -> tuple[object, object, ServiceManagerState]:
 
     def tell(body: CoordinatorBody) -> None:
         tm.effects.append(Send(tm.session.accept() if isinstance(body, frp.Accept) else tm.session.send(body)))
-        node.feed(Rang("say it"))
+        node.feed(TimerFired("say it"))
 
     async def execute(step: str, destination: str) -> None:
         tm.session = CoordinatorSession(transaction="t", participant=f"Robot1.TransferObject#{step}", me=node.address, peer=peer)
@@ -151,7 +151,7 @@ def arranged(device: str, step: str) -> Received:
     return Received(Message(header=header, body=order))
 
 
-def participants(journaled: Journaled) -> list[str]:
+def participants(journaled: JournaledComponent) -> list[str]:
     assert isinstance(journaled.component, ServiceManager)
     return [job.session.participant for job in journaled.component.state.jobs]
 
@@ -160,8 +160,8 @@ def made(name: str) -> Callable[[str], ServiceManager]:
     return lambda address: ServiceManager(Carrier(name).profile(), repository="repository", registry="registry")
 
 
-def handled(journal: Journal, journaled: Journaled, event: Input) -> None:
-    entry = journaled.entry(event, 1.0)
+def handled(journal: Journal, journaled: JournaledComponent, event: Input) -> None:
+    entry = journaled.make_entry(event, 1.0)
     journal.append(entry)
     journaled.handle(entry)
 

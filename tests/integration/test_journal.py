@@ -25,8 +25,8 @@ from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.errors import UsageError
 from somrs.kernel.codec import Migration, Schema
-from somrs.kernel.component import Answered, Input, Rang, Received, Record, Started, Trouble, Undelivered
-from somrs.kernel.pending import Entry, Journaled, Pending, Written
+from somrs.kernel.component import Answered, DeliveryFailed, ErrorAnswer, Input, Received, Record, Started, TimerFired
+from somrs.kernel.pending import Entry, JournalCodec, JournaledComponent, PendingEffects
 from somrs.kernel.replica import ReplicaDue
 from somrs.planner.model.plan import Link, NoPlan, Plan, Step
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
@@ -38,7 +38,7 @@ from tests.support.examples import examples
 from tests.support.ledger import SCHEMA, Ledger, LedgerState, doubled, told
 from tests.support.paths import ROOT
 
-WRITTEN = Written(TASK_MANAGER)
+WRITTEN = JournalCodec(TASK_MANAGER)
 
 ADDRESS = "http://127.0.0.1:7001/ledger"
 
@@ -70,11 +70,11 @@ class Shelf:
         return self.journaled.component
 
     @property
-    def pending(self) -> Pending:
+    def pending(self) -> PendingEffects:
         return self.journaled.pending
 
     def feed(self, event: Input, now: float = 1.0) -> None:
-        entry = self.journaled.entry(event, now)
+        entry = self.journaled.make_entry(event, now)
         self.journal.append(entry)
         self.journaled.handle(entry)
         self.journal.note(self.journaled.component)
@@ -107,8 +107,8 @@ def shelf(path: Path) -> Iterator[Shelf]:
 @given(data=st.data())
 def test_every_message_is_read_as_it_was_written(kind: type, data: st.DataObject) -> None:
     message = data.draw(messages(kind))
-    entries = [Entry(1, 1.5, Received(message)), Entry(2, 2.5, Undelivered(message, "nobody is there"), (4, 9))]
-    assert WRITTEN.entries(WRITTEN.batch(map(WRITTEN.entry, entries))) == entries
+    entries = [Entry(1, 1.5, Received(message)), Entry(2, 2.5, DeliveryFailed(message, "nobody is there"), (4, 9))]
+    assert WRITTEN.decode_batch(WRITTEN.encode_batch(map(WRITTEN.encode_entry, entries))) == entries
 
 
 def test_every_other_input_is_read_as_it_was_written() -> None:
@@ -116,19 +116,21 @@ def test_every_other_input_is_read_as_it_was_written() -> None:
     plan = Plan((step,), (Link("s1", "s2", "Jar1 isOn Table2"),))
     asked, values = (
         PlanWanted("task", 1, 0, 2),
-        (plan, NoPlan("no", separate_reasons=("no", "never")), Trouble("broken"), Records(records=(), more=True)),
+        (plan, NoPlan("no", separate_reasons=("no", "never")), ErrorAnswer("broken"), Records(records=(), more=True)),
     )
     timers = (BidsDue("task", 1), SilenceDue("task", "Robot1"), AnswerDue("request"), ReplicaDue())
-    events: list[Input] = [Started(ADDRESS), *map(Rang, timers), *(Answered(asked, value) for value in values)]
+    events: list[Input] = [Started(ADDRESS), *map(TimerFired, timers), *(Answered(asked, value) for value in values)]
     entries = [Entry(number, 0.1 * number, event) for number, event in enumerate(events)]
-    assert WRITTEN.entries(WRITTEN.batch(map(WRITTEN.entry, entries))) == entries
+    assert WRITTEN.decode_batch(WRITTEN.encode_batch(map(WRITTEN.encode_entry, entries))) == entries
 
 
 def test_an_exception_is_kept_as_what_it_says() -> None:
-    journaled = Journaled(Ledger(), SCHEMA)
-    entry = journaled.entry(Answered("q", ZeroDivisionError("division by zero")), 1.0)
-    ledgers = Written(SCHEMA)
-    assert ledgers.entries(ledgers.batch([ledgers.entry(entry)]))[0].event == Answered("q", Trouble("division by zero"))
+    journaled = JournaledComponent(Ledger(), SCHEMA)
+    entry = journaled.make_entry(Answered("q", ZeroDivisionError("division by zero")), 1.0)
+    ledgers = JournalCodec(SCHEMA)
+    assert ledgers.decode_batch(ledgers.encode_batch([ledgers.encode_entry(entry)]))[0].event == Answered(
+        "q", ErrorAnswer("division by zero")
+    )
 
 
 # What is there again
@@ -144,8 +146,8 @@ def test_all_is_as_it_was(shelf: Shelf, snapshot: int | None) -> None:
         shelf.tell(amount)
         if number == 1:
             shelf.answer()
-            shelf.feed(Rang(next(iter(shelf.ledger.amounts))))
-            shelf.journaled.arrived(1)
+            shelf.feed(TimerFired(next(iter(shelf.ledger.amounts))))
+            shelf.journaled.mark_delivered(1)
         if number == snapshot:
             shelf.journal.snapshot(shelf.journaled)
     if snapshot == 3:
@@ -154,7 +156,7 @@ def test_all_is_as_it_was(shelf: Shelf, snapshot: int | None) -> None:
     assert again.again
     assert again.ledger.state == shelf.ledger.state
     assert again.pending == shelf.pending
-    assert (again.journaled.number, again.journaled.at) == (shelf.journaled.number, shelf.journaled.at)
+    assert (again.journaled.number, again.journaled.time) == (shelf.journaled.number, shelf.journaled.time)
     assert [*again.journal.open] == again.ledger.open == [told(2, 0).header.message_id]
     again.journal.close()
 
@@ -165,7 +167,7 @@ def test_snapshots_make_room(shelf: Shelf) -> None:
         if amount % 100 == 0:
             shelf.answer()
             for number in [*shelf.pending.messages]:
-                shelf.journaled.arrived(number)
+                shelf.journaled.mark_delivered(number)
             shelf.journal.snapshot(shelf.journaled)
     again = shelf.restarted()
     assert again.ledger.total == sum(range(600))
@@ -188,7 +190,7 @@ def test_a_defect_that_was_met_is_met_again_and_changes_nothing(path: Path) -> N
 def test_what_cannot_be_kept_is_not_handled_either(path: Path) -> None:
     shelf = Shelf(path)
     shelf.tell(1)
-    for event in (Answered("q", object()), Answered("q", 5), Answered("q", [Trouble("t")]), Undelivered(told(1, 1), "\ud800")):
+    for event in (Answered("q", object()), Answered("q", 5), Answered("q", [ErrorAnswer("t")]), DeliveryFailed(told(1, 1), "\ud800")):
         with pytest.raises((TypeError, UnicodeEncodeError)):
             shelf.feed(event)
     shelf.tell(2)
@@ -201,7 +203,7 @@ def test_what_cannot_be_kept_is_not_handled_either(path: Path) -> None:
 def test_time_does_not_go_back_behind_what_was_handled(shelf: Shelf) -> None:
     shelf.feed(Received(told(0, 1)), now=2e9)
     again = shelf.restarted()
-    assert again.journaled.entry(Rang("x"), 1e9).at == 2e9
+    assert again.journaled.make_entry(TimerFired("x"), 1e9).time == 2e9
     again.journal.close()
 
 
@@ -276,14 +278,14 @@ def test_what_comes_together_is_written_together(shelf: Shelf) -> None:
 
     before = rows()
     for _ in range(30):
-        shelf.feed(Rang("tick"))
+        shelf.feed(TimerFired("tick"))
         while disk.durable < disk.position:
             time.sleep(0)
     assert rows() == before + 30
     go_on = threading.Event()
     busy = disk.read(lambda db: go_on.wait(60))
     for _ in range(300):
-        shelf.feed(Rang("tick"))
+        shelf.feed(TimerFired("tick"))
     go_on.set()
     assert busy.result()
     assert rows() == before + 31
@@ -536,11 +538,11 @@ steps = st.lists(st.one_of(st.integers(-9, 9), st.sampled_from(("answer", "ring"
 @given(steps)
 def test_restarts_change_nothing(script: list[int | str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        shelf, plain = Shelf(Path(folder) / "ledger.sqlite"), Journaled(Ledger(address=ADDRESS), SCHEMA)
+        shelf, plain = Shelf(Path(folder) / "ledger.sqlite"), JournaledComponent(Ledger(address=ADDRESS), SCHEMA)
 
         def both(event: Input) -> None:
             shelf.feed(event)
-            plain.handle(plain.entry(event, 1.0))
+            plain.handle(plain.make_entry(event, 1.0))
 
         count = 0
         for step in [*script, "restart"]:
@@ -553,15 +555,15 @@ def test_restarts_change_nothing(script: list[int | str]) -> None:
                         both(Answered(question, doubled(task)))
                 case "ring":
                     for timer in [*plain.pending.timers][:1]:
-                        both(Rang(timer))
+                        both(TimerFired(timer))
                 case "arrive":
                     for number in [*plain.pending.messages][:1]:
-                        shelf.journaled.arrived(number)
-                        plain.arrived(number)
+                        shelf.journaled.mark_delivered(number)
+                        plain.mark_delivered(number)
                 case "snapshot":
                     shelf.journal.snapshot(shelf.journaled)
                 case _:
-                    both(Rang("tick"))  # so that what arrived is in the journal
+                    both(TimerFired("tick"))  # so that what arrived is in the journal
                     shelf = shelf.restarted()
         assert shelf.ledger.state == plain.component.state
         assert shelf.pending == plain.pending

@@ -14,7 +14,7 @@ import pytest
 from msgspec import structs
 
 from somrs.errors import RemoteError, UsageError
-from somrs.kernel.component import Effect, Input, Rang, Received, Send, Undelivered
+from somrs.kernel.component import DeliveryFailed, Effect, Input, Received, Send, TimerFired
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -133,7 +133,7 @@ class Chatter:
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         match event:
-            case Rang():
+            case TimerFired():
                 return [self._say(f"{lane}:0") for lane in range(3)]
             case Received(Message(body=CancelTask(task=said))):
                 self.heard.append(said)
@@ -154,7 +154,7 @@ def test_messages_within_a_process_keep_their_order_and_let_others_have_their_tu
         first, second = Chatter(one, two, 20_000), Chatter(two, one, 20_000)
         node = rim.add("/one", lambda address: first)
         rim.add("/two", lambda address: second)
-        node.feed(Rang("go"))
+        node.feed(TimerFired("go"))
         turns = 0
         while len(first.heard) + len(second.heard) < 60_003:
             turns += 1
@@ -188,7 +188,7 @@ class Notes(Teller):
         self.undelivered: list[str] = []
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        if isinstance(event, Undelivered):
+        if isinstance(event, DeliveryFailed):
             self.undelivered.append(event.reason)
         return super().handle(event, now)
 
@@ -200,7 +200,7 @@ def test_a_defect_within_the_process_is_the_senders_business_too() -> None:
         notes = Notes(f"{rim.url}/refusing")
         rim.add("/refusing", lambda address: Refusing())
         node = rim.add("/notes", lambda address: notes)
-        node.feed(Rang("7"))
+        node.feed(TimerFired("7"))
         await until(lambda: bool(notes.undelivered))
         assert notes.undelivered == ["ZeroDivisionError: division by zero"]
         await rim.stop()
@@ -237,7 +237,7 @@ class Hasty(Notes):
     """Says everything for a moment only."""
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        return [Send(effect.message, until=now + 0.3) for effect in super().handle(event, now) if isinstance(effect, Send)]
+        return [Send(effect.message, expires_at=now + 0.3) for effect in super().handle(event, now) if isinstance(effect, Send)]
 
 
 def test_what_a_full_disk_did_not_take_is_repeated_within_the_process_too(tmp_path: Path) -> None:
@@ -251,12 +251,12 @@ def test_what_a_full_disk_did_not_take_is_repeated_within_the_process_too(tmp_pa
         first, second = (rim.add(f"/teller{number}", lambda address, teller=teller: teller) for number, teller in enumerate(tellers))  # type: ignore[misc]
         brake = Brake(disk)
         disk.write(lambda db: db.execute("INSERT INTO nowhere VALUES (1)"))
-        first.feed(Rang("7"))  # handled, and then not kept
+        first.feed(TimerFired("7"))  # handled, and then not kept
         await asyncio.sleep(0.05)
         assert disk.failed is None
         brake.release()
         await until(lambda: disk.failed is not None)
-        second.feed(Rang("8"))  # not even handled
+        second.feed(TimerFired("8"))  # not even handled
         await asyncio.sleep(0.1)
         assert not any(teller.undelivered for teller in tellers), "its time is not over"
         await until(lambda: all(teller.undelivered for teller in tellers))

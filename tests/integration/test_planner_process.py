@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from somrs.entish.parse import parse
 from somrs.errors import RemoteError
-from somrs.kernel.codec import Codec, encoded
+from somrs.kernel.codec import Codec, encode
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, FactRemoved, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import ServiceType
@@ -110,7 +110,7 @@ def test_the_process_follows_the_map() -> None:
                 (after, False),
                 (before, True),
                 (before, True),
-                (Codec[Map](Map).decoded(encoded(after)), False),
+                (Codec[Map](Map).decode(encode(after)), False),
             ):
                 found = await planner.plan(replace(SO_ALREADY, map=map))
                 assert isinstance(found, Plan) is expected, map.objects
@@ -124,7 +124,7 @@ def test_little_is_sent_of_a_large_map_that_is_there_already() -> None:
     whole, again = replace(SO_ALREADY, map=map), replace(SO_ALREADY, map=map.changed([ValueSet("Jar7", "PositionX", 2.0)]))
     assert recipient.unpacked(sender.packed(whole)).map == whole.map
     shipment = sender.packed(again)
-    assert len(encoded(shipment)) < 5_000
+    assert len(encode(shipment)) < 5_000
     assert recipient.unpacked(shipment) == replace(again, ontology=whole.ontology)
 
 

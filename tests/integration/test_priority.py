@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.kernel.codec import Codec, encoded
+from somrs.kernel.codec import Codec, encode
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
 from somrs.protocol.messages.clients import CancelTask, Phase, Policy, ReadTasks, Tasks
@@ -278,7 +278,7 @@ def test_a_device_is_never_idle_while_somebody_waits_nor_overrun_and_the_highest
                 bench.ready.pop(task, None)
                 before.pop(task, None)
             case "restart":
-                bench.queues = Codec[DeviceQueues](DeviceQueues).decoded(encoded(bench.queues))
+                bench.queues = Codec[DeviceQueues](DeviceQueues).decode(encode(bench.queues))
         bench.wake()
         assert len(bench.working) <= at_once
         assert not bench.ready or len(bench.working) == at_once

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from somrs.kernel.codec import encoded, plain
-from somrs.kernel.component import Rang, Send, Started
-from somrs.kernel.pending import Journaled
+from somrs.kernel.codec import decode_untyped, encode
+from somrs.kernel.component import Send, Started, TimerFired
+from somrs.kernel.pending import JournaledComponent
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
@@ -44,7 +44,7 @@ def unpacked(packed: Path, data: Path) -> Path:
     return data
 
 
-def gone_on(journal: Journal) -> Journaled:
+def gone_on(journal: Journal) -> JournaledComponent:
     journaled, again = journal.begin(journal.address, nobody)
     assert again
     return journaled
@@ -67,14 +67,14 @@ def test_tasks_that_were_under_way_go_on(release: Path, packed: Path, tmp_path: 
     undoing = [execution.kind for task in tasks.values() for execution in task.aside]
     compensated = [work for task in tasks.values() for work in task.log if work.state is State.COMPENSATING]
     assert undoing or compensated, "a task was being undone"
-    effects = journaled.handle(journaled.entry(Started(journal.address), journaled.at))
+    effects = journaled.handle(journaled.make_entry(Started(journal.address), journaled.time))
     for timer in [*journaled.pending.timers]:
-        effects += journaled.handle(journaled.entry(Rang(timer), journaled.at + 3600))
+        effects += journaled.handle(journaled.make_entry(TimerFired(timer), journaled.time + 3600))
     assert any(isinstance(effect, Send) for effect, _ in effects), "it turns to the participants again"
     journal.close()
 
 
-def content(journaled: Journaled) -> Any:
+def content(journaled: JournaledComponent) -> Any:
     """The state, with what is in a set or a list in an order that depends on nothing."""
 
     def ordered(value: Any) -> Any:
@@ -86,7 +86,7 @@ def content(journaled: Journaled) -> Any:
             case other:
                 return other
 
-    return ordered(plain(encoded(journaled.component.state)))
+    return ordered(decode_untyped(encode(journaled.component.state)))
 
 
 @pytest.mark.parametrize(("release", "packed"), KILLED_AND_LONG_RUN)

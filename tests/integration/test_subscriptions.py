@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.kernel.codec import Codec, encoded
+from somrs.kernel.codec import Codec, encode
 from somrs.kernel.component import Answered, Ask, Input, Received, Send, Started
 from somrs.protocol.messages.clients import (
     ContractView,
@@ -308,7 +308,7 @@ def test_news_put_together_are_the_whole(pauses: list[float], restart: bool) -> 
 
 def copied(manager: TaskManager) -> TaskManager:
     """What is read of what was written of it."""
-    return TaskManager.restored(Codec[TaskManagerState](TaskManagerState).decoded(encoded(manager.state)))
+    return TaskManager.restored(Codec[TaskManagerState](TaskManagerState).decode(encode(manager.state)))
 
 
 def test_a_manager_that_is_watched_is_data() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from somrs.errors import UsageError
-from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Wake
+from somrs.kernel.component import Answered, Ask, Effect, Input, Received, Record, Send, SetTimer, Started, TimerFired
 from somrs.kernel.replica import Replica, ReplicaDue
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
@@ -125,7 +125,7 @@ class Keeper:
             if self.replica.version == self.contents.version:
                 return
             self.now = max(self.now, self._rings_at or 0.0)
-            self._hear(Rang(ReplicaDue()))
+            self._hear(TimerFired(ReplicaDue()))
         raise AssertionError(f"the follower stays at {self.replica.version}, and the Repository is at {self.contents.version}")
 
     def _feed(self, event: Input) -> list[Send]:
@@ -142,9 +142,9 @@ class Keeper:
 
     def effects(self, event: Input) -> list[Effect]:
         """What comes of an input, which is kept if it has to be."""
-        if SCHEMA.reads(event):
+        if SCHEMA.is_read_only(event):
             return self.repository.handle(event, self.now)
-        entry = self.journaled.entry(event, self.now)
+        entry = self.journaled.make_entry(event, self.now)
         self.journal.append(entry)
         effects = [effect for effect, _ in self.journaled.handle(entry)]
         for effect in effects:
@@ -162,7 +162,7 @@ class Keeper:
             match effect:
                 case Send(message):
                     self._feed(Received(message))
-                case Wake(_, at):
+                case SetTimer(_, at):
                     self._rings_at = at
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec import Struct
 
 from somrs.kernel.codec import Schema
-from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Record, Send, Started, Trouble, Wake
+from somrs.kernel.component import Answered, Ask, Effect, ErrorAnswer, Input, Received, Record, Send, SetTimer, Started, TimerFired
 from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
 from somrs.protocol.messages.frp import Outcome
@@ -86,7 +86,7 @@ class Ledger:
                 self.state.starts += 1
             case Received(message):
                 return [*self._received(message, now), Send(reply(message, CancelTask(task=str(self.total)), self.address))]
-            case Rang(str(timer)):
+            case TimerFired(str(timer)):
                 self.reminded.add(timer)
                 return [self._say("reminder", timer, "", now)]
             case Answered(str(question), value):
@@ -105,11 +105,11 @@ class Ledger:
     def _book(self, entry: TaskRecord, now: float) -> list[Effect]:
         self.amounts[entry.task] = int(entry.effect)
         said = self._say("receipt", entry.task, entry.effect, now)
-        return [Wake(entry.task, now + self.state.patience), Record(entry), said, Ask(entry.task, entry.effect)]
+        return [SetTimer(entry.task, now + self.state.patience), Record(entry), said, Ask(entry.task, entry.effect)]
 
     def _say(self, kind: str, id: str, text: str, now: float) -> Send:
         header = Header(sender=self.address, recipient=self.sink, message_id=message_id(kind, id), reply_to=self.address)
-        return Send(Message(header=header, body=CancelTask(task=kind, reason=text)), until=now + LONG)
+        return Send(Message(header=header, body=CancelTask(task=kind, reason=text)), expires_at=now + LONG)
 
 
 SCHEMA = Schema(
@@ -119,7 +119,7 @@ SCHEMA = Schema(
     timers=str,
     questions=str,
     tasks=str,
-    answers=Trouble | str | None,
+    answers=ErrorAnswer | str | None,
     restore=Ledger.restored,
 )
 
@@ -155,7 +155,7 @@ class Teller:
         self.told: list[int] = []
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        if not isinstance(event, Rang):
+        if not isinstance(event, TimerFired):
             return []
         self.told.append(int(str(event.timer)))
-        return [Send(told(len(self.told) - 1, self.told[-1], self.ledger), until=now + LONG)]
+        return [Send(told(len(self.told) - 1, self.told[-1], self.ledger), expires_at=now + LONG)]

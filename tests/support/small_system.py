@@ -17,7 +17,7 @@ from somrs.api.remote import LiveApi, live_api
 from somrs.api.service import desk_of
 from somrs.client.client import Addresses
 from somrs.deployment.device import DeviceRunner
-from somrs.kernel.component import Rang
+from somrs.kernel.component import TimerFired
 from somrs.ontology.files.loading import load_text
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
@@ -219,7 +219,7 @@ class Time(Clock):
         assert isinstance(self._node.component, Scheduler)
         while (due := self._node.component.next_due) is not None and due <= at:
             self._now = max(self._now, due)
-            self._node.feed(Rang(OrdersDue()))
+            self._node.feed(TimerFired(OrdersDue()))
             await self._heard(self._node.component)
         self._now = at
 
@@ -239,5 +239,5 @@ class Time(Clock):
         """As when the machine was asleep."""
         self._now += seconds
         assert self._node is not None
-        self._node.feed(Rang(OrdersDue()))
+        self._node.feed(TimerFired(OrdersDue()))
         await asyncio.sleep(0)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from somrs.kernel.component import Doing, Effect, Effects, Input, Rang, Received
+from somrs.kernel.component import Effect, Effects, EffectsReturning, Input, Received, TimerFired
 from somrs.protocol.messages.clients import CancelTask, Policy
 from somrs.protocol.messages.frp import Accept, Outcome
 from somrs.runtime.virtual import Moment, World
@@ -161,7 +161,7 @@ def test_who_was_not_heard_to_begin_may_have_begun_late() -> None:
 def test_a_device_that_works_on_terms_that_ran_out_is_noticed() -> None:
     class Generous(DeviceManager):
         def handle(self, event: Input, now: float) -> list[Effect]:
-            if isinstance(event, Rang) and isinstance(event.timer, TermsDue):
+            if isinstance(event, TimerFired) and isinstance(event.timer, TermsDue):
                 return []
             accepted = isinstance(event, Received) and isinstance(event.message.body, Accept)
             return super().handle(event, now - 60.0 if accepted else now)
@@ -204,7 +204,9 @@ def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: p
 
     reported = ParticipantEvents._reported
 
-    def forgetful(self: ParticipantEvents, member: Member, situation: str | None, trouble: str | None, now: float) -> Doing[GoesOn]:
+    def forgetful(
+        self: ParticipantEvents, member: Member, situation: str | None, trouble: str | None, now: float
+    ) -> EffectsReturning[GoesOn]:
         return (yield from reported(self, member, None, trouble, now))
 
     monkeypatch.setattr(ParticipantEvents, "_reported", forgetful)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from somrs.kernel.component import Effect, Input, Rang, Received, Send, Wake
+from somrs.kernel.component import Effect, Input, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.clients import Cancelling, CancelTask, Preview, Previewed, Submit, Submitted, TaskRejected
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -52,7 +52,7 @@ class Client:
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         match event:
-            case Rang(timer):
+            case TimerFired(timer):
                 kind, _, number = str(timer).partition(" ")
                 match kind:
                     case "submit":
@@ -69,20 +69,20 @@ class Client:
             return []
         wish = self._wishes[number]
         body = Submit(effect=wish.effect, policy=wish.policy, deadline=wish.deadline, handlers=wish.handlers, priority=wish.priority)
-        return [self._send(self._id(number), wish.to, body, now), Wake(f"submit {number}", now + PATIENCE)]
+        return [self._send(self._id(number), wish.to, body, now), SetTimer(f"submit {number}", now + PATIENCE)]
 
     def _preview(self, number: int, now: float) -> list[Effect]:
         if number not in self.wants_previews:
             return []
         wish = self._wishes[number]
         body = Preview(effect=wish.effect, policy=wish.policy, deadline=wish.deadline, priority=wish.priority, quotes=True)
-        return [self._send(asked_id(number), wish.to, body, now), Wake(f"preview {number}", now + PREVIEW_PATIENCE)]
+        return [self._send(asked_id(number), wish.to, body, now), SetTimer(f"preview {number}", now + PREVIEW_PATIENCE)]
 
     def _cancel(self, number: int, now: float) -> list[Effect]:
         if number in self.calling_off:
             return []
         body = CancelTask(task=self.tasks[number])
-        return [self._send(message_id("cancel", number), self._wishes[number].to, body, now), Wake(f"cancel {number}", now + PATIENCE)]
+        return [self._send(message_id("cancel", number), self._wishes[number].to, body, now), SetTimer(f"cancel {number}", now + PATIENCE)]
 
     def _answered(self, asked: str, answer: Body, now: float) -> list[Effect]:
         for number, wish in enumerate(self._wishes):
@@ -94,12 +94,12 @@ class Client:
                 match answer:
                     case Submitted(task=task):
                         self.tasks[number] = task
-                        return [Wake(f"cancel {number}", now + wish.cancelled)] if wish.cancelled is not None else []
+                        return [SetTimer(f"cancel {number}", now + wish.cancelled)] if wish.cancelled is not None else []
                     case TaskRejected(problem=problem):
                         self.rejected[number] = problem
                     case Fault():  # the Task Manager does not know the map yet
                         self._attempts[number] += 1
-                        return [Wake(f"submit {number}", now + PATIENCE)]
+                        return [SetTimer(f"submit {number}", now + PATIENCE)]
         return []
 
     def _id(self, number: int) -> str:

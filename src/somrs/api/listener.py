@@ -8,7 +8,7 @@ from somrs.api.map_news import MapNews
 from somrs.api.service_presence import Roster
 from somrs.client.client import Addresses
 from somrs.client.hub import Hub
-from somrs.kernel.component import Effect, Input, Rang, Received, Send, Started, Wake
+from somrs.kernel.component import Effect, Input, Received, Send, SetTimer, Started, TimerFired
 from somrs.kernel.replica import Replica
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import ServicesJoined, ServicesLeft, ServicesSubscribed, SubscribeServices
@@ -43,13 +43,13 @@ class Listener:
         if news is not None:
             if self.replica.ready:
                 self.ready.set()
-            if news.redefined:
+            if news.ontology_changed:
                 self._hub.publish("ontology", self.replica.version)
-            if news.changes or news.read:
-                self._hub.publish("map", MapNews(version=self.replica.version, changes=news.changes, read=news.read))
+            if news.changes or news.reloaded:
+                self._hub.publish("map", MapNews(version=self.replica.version, changes=news.changes, read=news.reloaded))
             return news.effects
         match event:
-            case Rang(timer) if timer == RENEWAL:
+            case TimerFired(timer) if timer == RENEWAL:
                 return self._subscribe(now)
             case Received(Message(body=ServicesJoined() | ServicesLeft() as body)):
                 self.roster.heard(body, now)
@@ -69,7 +69,7 @@ class Listener:
                 self._hub.publish(topic)
 
     def _subscribe(self, now: float) -> list[Effect]:
-        effects: list[Effect] = [Wake(RENEWAL, now + AGAIN), self._question(self._registry, SubscribeServices(lease=LEASE), now)]
+        effects: list[Effect] = [SetTimer(RENEWAL, now + AGAIN), self._question(self._registry, SubscribeServices(lease=LEASE), now)]
         if self._scheduler is not None:
             effects.append(self._question(self._scheduler, SubscribeOrders(lease=LEASE), now))
         return effects
@@ -78,4 +78,4 @@ class Listener:
         self._asked += 1
         identity = message_id(self.address, recipient, RENEWAL, self._asked, now)
         header = Header(sender=self.address, recipient=recipient, message_id=identity, reply_to=self.address)
-        return Send(Message(header=header, body=body), until=now + AGAIN)
+        return Send(Message(header=header, body=body), expires_at=now + AGAIN)

@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Struct
 
 from somrs.errors import UsageError
-from somrs.kernel.component import Input, Stateful, Trouble
+from somrs.kernel.component import ErrorAnswer, Input, Stateful
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, FunctionType, ObjectType, Ontology, RelationType
@@ -37,7 +37,7 @@ class _Contents(Struct, frozen=True, array_like=True):
     facts: list[Fact]
 
 
-def _written(value: object) -> object:
+def _encode_hook(value: object) -> object:
     match value:
         case Ontology():
             sections = (value.attributes, value.relations, value.functions, value.types, value.services)
@@ -47,20 +47,22 @@ def _written(value: object) -> object:
     raise NotImplementedError(f"{type(value).__name__} cannot be written: it is no data")
 
 
-def _read(kind: type, value: Any) -> object:
+def _decode_hook(kind: type, value: Any) -> object:
     if kind is Ontology:
-        found = msgspec.convert(value, _Definitions)
-        return Ontology([*found.attributes, *found.relations, *found.functions, *found.types, *found.services])
+        definitions = msgspec.convert(value, _Definitions)
+        return Ontology(
+            [*definitions.attributes, *definitions.relations, *definitions.functions, *definitions.types, *definitions.services]
+        )
     if kind is Map:
         contents = msgspec.convert(value, _Contents)
         return Map(contents.objects, contents.facts)
     raise NotImplementedError(f"{kind.__name__} cannot be read: it is no data")
 
 
-_ENCODER = msgspec.msgpack.Encoder(enc_hook=_written)
+_ENCODER = msgspec.msgpack.Encoder(enc_hook=_encode_hook)
 
 
-def encoded(value: object) -> bytes:
+def encode(value: object) -> bytes:
     """The value in msgpack. Raises TypeError or NotImplementedError for what is no data."""
     return _ENCODER.encode(value)
 
@@ -70,18 +72,18 @@ class Codec(Generic[T]):
 
     def __init__(self, kind: Any) -> None:
         self._kind = kind
-        self._decoder: msgspec.msgpack.Decoder[T] = msgspec.msgpack.Decoder(kind, dec_hook=_read)
+        self._decoder: msgspec.msgpack.Decoder[T] = msgspec.msgpack.Decoder(kind, dec_hook=_decode_hook)
 
-    def decoded(self, document: bytes) -> T:
+    def decode(self, document: bytes) -> T:
         return self._decoder.decode(document)
 
-    def converted(self, value: object) -> T:
+    def convert(self, value: object) -> T:
         """The same from what `plain` gives."""
-        found: T = msgspec.convert(value, self._kind, dec_hook=_read)
-        return found
+        converted: T = msgspec.convert(value, self._kind, dec_hook=_decode_hook)
+        return converted
 
 
-def plain(document: bytes) -> Any:
+def decode_untyped(document: bytes) -> Any:
     """What is written there, whatever its type: dictionaries, lists, texts and numbers."""
     return msgspec.msgpack.decode(document)
 
@@ -94,9 +96,9 @@ class Migration(Struct, frozen=True, kw_only=True):
     entry: Callable[[Any], Any] = lambda entry: entry
 
 
-def in_words(error: BaseException) -> Trouble:
+def to_error_answer(error: BaseException) -> ErrorAnswer:
     """An exception as an answer, where its component has no better one."""
-    return Trouble(str(error) or type(error).__name__)
+    return ErrorAnswer(str(error) or type(error).__name__)
 
 
 class Schema(Struct, frozen=True, kw_only=True):
@@ -120,30 +122,30 @@ class Schema(Struct, frozen=True, kw_only=True):
     notices: Any = None
     restore: Callable[[Any], Stateful]
     volatile: tuple[type, ...] = ()
-    failure: Callable[[BaseException], object] = in_words
-    moves: bool = False
-    lasting: bool = False
-    reads: Callable[[Input], bool] = lambda event: False
+    error_to_answer: Callable[[BaseException], object] = to_error_answer
+    relocatable: bool = False
+    irreplaceable: bool = False
+    is_read_only: Callable[[Input], bool] = lambda event: False
     snapshot_after: int = 5000
     migrations: Mapping[int, Migration] = {}
 
-    def leads_from(self, version: int) -> bool:
+    def can_read(self, version: int) -> bool:
         """Whether data of that version can be read."""
         return version <= self.version and all(step in self.migrations for step in range(version, self.version))
 
-    def snapshot(self, value: Any, version: int) -> Any:
+    def migrate_snapshot(self, value: Any, version: int) -> Any:
         """A snapshot of that version as one of today. Raises UsageError for a version that cannot be read."""
         for step in self._steps(version):
             value = step.snapshot(value)
         return value
 
-    def entry(self, value: Any, version: int) -> Any:
+    def migrate_entry(self, value: Any, version: int) -> Any:
         """A journal's entry of that version as one of today."""
         for step in self._steps(version):
             value = step.entry(value)
         return value
 
     def _steps(self, version: int) -> list[Migration]:
-        if not self.leads_from(version):
+        if not self.can_read(version):
             raise UsageError(f"its data have version {version}, and this program reads up to {self.version}")
         return [self.migrations[step] for step in range(version, self.version)]

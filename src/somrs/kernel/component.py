@@ -23,7 +23,7 @@ class Received(Struct, frozen=True, tag=True):
     message: Message
 
 
-class Rang(Struct, frozen=True, tag=True):
+class TimerFired(Struct, frozen=True, tag="Rang"):
     """A timer that the component set with `Wake` rang."""
 
     timer: Hashable
@@ -36,7 +36,7 @@ class Answered(Struct, frozen=True, tag=True):
     value: object
 
 
-class Trouble(Struct, frozen=True, tag=True):
+class ErrorAnswer(Struct, frozen=True, tag="Trouble"):
     """What went wrong, where a question is answered from or into a journal: there, exceptions are no values."""
 
     text: str
@@ -45,11 +45,11 @@ class Trouble(Struct, frozen=True, tag=True):
         return self.text
 
 
-class Partial(Struct, frozen=True):
+class PartialAnswer(Struct, frozen=True):
     """What answers on the way are derived from: the question stays open, and its answer is yet to come."""
 
 
-class Lost(Struct, frozen=True, tag=True):
+class AnswerLost(Struct, frozen=True, tag="Lost"):
     """The answer to a question whose work ended with the process that did it. Which kinds of work do, the component's schema says."""
 
 
@@ -59,7 +59,7 @@ class Notified(Struct, frozen=True, tag=True):
     notice: object
 
 
-class Undelivered(Struct, frozen=True, tag=True):
+class DeliveryFailed(Struct, frozen=True, tag="Undelivered"):
     """A message that nobody acknowledged until its sender gave up."""
 
     message: Message
@@ -72,7 +72,7 @@ class Started(Struct, frozen=True, tag=True):
     address: str
 
 
-Input = Started | Received | Rang | Answered | Undelivered | Notified
+Input = Started | Received | TimerFired | Answered | DeliveryFailed | Notified
 
 
 class Send(Struct, frozen=True):
@@ -80,11 +80,11 @@ class Send(Struct, frozen=True):
     sent for some more seconds, as nobody could take it meanwhile; but not if `strict`: later than that it would be wrong."""
 
     message: Message
-    until: float | None = None
+    expires_at: float | None = None
     strict: bool = False
 
 
-class Wake(Struct, frozen=True):
+class SetTimer(Struct, frozen=True):
     """Ring `timer` at `at`; an equal timer that has not rung is moved. `at` None takes it away."""
 
     timer: Hashable
@@ -111,12 +111,12 @@ class Record(Struct, frozen=True):
     entry: object
 
 
-Effect = Send | Wake | Ask | Withdraw | Record
+Effect = Send | SetTimer | Ask | Withdraw | Record
 
 Effects = Generator[Effect, None, None]
 """What a component's parts do about an input: effects as they come. Nothing happens before somebody goes through them."""
 
-Doing = Generator[Effect, None, T]
+EffectsReturning = Generator[Effect, None, T]
 """Effects, and at their end a result: `result = yield from doing`."""
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from msgspec import Struct, field
 
-from somrs.kernel.component import Effect, Input, Rang, Received, Send, Undelivered, Wake
+from somrs.kernel.component import DeliveryFailed, Effect, Input, Received, Send, SetTimer, TimerFired
 from somrs.ontology.naming import DefinitionKey, Renaming, revise_ontology
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Definition, Ontology
@@ -41,7 +41,7 @@ GAP_TIME = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class News:
+class ReplicaUpdate:
     """What came of an input: `effects` to carry out; the `changes` of the map, in order; the `definitions` that are new, and those
     that were `removed` or have other names now; and what was `renamed`, in order. `read`: the copy was read as a whole; before `changes`,
     anything may have changed."""
@@ -51,20 +51,20 @@ class News:
     definitions: tuple[Definition, ...] = ()
     removed: tuple[DefinitionKey, ...] = ()
     renamed: tuple[Renaming, ...] = ()
-    read: bool = False
+    reloaded: bool = False
 
     @property
-    def redefined(self) -> bool:
+    def ontology_changed(self) -> bool:
         """Whether the ontology may be another one than before."""
-        return bool(self.definitions or self.removed or self.read)
+        return bool(self.definitions or self.removed or self.reloaded)
 
 
 class _Reading(Struct, kw_only=True):
     """The pages so far: `first` is the version of the first one, `last` the latest version among them, `changed_at` that in which the
     ontology changed last before its first page."""
 
-    first: int | None = None
-    last: int = 0
+    first_version: int | None = field(default=None, name="first")
+    last_version: int = field(default=0, name="last")
     changed_at: int | None = None
     ontology: Ontology = field(default_factory=Ontology)
     objects: list[Object] = field(default_factory=list)
@@ -90,10 +90,10 @@ class Replica(Struct):
     source: str = ""
     """What the Repository calls itself; it may be known here by another name for the same address."""
     events: dict[int, MapChanged | OntologyChanged] = {}
-    announced: int = -1
+    announced_version: int = field(default=-1, name="announced")
     """The latest version heard of."""
     reading: _Reading | None = None
-    asked: int = 0
+    question_count: int = field(default=0, name="asked")
     question: str | None = None
     subscription: str | None = None
     subscribed_at: int = -1
@@ -107,20 +107,20 @@ class Replica(Struct):
 
     def start(self, now: float) -> list[Effect]:
         """Subscribe; everything else follows from the answer."""
-        return [self._subscribe(now), self._wake()]
+        return [self._subscribe(now), self._next_timer()]
 
-    def handle(self, event: Input, now: float) -> News | None:
+    def handle(self, event: Input, now: float) -> ReplicaUpdate | None:
         """What came of the input; None when it is no business of the replica."""
         match event:
             case Received(message):
                 effects = self._received(message, now)
-            case Undelivered(message):
-                effects = self._undelivered(message, now)
-            case Rang(ReplicaDue()):
-                effects = self._rang(now)
+            case DeliveryFailed(message):
+                effects = self._delivery_failed(message, now)
+            case TimerFired(ReplicaDue()):
+                effects = self._check_deadlines(now)
             case _:
                 effects = None
-        return None if effects is None else self._news(effects, now)
+        return None if effects is None else self._catch_up(effects, now)
 
     # Asking
 
@@ -138,11 +138,11 @@ class Replica(Struct):
 
     def _ask(self, body: Body, now: float) -> Send:
         # The time is part of the id: what was asked in an earlier life of the owner is another question.
-        self.asked += 1
-        identity = message_id(self.owner, self.repository, "replica", self.asked, now)
+        self.question_count += 1
+        identity = message_id(self.owner, self.repository, "replica", self.question_count, now)
         header = Header(sender=self.owner, recipient=self.repository, message_id=identity, reply_to=self.owner)
         self.answer_by = now + PATIENCE
-        return Send(Message(header=header, body=body), until=now + PATIENCE)
+        return Send(Message(header=header, body=body), expires_at=now + PATIENCE)
 
     def _begin_reading(self, now: float) -> list[Effect]:
         self.reading = _Reading()
@@ -153,14 +153,14 @@ class Replica(Struct):
         self.reading = self.question = None
         return [self._subscribe(now)]
 
-    def _rang(self, now: float) -> list[Effect]:
+    def _check_deadlines(self, now: float) -> list[Effect]:
         if self.answer_by is not None and self.answer_by <= now:
             return self._give_up_reading(now)
         if self.gap_until is not None and self.gap_until <= now:
             return self._begin_reading(now)
         return [self._subscribe(now)] if self.renew_at <= now else []
 
-    def _undelivered(self, message: Message, now: float) -> list[Effect] | None:
+    def _delivery_failed(self, message: Message, now: float) -> list[Effect] | None:
         ours = isinstance(message.body, SubscribeMap | ReadMap | ReadOntology) and message.header.recipient == self.repository
         if ours and message.header.message_id in (self.question, self.subscription):
             self.answer_by = now + GAP_TIME
@@ -170,24 +170,24 @@ class Replica(Struct):
 
     def _received(self, message: Message, now: float) -> list[Effect] | None:
         """What to do at once; whatever follows from having heard more is done by `_news`."""
-        about = message.header.relates_to
+        request_id = message.header.relates_to
         match message.body:
-            case MapSubscribed(version=version) if about is not None and about == self.subscription:
+            case MapSubscribed(version=version) if request_id is not None and request_id == self.subscription:
                 self.source = message.header.sender
                 return self._subscribed(version, now)
-            case OntologyPage() | MapPage() as page if self.reading is not None and about is not None and about == self.question:
+            case OntologyPage() | MapPage() as page if self.reading is not None and request_id is not None and request_id == self.question:
                 return self._page(self.reading, page, now)
-            case Fault() if about is not None and about in (self.question, self.subscription):
+            case Fault() if request_id is not None and request_id in (self.question, self.subscription):
                 return []  # asked anew when patience is out
             case _ if message.header.sender not in (self.source or self.repository, self.repository):
                 return None
             case MapChanged() as changed:
-                self._heard(changed.event.version, changed)
+                self._record_event(changed.event.version, changed)
                 return []
             case OntologyChanged() as changed:
-                self._heard(changed.version, changed)
+                self._record_event(changed.version, changed)
                 return []
-            case MapSubscribed() if about is None:
+            case MapSubscribed() if request_id is None:
                 # The Repository came up again, or something changed that no message can hold: see where it is.
                 return [self._subscribe(now)]
             case MapSubscribed() | OntologyPage() | MapPage():
@@ -195,28 +195,28 @@ class Replica(Struct):
             case _:
                 return None
 
-    def _heard(self, version: int, event: MapChanged | OntologyChanged) -> None:
+    def _record_event(self, version: int, event: MapChanged | OntologyChanged) -> None:
         self.events[version] = event
-        self.announced = max(self.announced, version)
+        self.announced_version = max(self.announced_version, version)
 
     def _subscribed(self, version: int, now: float) -> list[Effect]:
         self.subscription = None
         if self.reading is None:
             self.answer_by = None
         if version < self.subscribed_at:  # its store was put back or begun anew: what is known here belongs to another map
-            self.version = self.announced = -1
+            self.version = self.announced_version = -1
             self.events.clear()
             self.reading = None
-        self.announced = max(self.announced, version)
+        self.announced_version = max(self.announced_version, version)
         return self._begin_reading(now) if not self.ready and self.reading is None else []
 
     def _page(self, reading: _Reading, page: OntologyPage | MapPage, now: float) -> list[Effect]:
         self.question = self.answer_by = None
-        if reading.first is None:
-            reading.first = page.version
-        elif page.version < reading.last:
+        if reading.first_version is None:
+            reading.first_version = page.version
+        elif page.version < reading.last_version:
             return self._give_up_reading(now)
-        reading.last = page.version
+        reading.last_version = page.version
         match page:
             case OntologyPage(changed_at=changed_at) if reading.changed_at not in (None, changed_at):
                 return self._give_up_reading(now)  # the pages are counted, and what is counted is another list now
@@ -230,14 +230,14 @@ class Replica(Struct):
                 if page.more:
                     return [self._read(ReadMap(after=page.objects[-1].name), now)]
         reading.complete = True
-        self.announced = max(self.announced, reading.last)
+        self.announced_version = max(self.announced_version, reading.last_version)
         return []
 
     # Following
 
-    def _news(self, effects: list[Effect], now: float) -> News:
+    def _catch_up(self, effects: list[Effect], now: float) -> ReplicaUpdate:
         """Bring the copy as far as what was heard goes."""
-        before = self.version
+        old_version = self.version
         read = self._adopt()
         changes: list[Change] = []
         definitions: list[Definition] = []
@@ -245,9 +245,9 @@ class Replica(Struct):
         renamed: list[Renaming] = []
         while self.ready and (event := self.events.get(self.version + 1)) is not None:
             self.version += 1
-            happened = event.event if isinstance(event, MapChanged) else event
-            renamed += happened.renamed
-            applied = [*_applicable(self.map, happened.changes)]
+            change_event = event.event if isinstance(event, MapChanged) else event
+            renamed += change_event.renamed
+            applied = [*_applicable(self.map, change_event.changes)]
             if applied:
                 self.map = self.map.changed(applied)
                 changes += applied
@@ -256,25 +256,25 @@ class Replica(Struct):
                 removed += event.removed
                 self.ontology = revise_ontology(self.ontology, event.removed, event.definitions.all_definitions())
         self._forget()
-        self._watch_gap(self.version != before, now)
-        return News(
-            effects=[*effects, self._wake()],
+        self._watch_gap(self.version != old_version, now)
+        return ReplicaUpdate(
+            effects=[*effects, self._next_timer()],
             changes=tuple(changes),
             definitions=tuple(definitions),
             removed=tuple(removed),
             renamed=tuple(renamed),
-            read=read,
+            reloaded=read,
         )
 
     def _adopt(self) -> bool:
         """Take the pages as the copy, if every event is there that leads from the first to the last of them."""
         reading = self.reading
-        if reading is None or not reading.complete or reading.first is None:
+        if reading is None or not reading.complete or reading.first_version is None:
             return False
-        if any(version not in self.events for version in range(reading.first + 1, reading.last + 1)):
+        if any(version not in self.events for version in range(reading.first_version + 1, reading.last_version + 1)):
             return False
         self.ontology, self.map = reading.ontology, Map(reading.objects, reading.facts)
-        self.version = reading.first
+        self.version = reading.first_version
         self.reading = None
         return True
 
@@ -282,30 +282,30 @@ class Replica(Struct):
         """Drop the events that neither the copy nor the pages being read need any more."""
         reached = self.version
         if self.reading is not None:
-            reached = min(reached, self.reading.first if self.reading.first is not None else -1)
+            reached = min(reached, self.reading.first_version if self.reading.first_version is not None else -1)
         self.events = {version: event for version, event in self.events.items() if version > reached}
 
     def _watch_gap(self, moved: bool, now: float) -> None:
-        behind = self.ready and self.announced > self.version
-        waiting = behind if self.reading is None else self.reading.complete
+        is_lagging = self.ready and self.announced_version > self.version
+        waiting = is_lagging if self.reading is None else self.reading.complete
         if not waiting:
             self.gap_until = None
         elif moved or self.gap_until is None or self.gap_until <= now:
             self.gap_until = now + GAP_TIME
 
-    def _wake(self) -> Wake:
-        return Wake(ReplicaDue(), min(time for time in (self.renew_at, self.answer_by, self.gap_until) if time is not None))
+    def _next_timer(self) -> SetTimer:
+        return SetTimer(ReplicaDue(), min(time for time in (self.renew_at, self.answer_by, self.gap_until) if time is not None))
 
 
 def _applicable(map: Map, changes: Iterable[Change]) -> Iterator[Change]:
     """The changes but for values of objects that are gone: a page may show more than the event that is put on it knew."""
-    there: dict[str, bool] = {}
+    presence: dict[str, bool] = {}
     for change in changes:
         match change:
             case ObjectAdded(object):
-                there[object.name] = True
+                presence[object.name] = True
             case ObjectRemoved(name):
-                there[name] = False
-            case ValueSet(name) if not there.get(name, name in map.objects):
+                presence[name] = False
+            case ValueSet(name) if not presence.get(name, name in map.objects):
                 continue
         yield change

@@ -16,7 +16,7 @@ from multiprocessing.context import SpawnProcess
 from msgspec import Struct
 
 from somrs.errors import RemoteError
-from somrs.kernel.codec import Codec, encoded
+from somrs.kernel.codec import Codec, encode
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner_service.engines import plan_in_process
@@ -74,8 +74,8 @@ class PlannerProcess:
                 raise RemoteError("the planner was ended before it had an answer")
             _, connection, sender = self._running or self._start()
             try:
-                connection.send_bytes(encoded(sender.packed(problem)))
-                answer = _ANSWER.decoded(connection.recv_bytes())
+                connection.send_bytes(encode(sender.packed(problem)))
+                answer = _ANSWER.decode(connection.recv_bytes())
             except (EOFError, OSError):  # it has ended
                 self._end()
                 continue
@@ -125,10 +125,10 @@ def _serve(questions: Connection) -> None:
             question = questions.recv_bytes()
             answer: Plan | NoPlan | Defect
             try:
-                answer = plan_in_process(recipient.unpacked(_SHIPMENT.decoded(question)))
+                answer = plan_in_process(recipient.unpacked(_SHIPMENT.decode(question)))
             except Exception as error:  # noqa: BLE001  # whatever went wrong is the answer; the Task Manager says what it means
                 answer = Defect(str(error) or type(error).__name__)
-            questions.send_bytes(encoded(answer))
+            questions.send_bytes(encode(answer))
 
 
 def _end_with_parent(parent: int) -> None:

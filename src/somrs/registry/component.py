@@ -17,7 +17,7 @@ from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, InputError, UsageError
 from somrs.kernel.codec import Schema
-from somrs.kernel.component import Effect, Effects, Input, Received, Send, Started, Undelivered, Wake
+from somrs.kernel.component import DeliveryFailed, Effect, Effects, Input, Received, Send, SetTimer, Started
 from somrs.kernel.replica import Replica
 from somrs.ontology.matching import can_achieve
 from somrs.ontology.objects import Map
@@ -98,10 +98,10 @@ class Registry:
                 yield from state.replica.start(now)
             case Received(message):
                 yield from self._received(message, now)
-            case Undelivered(Message(header=header, body=ServicesJoined() | ServicesLeft())):
+            case DeliveryFailed(Message(header=header, body=ServicesJoined() | ServicesLeft())):
                 state.subscribers.pop(header.recipient, None)
         times = chain((provider.until for provider in state.providers.values()), state.subscribers.values())
-        yield Wake(LeasesDue(), min(times, default=None))
+        yield SetTimer(LeasesDue(), min(times, default=None))
 
     def _received(self, message: Message, now: float) -> Effects:
         try:
@@ -298,6 +298,6 @@ SCHEMA = Schema(
     tasks=None,
     answers=None,
     restore=Registry.restored,
-    reads=only_reads,
+    is_read_only=only_reads,
 )
 """What its journal is made of."""

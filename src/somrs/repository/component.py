@@ -19,17 +19,17 @@ from somrs.kernel.codec import Schema
 from somrs.kernel.component import (
     Answered,
     Ask,
+    DeliveryFailed,
     Effect,
     Effects,
+    ErrorAnswer,
     Input,
-    Rang,
     Received,
     Record,
     Send,
+    SetTimer,
     Started,
-    Trouble,
-    Undelivered,
-    Wake,
+    TimerFired,
 )
 from somrs.ontology.check import check
 from somrs.ontology.conformance import Violation
@@ -129,11 +129,11 @@ class Repository:
                     yield from self._received(message, now)
                 except InputError as error:
                     yield self._answer(message, Fault(code="Sender", text=str(error)))
-            case Rang(LeasesDue()):
+            case TimerFired(LeasesDue()):
                 yield from self._drop([address for address, one in self.contents.subscriptions.items() if one.until <= now])
             case Answered(ArchiveWanted(message), value):
                 yield from self._answered(message, value, now)
-            case Undelivered(message):
+            case DeliveryFailed(message):
                 yield from self._undelivered(message)
 
     def _received(self, message: Message, now: float) -> Effects:
@@ -317,8 +317,8 @@ class Repository:
             del self.contents.subscriptions[subscriber]
         yield self._next_expiry()
 
-    def _next_expiry(self) -> Wake:
-        return Wake(LeasesDue(), min((one.until for one in self.contents.subscriptions.values()), default=None))
+    def _next_expiry(self) -> SetTimer:
+        return SetTimer(LeasesDue(), min((one.until for one in self.contents.subscriptions.values()), default=None))
 
 
 def _ask(message: Message, task: Task) -> Ask:
@@ -342,11 +342,11 @@ SCHEMA = Schema(
     timers=LeasesDue,
     questions=ArchiveWanted,
     tasks=Task,
-    answers=Happened | MapPage | OntologyPage | Trouble,
+    answers=Happened | MapPage | OntologyPage | ErrorAnswer,
     restore=Repository.restored,
-    moves=True,
-    lasting=True,
-    reads=only_reads,
+    relocatable=True,
+    irreplaceable=True,
+    is_read_only=only_reads,
     snapshot_after=500,
 )
 """What its journal is made of. An update of a map with 5,000 objects takes two milliseconds."""

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from somrs.errors import RemoteError
 from somrs.kernel.component import Component, Received, Stateful
-from somrs.kernel.pending import Journaled
+from somrs.kernel.pending import JournaledComponent
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import Server
@@ -68,7 +68,7 @@ class Host:
         """
         address = f"{self.url}{path}"
         journaled, again = journal.begin(address, make)
-        self.clock.not_before(journaled.at)
+        self.clock.not_before(journaled.time)
         node = self._node(address, journaled.component, carry_out, journal=journal, journaled=journaled)
         return self._start(path, node, again=again, notices=notices)
 
@@ -79,7 +79,7 @@ class Host:
         carry_out: CarryOut,
         *,
         journal: Journal | None = None,
-        journaled: Journaled | None = None,
+        journaled: JournaledComponent | None = None,
     ) -> Node:
         return Node(
             address,

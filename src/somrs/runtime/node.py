@@ -18,20 +18,20 @@ from somrs.kernel.component import (
     Answered,
     Ask,
     Component,
+    DeliveryFailed,
     Effect,
     Input,
     Notified,
-    Partial,
-    Rang,
+    PartialAnswer,
     Received,
     Record,
     Send,
+    SetTimer,
     Started,
-    Undelivered,
-    Wake,
+    TimerFired,
     Withdraw,
 )
-from somrs.kernel.pending import DELIVERY_TIME, Journaled
+from somrs.kernel.pending import DELIVERY_TIME, JournaledComponent
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import NotTaken
@@ -79,7 +79,7 @@ class Node:
         send: Callable[[Letter], None],
         delivered: Callable[[float], Awaitable[None]],
         journal: Journal | None = None,
-        journaled: Journaled | None = None,
+        journaled: JournaledComponent | None = None,
         watch: Watch | None = None,
     ) -> None:
         self.address, self.component = address, component
@@ -125,12 +125,12 @@ class Node:
 
     def _handle(self, event: Input) -> None:
         now = self._clock.now()
-        if self._journaled is None or self._journal is None or self._journaled.schema.reads(event):
+        if self._journaled is None or self._journal is None or self._journaled.schema.is_read_only(event):
             for effect in self.component.handle(event, now):
                 self._come(effect, 0)
             return
         journal, journaled = self._journal, self._journaled
-        entry = journaled.entry(event, now)
+        entry = journaled.make_entry(event, now)
         journal.append(entry)
         try:
             effects = journaled.handle(entry)
@@ -178,17 +178,17 @@ class Node:
             self.feed(Notified(notice))
         self.feed(Started(self.address))
 
-    def _resume(self, journaled: Journaled) -> None:
+    def _resume(self, journaled: JournaledComponent) -> None:
         loop, now, pending = asyncio.get_running_loop(), self._clock.now(), journaled.pending
         for number, sent in [*pending.messages.items()]:
-            letter = Letter(self, sent.message, sent.after_restart(now), number)
+            letter = Letter(self, sent.message, sent.expiry_after_restart(now), number)
             if letter.until <= now:
                 loop.call_soon(self.given_up, letter, "its time was over while its sender was away")
             else:
                 self._send(letter)
         for timer, at in pending.timers.items():
             self._set(timer, at)
-        answers = dict(pending.without_work(journaled.schema.volatile))
+        answers = dict(pending.find_abandoned_questions(journaled.schema.volatile))
         for question, task in pending.questions.items():
             if question in answers:
                 loop.call_soon(self._answer, question, answers[question])
@@ -232,7 +232,7 @@ class Node:
     def _come(self, effect: Effect, number: int) -> None:
         """Carry an effect out, now or when all that it may depend on is on disk."""
         # Every effect comes this way, and class patterns take longer.
-        if isinstance(effect, Wake):
+        if isinstance(effect, SetTimer):
             self._set(effect.timer, effect.at)  # seen by nobody; what its ringing comes to waits in its turn
         elif not isinstance(effect, Record):  # those are the journal's
             self.output.put(effect, number)
@@ -270,7 +270,7 @@ class Node:
 
     def _ring(self, timer: Hashable) -> None:
         self._timers.pop(timer, None)
-        self._feed_late(Rang(timer))
+        self._feed_late(TimerFired(timer))
 
     def _ask(self, question: Hashable, task: object) -> None:
         self._asked[question] = asyncio.create_task(self._carry(question, task))
@@ -279,7 +279,7 @@ class Node:
         value: object
 
         def report(partial: object) -> None:
-            assert isinstance(partial, Partial), f"what is reported on the way is no answer, and {type(partial).__name__} may be one"
+            assert isinstance(partial, PartialAnswer), f"what is reported on the way is no answer, and {type(partial).__name__} may be one"
             self.feed(Answered(question, partial))
 
         try:
@@ -314,7 +314,7 @@ class Node:
         if self._closed:
             return  # it is sent again when the component is back, if it comes back
         if self._journaled is not None:
-            self._journaled.arrived(letter.number)
+            self._journaled.mark_delivered(letter.number)
         if answer is not None:
             try:
                 self.feed(Received(in_session(answer, letter.message)))
@@ -326,8 +326,8 @@ class Node:
         if self._closed:
             return
         if self._journaled is not None:
-            self._journaled.arrived(letter.number)
+            self._journaled.mark_delivered(letter.number)
         try:
-            self._feed_late(Undelivered(letter.message, reason))
+            self._feed_late(DeliveryFailed(letter.message, reason))
         except Exception:  # the others' letters are not to wait for this component's defects
             log.exception("%s: it could not be handled that a message was not delivered", self.address)

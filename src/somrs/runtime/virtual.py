@@ -19,19 +19,19 @@ from somrs.kernel.component import (
     Answered,
     Ask,
     Component,
+    DeliveryFailed,
     Effect,
     Input,
     Notified,
-    Rang,
     Received,
     Record,
     Send,
+    SetTimer,
     Started,
-    Undelivered,
-    Wake,
+    TimerFired,
     Withdraw,
 )
-from somrs.kernel.pending import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, Journaled
+from somrs.kernel.pending import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, JournaledComponent
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.virtual_journal import VirtualJournal
 
@@ -71,7 +71,7 @@ class _Life:
 
     address: str
     component: Component
-    journaled: Journaled | None
+    journaled: JournaledComponent | None
     doom: tuple[Moment, int] | None = None
 
 
@@ -201,18 +201,18 @@ class World:
         self._feed(address, Started(address))
         self._deliver_parked()
 
-    def _resume(self, life: _Life, journaled: Journaled) -> None:
+    def _resume(self, life: _Life, journaled: JournaledComponent) -> None:
         """Take up what the component had under way when it was killed."""
         address, pending = life.address, journaled.pending
         for number, sent in pending.messages.items():
-            again = _Sent(sent.message, sent.after_restart(self.now), life, number)
+            again = _Sent(sent.message, sent.expiry_after_restart(self.now), life, number)
             again.waiting = overdue = again.until <= self.now
             if not overdue:
                 self._count_once(sent.message)
             self._at(self.now, partial(self._give_up if overdue else self._try, again))
         for timer, at in pending.timers.items():
             self._set(address, timer, at)
-        answers = dict(pending.without_work(journaled.schema.volatile))
+        answers = dict(pending.find_abandoned_questions(journaled.schema.volatile))
         for question, task in pending.questions.items():
             if question in answers:
                 self._at(self.now, partial(self._answer, address, question, answers[question], life))
@@ -221,7 +221,7 @@ class World:
 
     def ring(self, address: str, timer: Hashable) -> None:
         """Ring a timer that is rung from outside."""
-        self._feed(address, Rang(timer))
+        self._feed(address, TimerFired(timer))
 
     def notify(self, address: str, notice: object) -> None:
         """Tell the component what its program would."""
@@ -290,7 +290,7 @@ class World:
         match effect:
             case Send(message, until):
                 self._post(_Sent(message, until if until is not None else self.now + DELIVERY_TIME, life, number))
-            case Wake(timer, at):
+            case SetTimer(timer, at):
                 self._set(address, timer, at)
             case Ask(question, task):
                 self._ask(address, question, task)
@@ -309,7 +309,7 @@ class World:
     def _ring(self, address: str, timer: Hashable, serial: int) -> None:
         if self._timers.get((address, timer)) == serial:
             del self._timers[address, timer]
-            self._feed(address, Rang(timer))
+            self._feed(address, TimerFired(timer))
 
     def _ask(self, address: str, question: Hashable, task: object) -> None:
         serial = self._work[address, question] = next(self._count)
@@ -379,7 +379,7 @@ class World:
     def _over(self, sent: _Sent) -> None:
         sent.over, sent.waiting = True, False
         if sent.by is not None and sent.by.journaled is not None and not self._abandoned(sent):
-            sent.by.journaled.arrived(sent.number)
+            sent.by.journaled.mark_delivered(sent.number)
 
     def _deliver_parked(self) -> None:
         parked, self._parked = self._parked, []
@@ -396,4 +396,4 @@ class World:
         if sent in self._parked:
             self._parked.remove(sent)
         self._over(sent)
-        self._feed(sent.by.address if sent.by is not None else sent.message.header.sender, Undelivered(sent.message, "nobody is there"))
+        self._feed(sent.by.address if sent.by is not None else sent.message.header.sender, DeliveryFailed(sent.message, "nobody is there"))

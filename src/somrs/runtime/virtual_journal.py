@@ -6,7 +6,7 @@ from typing import cast
 
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Component, Input, Stateful
-from somrs.kernel.pending import Journaled, Numbered, Written
+from somrs.kernel.pending import JournalCodec, JournaledComponent, NumberedEffect
 
 
 class VirtualJournal:
@@ -14,26 +14,26 @@ class VirtualJournal:
 
     def __init__(self, component: Component, schema: Schema) -> None:
         assert hasattr(component, "state"), f"{type(component).__name__} has no state that could be kept"
-        self.journaled = Journaled(cast(Stateful, component), schema)
+        self.journaled = JournaledComponent(cast(Stateful, component), schema)
         self.entries: list[bytes] = []
-        self._written = Written(schema)
+        self._written = JournalCodec(schema)
         self.snapshot()
 
-    def handle(self, event: Input, now: float) -> list[Numbered]:
+    def handle(self, event: Input, now: float) -> list[NumberedEffect]:
         """Keep the input, if that has to be, and have the component handle it."""
-        if self.journaled.schema.reads(event):
+        if self.journaled.schema.is_read_only(event):
             return [(effect, 0) for effect in self.journaled.component.handle(event, now)]
-        entry = self.journaled.entry(event, now)
-        self.entries.append(self._written.entry(entry))
+        entry = self.journaled.make_entry(event, now)
+        self.entries.append(self._written.encode_entry(entry))
         return self.journaled.handle(entry)
 
     def snapshot(self) -> None:
         """Begin anew with the component as it is now."""
-        self._state = self._written.snapshot(self.journaled)
+        self._state = self._written.encode_snapshot(self.journaled)
         self.entries.clear()
 
     def restart(self) -> list[object]:
         """Have the component as it was when its last input came. What it recorded since the last snapshot."""
-        self.journaled = self._written.journaled(self._state)
-        records = self.journaled.replay(self._written.entries(Written.batch(self.entries)))
+        self.journaled = self._written.decode_snapshot(self._state)
+        records = self.journaled.replay(self._written.decode_batch(JournalCodec.encode_batch(self.entries)))
         return [record.entry for record in records]

@@ -12,7 +12,19 @@ from msgspec import structs
 from somrs.client.refusals import trouble
 from somrs.errors import SomrsError, UsageError
 from somrs.kernel.codec import Schema
-from somrs.kernel.component import Doing, Effect, Effects, Input, Notified, Rang, Received, Send, Started, Undelivered, Wake
+from somrs.kernel.component import (
+    DeliveryFailed,
+    Effect,
+    Effects,
+    EffectsReturning,
+    Input,
+    Notified,
+    Received,
+    Send,
+    SetTimer,
+    Started,
+    TimerFired,
+)
 from somrs.kernel.replica import Replica
 from somrs.protocol.messages import orders
 from somrs.protocol.messages.bodies import Body
@@ -89,7 +101,7 @@ class Scheduler:
         yield from news.effects if news is not None else self._handle(event, now)
         if self.replica.ready:
             yield from self._serve_waiting(now)
-        if news is None or news.read:  # nothing is due because the map changed, and that is most of what comes
+        if news is None or news.reloaded:  # nothing is due because the map changed, and that is most of what comes
             yield from self._go_on(now)
 
     def _handle(self, event: Input, now: float) -> Effects:
@@ -103,13 +115,13 @@ class Scheduler:
                 yield from self._execution.answered(header.relates_to or "", body, now)
             case Received(message):
                 yield from self._received(message, now)
-            case Undelivered(Message(header=header, body=orders.OrdersChanged())):
+            case DeliveryFailed(Message(header=header, body=orders.OrdersChanged())):
                 state.subscribers.pop(header.recipient, None)
-            case Undelivered(message):
+            case DeliveryFailed(message):
                 self._execution.undelivered(message.header.message_id, now)
-            case Rang(OrdersDue()):
+            case TimerFired(OrdersDue()):
                 yield from self._execution.ring(now)
-            case Rang(MapDue(request)) if (waiting := state.until_ready.pop(request, None)) is not None:
+            case TimerFired(MapDue(request)) if (waiting := state.until_ready.pop(request, None)) is not None:
                 text = f"the map of the environment is not known yet, because {state.located.repository} does not answer; try again later"
                 yield self._answer(waiting, Fault(code="env:Receiver", text=text))
 
@@ -142,7 +154,7 @@ class Scheduler:
                 if order.enabled:
                     yield from self._state_due(order, now)
         times = (self.next_due if ready else None, self._execution.next, now + LOOK)
-        yield Wake(OrdersDue(), max(now, min(time for time in times if time is not None)))
+        yield SetTimer(OrdersDue(), max(now, min(time for time in times if time is not None)))
 
     def _state_due(self, order: StandingOrder, now: float) -> Effects:
         """The last time at which it was due, unless that is long ago; those before were missed."""
@@ -181,7 +193,7 @@ class Scheduler:
                     pass  # a Fault is never answered, least of all by a Fault
                 case body if isinstance(body, NEED_MAP) and not self.replica.ready:
                     self.state.until_ready[message.header.message_id] = message
-                    yield Wake(MapDue(message.header.message_id), now + READY_TIME)
+                    yield SetTimer(MapDue(message.header.message_id), now + READY_TIME)
                 case body:
                     answer = yield from self._asked(message, body, now)
                     yield self._answer(message, answer)
@@ -192,13 +204,13 @@ class Scheduler:
     def _serve_waiting(self, now: float) -> Effects:
         waiting, self.state.until_ready = self.state.until_ready, {}
         for id, message in waiting.items():
-            yield Wake(MapDue(id), None)
+            yield SetTimer(MapDue(id), None)
             yield from self._received(message, now)
 
     def _answer(self, to: Message, body: Body) -> Send:
         return Send(reply(to, body, self.state.address))
 
-    def _asked(self, message: Message, body: Body, now: float) -> Doing[Body]:
+    def _asked(self, message: Message, body: Body, now: float) -> EffectsReturning[Body]:
         match body:
             case orders.ReadTemplates(after=after, name=None):
                 found, more = _page(self.book.templates, after)
@@ -247,7 +259,7 @@ class Scheduler:
         expect(version, template.version, f"the template {name}", template.changed_by)
         return template
 
-    def _save_template(self, wanted: orders.SaveTemplate, now: float) -> Doing[Body]:
+    def _save_template(self, wanted: orders.SaveTemplate, now: float) -> EffectsReturning[Body]:
         name, saved = name_of(wanted.name), wanted.saved
         check(saved.task, saved.blanks, self.replica)
         before = self.book.templates.get(name)
@@ -264,7 +276,7 @@ class Scheduler:
         yield from self._tell(templates=True)
         return orders.TemplateKept(template=made)
 
-    def _save_order(self, id: str, saved: OrderSaved, now: float) -> Doing[Body]:
+    def _save_order(self, id: str, saved: OrderSaved, now: float) -> EffectsReturning[Body]:
         name, before = name_of(saved.name), self.book.orders.get(id)
         expect(saved.expected_version, before.version if before else 0, f"the order {name}", before.changed_by if before else "")
         when = saved.when if before is not None and saved.when == before.when else checked(saved.when, now)
@@ -295,7 +307,7 @@ class Scheduler:
         else:
             self._task_of(order)
 
-    def _order_kept(self, order: StandingOrder, now: float) -> Doing[Body]:
+    def _order_kept(self, order: StandingOrder, now: float) -> EffectsReturning[Body]:
         self.book.orders[order.id] = order
         yield from self._tell(orders=True)
         return orders.OrderKept(order=self._seen(order, now))
@@ -365,9 +377,9 @@ SCHEMA = Schema(
     answers=None,
     notices=Located,
     restore=Scheduler.restored,
-    moves=True,
-    lasting=True,
-    reads=only_reads,
+    relocatable=True,
+    irreplaceable=True,
+    is_read_only=only_reads,
     snapshot_after=1000,
 )
 """What its journal is made of. To look at fifty orders takes five milliseconds; that is one input in four when nobody asks anything."""

@@ -118,7 +118,7 @@ class Execution:
         known.questions[id] = Question(order=order, due=run.due, body=body, about=about, until=until)
         sender = client_address(by) if by is not None else here
         header = Header(sender=sender, recipient=known.located.task_manager, message_id=id, reply_to=here)
-        return Send(Message(header=header, body=body), until=until, strict=isinstance(body, Submit))
+        return Send(Message(header=header, body=body), expires_at=until, strict=isinstance(body, Submit))
 
     def _submit(self, order: StandingOrder, run: Run, now: float) -> Effects:
         try:

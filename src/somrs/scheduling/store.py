@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from somrs.kernel.pending import Journaled, Written
+from somrs.kernel.pending import JournalCodec, JournaledComponent
 from somrs.protocol.messages.clients import WatchTask
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.orders import Run, StandingOrder, Template
@@ -33,7 +33,7 @@ def _journaled(db: sqlite3.Connection) -> None:
     """The book was in tables; it becomes a snapshot."""
     state = _state(db)
     execute(db, "DROP TABLE templates; DROP TABLE orders; DROP TABLE runs;" + journal.KIND.tables)
-    journal.begin_with(db, Journaled(Scheduler.restored(state), SCHEMA), Written(SCHEMA))
+    journal.begin_with(db, JournaledComponent(Scheduler.restored(state), SCHEMA), JournalCodec(SCHEMA))
 
 
 def _state(db: sqlite3.Connection) -> SchedulerState:

@@ -22,7 +22,7 @@ import somrs
 from somrs.errors import UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Stateful
-from somrs.kernel.pending import Entry, Journaled, Written
+from somrs.kernel.pending import Entry, JournalCodec, JournaledComponent
 from somrs.storage import archive
 from somrs.storage.archive import TaskArchive
 from somrs.storage.disk import Disk, Kind
@@ -136,7 +136,7 @@ class Journal:
         archive: Archive = _TASKS,
     ) -> None:
         self.disk = disk if disk is not None else Disk(path, KIND)
-        self._written, self._archive = Written(schema), archive
+        self._written, self._archive = JournalCodec(schema), archive
         self._setting, self._component = setting, component
         self._queued: deque[tuple[int, bytes]] = deque()
         self._since = 0
@@ -153,7 +153,7 @@ class Journal:
         """The journal of another component of this process, in the same file. Whoever closes one of them closes all."""
         return Journal(self.disk.path, self._written.schema, self._setting, component=component, disk=self.disk, archive=self._archive)
 
-    def begin(self, address: str, make: Callable[[str], Stateful]) -> tuple[Journaled, bool]:
+    def begin(self, address: str, make: Callable[[str], Stateful]) -> tuple[JournaledComponent, bool]:
         """The component, as it was when the last input came, and whether there was one: if not, it is made for this address.
 
         What was written by another version is written anew at once, so that all behind a snapshot is of one program. Raises UsageError when
@@ -162,11 +162,11 @@ class Journal:
         """
         found, self._found, self.address = self._found, None, address
         if found is not None and (change := self._changed(found, address)) is not None:
-            if found.open or self._written.schema.lasting:
+            if found.open or self._written.schema.irreplaceable:
                 raise UsageError(self._stuck(found, change))
             found = None
         if found is None:
-            journaled = Journaled(make(address), self._written.schema)
+            journaled = JournaledComponent(make(address), self._written.schema)
             self.disk.do(lambda db: self._anew(db, address, journaled))
             return journaled, False
         try:
@@ -182,17 +182,17 @@ class Journal:
 
     def _changed(self, found: _Found, address: str) -> str | None:
         """Why the file cannot be gone on with, if it cannot."""
-        if not self._written.schema.leads_from(found.schema):
+        if not self._written.schema.can_read(found.schema):
             return f"was written by {found.program}, whose state {PROGRAM} cannot read"
         if found.setting != self._setting:
             return f"was written for {found.setting}, and this is for {self._setting}"
-        if found.address != address and not self._written.schema.moves:
+        if found.address != address and not self._written.schema.relocatable:
             return f"belongs to {found.address}, where others expect its owner, and this is {address}"
         return None
 
     def _stuck(self, found: _Found, change: str) -> str:
         what = f"{self.disk.path}: {change}"
-        if self._written.schema.lasting:
+        if self._written.schema.irreplaceable:
             return f"{what}; go on as it was, put a copy back, or move the file away, which forgets what is in it"
         if not found.open:
             return f"{what}; nothing was open in it: move the file away"
@@ -200,11 +200,11 @@ class Journal:
         tasks = f"{len(found.open)} task{'s are' if len(found.open) > 1 else ' is'} open ({named})"
         return f"{what}; {tasks}: go on as it was until they are over, or move the file away, which forgets them"
 
-    def _replayed(self, found: _Found) -> Journaled:
+    def _replayed(self, found: _Found) -> JournaledComponent:
         if zlib.crc32(found.state) != found.sum:
             raise UsageError(self._stuck(found, "is damaged: its state is not the one that was written"))
-        journaled = self._written.journaled(found.state, found.schema)
-        entries = [entry for document in found.entries for entry in self._written.entries(document, found.schema)]
+        journaled = self._written.decode_snapshot(found.state, found.schema)
+        entries = [entry for document in found.entries for entry in self._written.decode_batch(document, found.schema)]
         entries = [entry for entry in entries if entry.number > journaled.number]
         self._since = len(entries)
         try:
@@ -223,7 +223,7 @@ class Journal:
 
     def append(self, entry: Entry) -> None:
         """Have the entry on disk, soon."""
-        self._queued.append((entry.number, self._written.entry(entry)))
+        self._queued.append((entry.number, self._written.encode_entry(entry)))
         self._since += 1
         self.disk.write(self._flush)
 
@@ -249,13 +249,13 @@ class Journal:
         """Whether it should not be put off until nothing else is to be done."""
         return self.due and self._since >= 4 * self._written.schema.snapshot_after
 
-    def snapshot(self, journaled: Journaled) -> None:
+    def snapshot(self, journaled: JournaledComponent) -> None:
         """Have the state on disk, soon, and then forget the entries that led to it. An interrupted one leaves the one before."""
         begun = time.monotonic()
-        state = self._written.snapshot(journaled)
+        state = self._written.encode_snapshot(journaled)
         self._since = 0
         self._not_before = time.monotonic() + (time.monotonic() - begun) / SNAPSHOT_SHARE
-        number, at = journaled.number, journaled.at
+        number, at = journaled.number, journaled.time
         self.disk.write(lambda db: _snapshot(db, self._component, number, at, state))
 
     def close(self) -> None:
@@ -270,9 +270,9 @@ class Journal:
             last, entry = self._queued.popleft()
             entries.append(entry)
         if entries:
-            db.execute("INSERT INTO entries VALUES (?, ?, ?)", (self._component, last, Written.batch(entries)))
+            db.execute("INSERT INTO entries VALUES (?, ?, ?)", (self._component, last, JournalCodec.encode_batch(entries)))
 
-    def _anew(self, db: sqlite3.Connection, address: str, journaled: Journaled) -> None:
+    def _anew(self, db: sqlite3.Connection, address: str, journaled: JournaledComponent) -> None:
         begin_with(db, journaled, self._written, self._component, self._setting, address)
 
     async def carry_out(self, task: object, report: object = None) -> object:
@@ -281,14 +281,14 @@ class Journal:
 
 
 def begin_with(
-    db: sqlite3.Connection, journaled: Journaled, written: Written, component: str = "", setting: str = "", address: str = ""
+    db: sqlite3.Connection, journaled: JournaledComponent, written: JournalCodec, component: str = "", setting: str = "", address: str = ""
 ) -> None:
     """Have a journal begin with the component as it is, whatever was in it before."""
     db.execute("DELETE FROM entries WHERE component = ?", (component,))
     is_open = msgspec.json.encode(tuple(journaled.component.open)).decode()
     life = (component, PROGRAM, setting, address, is_open, written.schema.version)
     db.execute("INSERT OR REPLACE INTO life VALUES (?, ?, ?, ?, ?, ?)", life)
-    _snapshot(db, component, journaled.number, journaled.at, written.snapshot(journaled))
+    _snapshot(db, component, journaled.number, journaled.time, written.encode_snapshot(journaled))
 
 
 def _found(db: sqlite3.Connection, component: str) -> _Found | None:

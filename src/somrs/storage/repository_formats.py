@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import msgspec
 
-from somrs.kernel.pending import Journaled, Written
+from somrs.kernel.pending import JournalCodec, JournaledComponent
 from somrs.ontology.naming import Section
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceType
@@ -40,7 +40,7 @@ def _journaled(db: sqlite3.Connection) -> None:
         + journal.TABLES,
     )
     if contents is not None:
-        journal.begin_with(db, Journaled(Repository.restored(contents), SCHEMA), Written(SCHEMA))
+        journal.begin_with(db, JournaledComponent(Repository.restored(contents), SCHEMA), JournalCodec(SCHEMA))
 
 
 def _contents(db: sqlite3.Connection) -> Contents | None:

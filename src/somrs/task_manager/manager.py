@@ -6,7 +6,21 @@ from collections.abc import Callable
 from itertools import islice
 
 from somrs.kernel.codec import Schema
-from somrs.kernel.component import Answered, Ask, Doing, Effect, Effects, Input, Rang, Received, Send, Started, Trouble, Undelivered, Wake
+from somrs.kernel.component import (
+    Answered,
+    Ask,
+    DeliveryFailed,
+    Effect,
+    Effects,
+    EffectsReturning,
+    ErrorAnswer,
+    Input,
+    Received,
+    Send,
+    SetTimer,
+    Started,
+    TimerFired,
+)
 from somrs.protocol.messages import clients, frp, records
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
@@ -89,7 +103,7 @@ class TaskManager:
         news = state.replica.handle(event, now)
         if news is not None:
             yield from news.effects
-            yield from self._map_moved(news.read, now)
+            yield from self._map_moved(news.reloaded, now)
         else:
             yield from self._handle(event, now)
         for task in state.reservations.called():
@@ -117,13 +131,13 @@ class TaskManager:
                     yield from self._transaction(task).restarted(now)
             case Received(message):
                 yield from self._receive(message, now)
-            case Rang(timer):
+            case TimerFired(timer):
                 yield from self._ring(timer, now)  # type: ignore[arg-type]  # only its own timers ring
             case Answered(question, value):
                 yield from self._answered(question, value, now)
-            case Undelivered(message, reason) if message.header.message_id in state.requests.pending:
+            case DeliveryFailed(message, reason) if message.header.message_id in state.requests.pending:
                 yield from self._came((yield from state.requests.undelivered(message, reason, now)), now)
-            case Undelivered(message, reason):
+            case DeliveryFailed(message, reason):
                 yield from self._undelivered(message, reason, now)
 
     # Messages
@@ -141,7 +155,7 @@ class TaskManager:
                 yield from sent_home(message, self.address)
         elif not state.replica.ready and isinstance(body, clients.Submit | clients.Preview):
             state.until_ready[id] = message
-            yield Wake(MapDue(id), now + READY_TIME)
+            yield SetTimer(MapDue(id), now + READY_TIME)
         else:
             yield from self._serve(message, now)
 
@@ -195,7 +209,7 @@ class TaskManager:
                 state.previews[id] = preview
                 yield from self._previewed(id, lambda preview: preview.begin(now))
 
-    def _previewed(self, id: str, work: Callable[[Previewing], Doing[clients.Previewed | None]]) -> Effects:
+    def _previewed(self, id: str, work: Callable[[Previewing], EffectsReturning[clients.Previewed | None]]) -> Effects:
         """Go on with a preview; it is answered when it is over."""
         preview = self.state.previews[id]
         came = yield from work(Previewing(preview, self._context))
@@ -248,7 +262,7 @@ class TaskManager:
 
     def _answered(self, question: object, value: object, now: float) -> Effects:
         state = self.state
-        answer: Answer = value if isinstance(value, Answer) else Trouble(str(value) or type(value).__name__)
+        answer: Answer = value if isinstance(value, Answer) else ErrorAnswer(str(value) or type(value).__name__)
         match question:
             case PlanWanted(owner=owner) if owner in state.tasks:
                 yield from self._transaction(owner).planned(question, answer, now)
@@ -286,7 +300,7 @@ class TaskManager:
             return
         waiting, state.until_ready = state.until_ready, {}
         for id, message in waiting.items():
-            yield Wake(MapDue(id), None)
+            yield SetTimer(MapDue(id), None)
             yield from self._serve(message, now)
         # A version that goes back belongs to another store: the versions that are awaited will never come.
         begun_anew = read and state.replica.version < state.map_version

@@ -11,7 +11,7 @@ from itertools import chain
 
 from msgspec import Struct, field, structs
 
-from somrs.kernel.component import Doing, Effects, Wake
+from somrs.kernel.component import Effects, EffectsReturning, SetTimer
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Preview, Previewed, Quotation, Submit
@@ -86,7 +86,7 @@ class Previewing:
         self._services = AvailableServices(state.services, context.replica)
         self._participants = Participants(state.id, state.members, context, self._heed, self._note)
 
-    def begin(self, now: float) -> Doing[Previewed | None]:
+    def begin(self, now: float) -> EffectsReturning[Previewed | None]:
         state = self._state
         self._context.reservations.enter(state.id, state.task.effect, state.task.priority)
         yield from self._planning.begin(now)
@@ -98,17 +98,17 @@ class Previewing:
     def _planning(self) -> PlanRequester:
         return PlanRequester(self._state.planning, self._services, self._context, holds=False)
 
-    def discovered(self, offers: tuple[Offer, ...] | str, now: float) -> Doing[Previewed | None]:
+    def discovered(self, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[Previewed | None]:
         """The services on offer are known, or why they cannot be."""
         return (yield from self._planned((yield from self._planning.discovered(offers)), now))
 
-    def planned(self, question: PlanWanted, answer: Answer, now: float) -> Doing[Previewed | None]:
+    def planned(self, question: PlanWanted, answer: Answer, now: float) -> EffectsReturning[Previewed | None]:
         """The planner's answer."""
         if self._state.planning.question != question:
             return None
         return (yield from self._planned((yield from self._planning.answered(answer)), now))
 
-    def _planned(self, found: Found | None, now: float) -> Doing[Previewed | None]:
+    def _planned(self, found: Found | None, now: float) -> EffectsReturning[Previewed | None]:
         state, reservations = self._state, self._context.reservations
         if found is None:
             return None
@@ -119,7 +119,7 @@ class Previewing:
         if not isinstance(found, Plan) or not state.wanted.quotes or not found.steps:
             return (yield from self._end(structs.replace(previewed(found), waits=state.waits)))
         state.asked_at, state.workflow = now, Workflow.of(found)
-        yield Wake(PreviewDue(state.id), now + MOST_TIME)
+        yield SetTimer(PreviewDue(state.id), now + MOST_TIME)
         return (yield from self._ask(now))
 
     # Asking
@@ -128,7 +128,7 @@ class Previewing:
     def _arrangement(self) -> Arrangement:
         return Arrangement(self._state.workflow, self._state.members, self._participants)
 
-    def receive(self, message: Message, now: float) -> Doing[Previewed | None]:
+    def receive(self, message: Message, now: float) -> EffectsReturning[Previewed | None]:
         """A service answers."""
         received = yield from self._participants.receive(message, now)
         if received is None or not received[1].moved or self._state.over:
@@ -145,13 +145,13 @@ class Previewing:
                 member.last_word = why
         return (yield from self._answered(call, now))
 
-    def undelivered(self, message: Message, reason: str, now: float) -> Doing[Previewed | None]:
+    def undelivered(self, message: Message, reason: str, now: float) -> EffectsReturning[Previewed | None]:
         """A service could not be reached."""
         member = yield from self._participants.undelivered(message, reason, now)
         call = self._state.calls.of(member) if member is not None else None
         return (yield from self._answered(call, now)) if call is not None and not self._state.over else None
 
-    def ring(self, timer: object, now: float) -> Doing[Previewed | None]:
+    def ring(self, timer: object, now: float) -> EffectsReturning[Previewed | None]:
         """Somebody has not answered in time, or all of it has taken long enough."""
         state = self._state
         if state.over:
@@ -166,13 +166,13 @@ class Previewing:
             yield from state.calls.wake()
         return (yield from self._ask(now))
 
-    def _answered(self, call: Call, now: float) -> Doing[Previewed | None]:
+    def _answered(self, call: Call, now: float) -> EffectsReturning[Previewed | None]:
         if not self._arrangement.answered(call):
             return None
         yield from self._settle(call, now)
         return (yield from self._ask(now))
 
-    def _ask(self, now: float) -> Doing[Previewed | None]:
+    def _ask(self, now: float) -> EffectsReturning[Previewed | None]:
         """Ask for the steps that come next; when all were asked for, that is it."""
         state = self._state
         workflow, calls = state.workflow, state.calls
@@ -307,10 +307,10 @@ class Previewing:
             unserved=state.unserved,
         )
 
-    def _end(self, found: Previewed) -> Doing[Previewed | None]:
+    def _end(self, found: Previewed) -> EffectsReturning[Previewed | None]:
         self._state.over = True
         yield from self._state.calls.drop()
-        yield Wake(PreviewDue(self._state.id), None)
+        yield SetTimer(PreviewDue(self._state.id), None)
         return found
 
     def _heed(self, event: Event, now: float) -> None:

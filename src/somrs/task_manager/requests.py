@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from msgspec import Struct, field
 
-from somrs.kernel.component import Doing, Effects, Send, Wake
+from somrs.kernel.component import Effects, EffectsReturning, Send, SetTimer
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Discover, Discovered, Offer
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -102,25 +102,25 @@ class Requests(Struct, kw_only=True):
     def is_answer(self, message: Message) -> bool:
         return message.header.relates_to in self.pending
 
-    def answered(self, message: Message, now: float) -> Doing[Came | None]:
+    def answered(self, message: Message, now: float) -> EffectsReturning[Came | None]:
         """An answer came. What it means, unless more is to come."""
         request = self.pending.pop(message.header.relates_to or "")
-        yield Wake(AnswerDue(request.message.header.message_id), None)
+        yield SetTimer(AnswerDue(request.message.header.message_id), None)
         return (yield from self._come(request, message, now))
 
-    def undelivered(self, message: Message, reason: str, now: float) -> Doing[Came | None]:
+    def undelivered(self, message: Message, reason: str, now: float) -> EffectsReturning[Came | None]:
         """A request never arrived."""
         request = self.pending[message.header.message_id]
         return (yield from self._again(request, f"{message.header.recipient} could not be reached: {reason}", now))
 
-    def ring(self, timer: AnswerDue, now: float) -> Doing[Came | None]:
+    def ring(self, timer: AnswerDue, now: float) -> EffectsReturning[Came | None]:
         """The answer to a request is overdue."""
         request = self.pending.get(timer.request)
         if request is None:
             return None
         return (yield from self._again(request, f"{request.message.header.recipient} does not answer", now))
 
-    def _come(self, request: Request, answer: Message, now: float) -> Doing[Came | None]:
+    def _come(self, request: Request, answer: Message, now: float) -> EffectsReturning[Came | None]:
         purpose = request.purpose
         if isinstance(purpose, ForReport):
             return ReportAnswered(purpose, answer)
@@ -143,15 +143,15 @@ class Requests(Struct, kw_only=True):
     def _say(self, request: Request, now: float) -> Effects:
         until = min(now + PATIENCE, request.until)
         yield Send(request.message, until)
-        yield Wake(AnswerDue(request.message.header.message_id), until + PATIENCE / 2)
+        yield SetTimer(AnswerDue(request.message.header.message_id), until + PATIENCE / 2)
 
-    def _again(self, request: Request, trouble: str, now: float) -> Doing[Came | None]:
+    def _again(self, request: Request, trouble: str, now: float) -> EffectsReturning[Came | None]:
         if now < request.until:
             yield from self._say(request, now)
             return None
         id = request.message.header.message_id
         del self.pending[id]
-        yield Wake(AnswerDue(id), None)
+        yield SetTimer(AnswerDue(id), None)
         fault = Message(header=request.message.header, body=Fault(code="env:Receiver", text=trouble))
         return (yield from self._come(request, fault, now))
 

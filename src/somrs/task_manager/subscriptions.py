@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct, field
 
-from somrs.kernel.component import Wake
+from somrs.kernel.component import SetTimer
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.clients import ContractView, TaskNews, TasksNews, WatchTask, WatchTasks
 from somrs.protocol.messages.envelope import Message
@@ -19,7 +19,7 @@ from somrs.task_manager.transaction.views import contract_view, event_view, row,
 MOST_WAIT = 60.0
 """Seconds that a client is let wait for news at most."""
 
-Replies = Iterator[tuple[Message, Body] | Wake]
+Replies = Iterator[tuple[Message, Body] | SetTimer]
 """Requests and what is answered to them, and timers."""
 
 
@@ -61,7 +61,7 @@ class SubscriptionsOf:
         id = request.header.message_id
         self._state.watchers[id] = Watcher(request, wanted)
         seconds = min(max(wanted.wait, 0.0), MOST_WAIT) if math.isfinite(wanted.wait) else MOST_WAIT
-        yield Wake(NewsDue(id), now + seconds)
+        yield SetTimer(NewsDue(id), now + seconds)
 
     def ring(self, id: str) -> Replies:
         """Somebody's time is over."""
@@ -81,7 +81,7 @@ class SubscriptionsOf:
         touched.clear()
         for id, watcher in [each for each in concerned if self.has_news(each[1].wanted)]:
             del state.watchers[id]
-            yield Wake(NewsDue(id), None)
+            yield SetTimer(NewsDue(id), None)
             yield watcher.request, self._news(watcher.wanted)
 
     def has_news(self, wanted: WatchTask | WatchTasks) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from somrs.kernel.component import Trouble
+from somrs.kernel.component import ErrorAnswer
 from somrs.kernel.replica import ReplicaDue
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
@@ -89,4 +89,4 @@ class RecordsWanted(Struct, frozen=True, tag=True):
 
 Question = PlanWanted | RecordsWanted
 Asked = Problem | ReadRecords
-Answer = Plan | NoPlan | Records | Trouble
+Answer = Plan | NoPlan | Records | ErrorAnswer

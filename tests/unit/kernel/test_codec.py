@@ -8,8 +8,8 @@ import msgspec
 import pytest
 
 from somrs.errors import UsageError
-from somrs.kernel.codec import Codec, Migration, Schema, encoded, in_words, plain
-from somrs.kernel.component import Input, Started, Trouble
+from somrs.kernel.codec import Codec, Migration, Schema, decode_untyped, encode, to_error_answer
+from somrs.kernel.component import ErrorAnswer, Input, Started
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Ontology
 from tests.support.lab import contents
@@ -20,33 +20,33 @@ MAP = Map([Object(name="Box1", type="Box"), Object(name="Jar1", type="Jar", valu
 def test_an_ontology_is_read_as_it_was_written() -> None:
     ontology = contents().ontology
     assert all((ontology.attributes, ontology.relations, ontology.functions, ontology.types, ontology.services))
-    document = encoded({"a": ontology})
-    for found in (Codec[Any](dict[str, Ontology]).decoded(document), Codec[Any](dict[str, Ontology]).converted(plain(document))):
+    document = encode({"a": ontology})
+    for found in (Codec[Any](dict[str, Ontology]).decode(document), Codec[Any](dict[str, Ontology]).convert(decode_untyped(document))):
         assert [*found["a"]] == [*ontology]
-    assert [len(section) for section in plain(encoded(ontology))] == [
+    assert [len(section) for section in decode_untyped(encode(ontology))] == [
         len(section) for section in (ontology.attributes, ontology.relations, ontology.functions, ontology.types, ontology.services)
     ]
 
 
 def test_a_map_is_read_as_it_was_written() -> None:
-    document = encoded([MAP])
-    assert Codec[Any](list[Map]).decoded(document) == Codec[Any](list[Map]).converted(plain(document)) == [MAP]
-    assert [len(part) for part in plain(document)[0]] == [2, 1]
+    document = encode([MAP])
+    assert Codec[Any](list[Map]).decode(document) == Codec[Any](list[Map]).convert(decode_untyped(document)) == [MAP]
+    assert [len(part) for part in decode_untyped(document)[0]] == [2, 1]
 
 
 def test_what_is_no_data_is_neither_written_nor_read() -> None:
     with pytest.raises(NotImplementedError, match=r"^Codec cannot be written: it is no data$"):
-        encoded(Codec[int](int))
+        encode(Codec[int](int))
     with pytest.raises(NotImplementedError, match=r"^Codec cannot be read: it is no data$"):
-        Codec[Any](Codec).decoded(encoded(1))
+        Codec[Any](Codec).decode(encode(1))
     with pytest.raises(msgspec.ValidationError):
-        Codec[int](int).decoded(encoded("1"))
+        Codec[int](int).decode(encode("1"))
 
 
 @pytest.mark.parametrize(("error", "text"), [(ValueError("no such thing"), "no such thing"), (ZeroDivisionError(), "ZeroDivisionError")])
 def test_an_exception_in_words(error: BaseException, text: str) -> None:
-    trouble = in_words(error)
-    assert (trouble, str(trouble)) == (Trouble(text), text)
+    trouble = to_error_answer(error)
+    assert (trouble, str(trouble)) == (ErrorAnswer(text), text)
 
 
 def schema(**more: Any) -> Schema:
@@ -64,16 +64,16 @@ STEPS = {
 @pytest.mark.parametrize(("version", "snapshot", "entry"), [(1, [0, 1, 2], [0, -1]), (2, [0, 2], [0]), (3, [0], [0])])
 def test_data_of_earlier_versions_are_made_those_of_today_step_by_step(version: int, snapshot: list[int], entry: list[int]) -> None:
     today = schema(migrations=STEPS)
-    assert today.leads_from(version)
-    assert today.snapshot([0], version) == snapshot
-    assert today.entry([0], version) == entry
+    assert today.can_read(version)
+    assert today.migrate_snapshot([0], version) == snapshot
+    assert today.migrate_entry([0], version) == entry
 
 
 @pytest.mark.parametrize(("migrations", "version"), [(STEPS, 0), (STEPS, 4), ({2: STEPS[2]}, 1), ({1: STEPS[1]}, 1), ({}, 2)])
 def test_where_a_step_is_missing_or_the_version_is_a_later_one_nothing_is_read(migrations: dict[int, Migration], version: int) -> None:
     today = schema(migrations=migrations)
-    assert not today.leads_from(version)
-    for read in (today.snapshot, today.entry):
+    assert not today.can_read(version)
+    for read in (today.migrate_snapshot, today.migrate_entry):
         with pytest.raises(UsageError) as error:
             read([0], version)
         assert str(error.value) == f"its data have version {version}, and this program reads up to 3"
@@ -82,7 +82,7 @@ def test_where_a_step_is_missing_or_the_version_is_a_later_one_nothing_is_read(m
 def test_what_a_schema_says_if_it_does_not_say_otherwise() -> None:
     event: Input = Started("http://a")
     plain = schema()
-    assert (plain.notices, plain.volatile, plain.moves, plain.lasting, plain.reads(event), plain.snapshot_after, plain.migrations) == (
+    assert (plain.notices, plain.volatile, plain.relocatable, plain.irreplaceable, plain.is_read_only(event), plain.snapshot_after, plain.migrations) == (
         None, (), False, False, False, 5000, {},
     )  # fmt: skip
-    assert plain.failure(ValueError("no")) == Trouble("no")
+    assert plain.error_to_answer(ValueError("no")) == ErrorAnswer("no")

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.kernel.component import Effect, Input, Rang, Received, Send, Started, Undelivered, Wake
-from somrs.kernel.replica import GAP_TIME, LEASE, News, Replica, ReplicaDue
+from somrs.kernel.component import DeliveryFailed, Effect, Input, Received, Send, SetTimer, Started, TimerFired
+from somrs.kernel.replica import GAP_TIME, LEASE, Replica, ReplicaDue, ReplicaUpdate
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol.messages.bodies import Body
@@ -31,7 +31,7 @@ class Owner:
 
     def __init__(self) -> None:
         self.replica = Replica(OWNER, REPOSITORY)
-        self.news: list[News] = []
+        self.news: list[ReplicaUpdate] = []
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         if isinstance(event, Started):
@@ -62,7 +62,7 @@ def test_it_reads_everything_and_follows() -> None:
     world.add(OWNER, owner)
     assert world.run(10.0, lambda: owner.replica.ready)
     assert same(owner.replica, repository)
-    assert [news.read for news in owner.news][-1]
+    assert [news.reloaded for news in owner.news][-1]
     world.send(request(UpdateMap(situation="Jar1 isOn Table2")))
     world.run(1.0)
     assert same(owner.replica, repository)
@@ -112,7 +112,7 @@ def test_a_message_that_was_lost_is_noticed_and_everything_read_again() -> None:
     assert owner.replica.version == 0
     world.run(GAP_TIME)
     assert same(owner.replica, repository)
-    assert owner.news[-2].read or owner.news[-1].read
+    assert owner.news[-2].reloaded or owner.news[-1].reloaded
 
 
 def test_a_last_message_that_was_lost_is_noticed_when_the_lease_is_renewed() -> None:
@@ -195,7 +195,7 @@ def test_its_questions_are_the_same_after_the_same_inputs_and_others_in_another_
 
 
 @pytest.mark.parametrize(
-    "event", [Rang("other"), Received(request(UpdateMap(), sender=REPOSITORY)), Undelivered(request(UpdateMap()), "x")]
+    "event", [TimerFired("other"), Received(request(UpdateMap(), sender=REPOSITORY)), DeliveryFailed(request(UpdateMap()), "x")]
 )
 def test_what_is_no_business_of_the_replica_is_left_to_its_owner(event: Input) -> None:
     assert Replica(OWNER, REPOSITORY).handle(event, 0.0) is None
@@ -208,17 +208,17 @@ def test_what_others_say_of_their_maps_is_left_to_the_owner() -> None:
 
 def test_what_could_not_be_delivered_is_asked_again_soon_unless_it_was_asked_again_already() -> None:
     def wakes(effects: list[Effect]) -> list[float | None]:
-        return [effect.at for effect in effects if isinstance(effect, Wake)]
+        return [effect.at for effect in effects if isinstance(effect, SetTimer)]
 
     replica = Replica(OWNER, REPOSITORY)
     [first] = [effect.message for effect in replica.start(0.0) if isinstance(effect, Send)]
-    lost = replica.handle(Undelivered(first, "the line is dead"), 1.0)
+    lost = replica.handle(DeliveryFailed(first, "the line is dead"), 1.0)
     assert lost is not None
     assert wakes(lost.effects) == [1.0 + GAP_TIME]
-    again = replica.handle(Rang(ReplicaDue()), 1.0 + GAP_TIME)
+    again = replica.handle(TimerFired(ReplicaDue()), 1.0 + GAP_TIME)
     assert again is not None
     assert [effect.message.body for effect in again.effects if isinstance(effect, Send)] == [first.body]
-    old = replica.handle(Undelivered(first, "the line is dead"), 1.5 + GAP_TIME)
+    old = replica.handle(DeliveryFailed(first, "the line is dead"), 1.5 + GAP_TIME)
     assert old is not None
     assert wakes(old.effects) == wakes(again.effects)
 
@@ -242,7 +242,7 @@ class Medium:
             match effect:
                 case Send(message) if message.header.recipient in (OWNER, REPOSITORY):
                     self.bag.append(message)
-                case Wake(timer, at):
+                case SetTimer(timer, at):
                     self.timers.pop((who, timer), None)
                     if at is not None:
                         self.timers[who, timer] = at
@@ -261,7 +261,7 @@ class Medium:
             (who, timer), at = min(self.timers.items(), key=lambda item: item[1])
             del self.timers[who, timer]
             self.now = max(self.now, at)
-            self.feed(who, Rang(timer))
+            self.feed(who, TimerFired(timer))
 
 
 UPDATES: list[Body] = [

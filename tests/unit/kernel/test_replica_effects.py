@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from msgspec import structs
 
-from somrs.kernel.component import Effect, Rang, Received, Send, Undelivered, Wake
-from somrs.kernel.replica import GAP_TIME, LEASE, PATIENCE, News, Replica, ReplicaDue
+from somrs.kernel.component import DeliveryFailed, Effect, Received, Send, SetTimer, TimerFired
+from somrs.kernel.replica import GAP_TIME, LEASE, PATIENCE, Replica, ReplicaDue, ReplicaUpdate
 from somrs.ontology.objects import Fact, FactAdded, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind, ObjectType
 from somrs.protocol.messages.bodies import Body
@@ -43,7 +43,7 @@ class Reader:
         [message] = [effect.message for effect in effects if isinstance(effect, Send)]
         return message
 
-    def hear(self, body: Body, now: float = 0.0, about: Message | None = None, sender: str = REPOSITORY) -> News | None:
+    def hear(self, body: Body, now: float = 0.0, about: Message | None = None, sender: str = REPOSITORY) -> ReplicaUpdate | None:
         """What came of a message that answers that question, or None."""
         relates_to = about.header.message_id if about is not None else None
         header = Header(sender=sender, recipient=OWNER, message_id="urn:x", relates_to=relates_to)
@@ -59,7 +59,7 @@ class Reader:
         return asked[0].body if asked else None
 
     def ring(self, now: float) -> list[Body]:
-        news = self.replica.handle(Rang(ReplicaDue()), now)
+        news = self.replica.handle(TimerFired(ReplicaDue()), now)
         assert news is not None
         asked = [effect.message for effect in news.effects if isinstance(effect, Send)]
         self.question = asked[-1] if asked else self.question
@@ -81,9 +81,9 @@ def changed(version: int, *changes: ValueSet | ObjectAdded | ObjectRemoved | Fac
     return MapChanged(event=Event(version=version, at=0.0, author="a", changes=changes))
 
 
-def wake(news: News | None) -> float | None:
+def wake(news: ReplicaUpdate | None) -> float | None:
     assert news is not None
-    [at] = [effect.at for effect in news.effects if isinstance(effect, Wake)]
+    [at] = [effect.at for effect in news.effects if isinstance(effect, SetTimer)]
     return at
 
 
@@ -91,8 +91,8 @@ def test_it_begins_with_a_subscription() -> None:
     send, timer = Replica(OWNER, REPOSITORY).start(10.0)
     identity = message_id(OWNER, REPOSITORY, "replica", 1, 10.0)
     header = Header(sender=OWNER, recipient=REPOSITORY, message_id=identity, reply_to=OWNER)
-    assert send == Send(Message(header=header, body=SubscribeMap(lease=LEASE)), until=10.0 + PATIENCE)
-    assert timer == Wake(ReplicaDue(), 10.0 + PATIENCE)
+    assert send == Send(Message(header=header, body=SubscribeMap(lease=LEASE)), expires_at=10.0 + PATIENCE)
+    assert timer == SetTimer(ReplicaDue(), 10.0 + PATIENCE)
 
 
 def test_it_reads_the_ontology_and_then_the_map_page_by_page() -> None:
@@ -105,7 +105,7 @@ def test_it_reads_the_ontology_and_then_the_map_page_by_page() -> None:
     assert not reader.replica.ready
     fact = Fact("isOn", ("Jar1", "Box1"))
     page = MapPage(objects=(JAR,), facts=(fact,), version=7, more=False)
-    assert reader.hear(page, 1.0, reader.question) == News(effects=[Wake(ReplicaDue(), LEASE / 3)], read=True)
+    assert reader.hear(page, 1.0, reader.question) == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), LEASE / 3)], reloaded=True)
     replica = reader.replica
     assert (replica.ready, replica.version, set(replica.map.objects), [*replica.map.facts()]) == (True, 7, {"Box1", "Jar1"}, [fact])
     assert [*replica.ontology] == [COLOR, THING]
@@ -119,7 +119,7 @@ def test_each_question_has_an_id_of_its_own_and_some_seconds() -> None:
     send, timer = news.effects
     assert isinstance(send, Send)
     assert send.message.header.message_id == message_id(OWNER, REPOSITORY, "replica", 2, 2.0) != first
-    assert (send.until, timer) == (2.0 + PATIENCE, Wake(ReplicaDue(), 2.0 + PATIENCE))
+    assert (send.expires_at, timer) == (2.0 + PATIENCE, SetTimer(ReplicaDue(), 2.0 + PATIENCE))
 
 
 @pytest.mark.parametrize(
@@ -148,14 +148,14 @@ def test_events_between_the_pages_are_waited_for() -> None:
     reader = Reader()
     reader.answer(MapSubscribed(version=7, until=60.0))
     reader.answer(ontology_page(7))
-    assert reader.hear(MapPage(objects=(JAR,), facts=(), version=9, more=False), 1.0, reader.question) == News(
-        effects=[Wake(ReplicaDue(), 1.0 + GAP_TIME)]
+    assert reader.hear(MapPage(objects=(JAR,), facts=(), version=9, more=False), 1.0, reader.question) == ReplicaUpdate(
+        effects=[SetTimer(ReplicaDue(), 1.0 + GAP_TIME)]
     )
-    assert reader.hear(changed(9, ValueSet("Jar1", "Color", "Blue"))) == News(effects=[Wake(ReplicaDue(), 1.0 + GAP_TIME)])
+    assert reader.hear(changed(9, ValueSet("Jar1", "Color", "Blue"))) == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), 1.0 + GAP_TIME)])
     assert not reader.replica.ready
     news = reader.hear(changed(8, ValueSet("Jar1", "Color", "Red")))
     changes = (ValueSet("Jar1", "Color", "Red"), ValueSet("Jar1", "Color", "Blue"))
-    assert news == News(effects=[Wake(ReplicaDue(), LEASE / 3)], changes=changes, read=True)
+    assert news == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), LEASE / 3)], changes=changes, reloaded=True)
     assert (reader.replica.version, reader.replica.events) == (9, {})
 
 
@@ -175,13 +175,13 @@ def test_events_that_neither_the_copy_nor_its_successor_needs_are_dropped() -> N
 def test_what_follows_is_told_once_and_in_order() -> None:
     reader = Reader()
     reader.read(7)
-    assert reader.hear(changed(8, ValueSet("Jar1", "Color", "Red"))) == News(
-        effects=[Wake(ReplicaDue(), LEASE / 3)], changes=(ValueSet("Jar1", "Color", "Red"),)
+    assert reader.hear(changed(8, ValueSet("Jar1", "Color", "Red"))) == ReplicaUpdate(
+        effects=[SetTimer(ReplicaDue(), LEASE / 3)], changes=(ValueSet("Jar1", "Color", "Red"),)
     )
-    assert reader.hear(changed(8, ValueSet("Jar1", "Color", "Red"))) == News(effects=[Wake(ReplicaDue(), LEASE / 3)])
+    assert reader.hear(changed(8, ValueSet("Jar1", "Color", "Red"))) == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), LEASE / 3)])
     assert reader.replica.events == {}
     news = reader.hear(OntologyChanged(definitions=Definitions(attributes=(SMELL,)), version=9, changes=(ObjectAdded(BOX),)))
-    assert news == News(effects=[Wake(ReplicaDue(), LEASE / 3)], changes=(ObjectAdded(BOX),), definitions=(SMELL,))
+    assert news == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), LEASE / 3)], changes=(ObjectAdded(BOX),), definitions=(SMELL,))
     assert reader.replica.map.objects["Box1"] == BOX
     assert reader.replica.ontology.attributes["Smell"] == SMELL
 
@@ -234,7 +234,7 @@ def test_a_repository_that_is_at_an_earlier_version_is_another_one(version: int,
     news = reader.hear(MapSubscribed(version=version, until=99.0), 21.0, reader.question)
     assert news is not None
     assert [effect.message.body for effect in news.effects if isinstance(effect, Send)] == asked
-    assert (reader.replica.version, reader.replica.announced) == ((-1, 6) if asked else (7, 9))
+    assert (reader.replica.version, reader.replica.announced_version) == ((-1, 6) if asked else (7, 9))
     assert set(reader.replica.events) == (set() if asked else {9})
 
 
@@ -259,14 +259,14 @@ def test_answers_to_a_question_that_was_given_up_change_nothing(body: Body) -> N
     reader = Reader()
     reader.read(7)
     other = Message(header=structs.replace(reader.question.header, message_id="urn:old"), body=ReadMap())
-    assert reader.hear(body, 1.0, other) == News(effects=[Wake(ReplicaDue(), LEASE / 3)])
-    assert (reader.replica.version, reader.replica.announced) == (7, 7)
+    assert reader.hear(body, 1.0, other) == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), LEASE / 3)])
+    assert (reader.replica.version, reader.replica.announced_version) == (7, 7)
 
 
 def test_a_fault_is_the_replicas_if_it_answers_its_question() -> None:
     reader = Reader()
     fault = Fault(code="Sender", text="no")
-    assert reader.hear(fault, 1.0, reader.question) == News(effects=[Wake(ReplicaDue(), PATIENCE)])
+    assert reader.hear(fault, 1.0, reader.question) == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), PATIENCE)])
     assert reader.hear(fault, 1.0) is None
     assert reader.ring(PATIENCE - 0.1) == []
     assert reader.ring(PATIENCE) == [SubscribeMap(lease=LEASE)]
@@ -300,21 +300,21 @@ def test_only_its_repository_is_listened_to_by_either_name(sender: str, heard: b
 def test_what_could_not_be_delivered_is_the_replicas_if_it_was_a_question_to_its_repository(body: Body, recipient: str, ours: bool) -> None:
     reader = Reader()
     header = structs.replace(reader.question.header, recipient=recipient)
-    news = reader.replica.handle(Undelivered(Message(header=header, body=body), "r"), 2.0)
-    assert news == (News(effects=[Wake(ReplicaDue(), 2.0 + GAP_TIME)]) if ours else None)
+    news = reader.replica.handle(DeliveryFailed(Message(header=header, body=body), "r"), 2.0)
+    assert news == (ReplicaUpdate(effects=[SetTimer(ReplicaDue(), 2.0 + GAP_TIME)]) if ours else None)
 
 
 @pytest.mark.parametrize(
     ("news", "redefined"),
     [
-        (News(effects=[]), False),
-        (News(effects=[], changes=(ObjectRemoved("A"),)), False),
-        (News(effects=[], definitions=(COLOR,)), True),
-        (News(effects=[], read=True), True),
+        (ReplicaUpdate(effects=[]), False),
+        (ReplicaUpdate(effects=[], changes=(ObjectRemoved("A"),)), False),
+        (ReplicaUpdate(effects=[], definitions=(COLOR,)), True),
+        (ReplicaUpdate(effects=[], reloaded=True), True),
     ],
 )
-def test_news_say_whether_the_ontology_may_be_another(news: News, redefined: bool) -> None:
-    assert news.redefined is redefined
+def test_news_say_whether_the_ontology_may_be_another(news: ReplicaUpdate, redefined: bool) -> None:
+    assert news.ontology_changed is redefined
 
 
 def test_a_page_that_was_not_asked_for_is_none_of_those_being_read() -> None:
@@ -322,7 +322,7 @@ def test_a_page_that_was_not_asked_for_is_none_of_those_being_read() -> None:
     reader.answer(MapSubscribed(version=7, until=60.0))
     other = Message(header=structs.replace(reader.question.header, message_id="urn:old"), body=ReadOntology())
     for about in (other, None):
-        assert reader.hear(ontology_page(99), 1.0, about) == News(effects=[Wake(ReplicaDue(), PATIENCE)])
+        assert reader.hear(ontology_page(99), 1.0, about) == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), PATIENCE)])
     assert reader.answer(ontology_page(7)) == ReadMap()
     assert reader.answer(MapPage(objects=(JAR,), facts=(), version=7, more=False)) is None
     assert reader.replica.version == 7

@@ -11,12 +11,12 @@ from somrs.service_manager.sdk.orders import Failure, Perform, Report, ServiceFa
 
 def test_what_is_kept_and_how() -> None:
     assert [
-        (one.component, one.version, one.volatile, one.moves, one.lasting, one.snapshot_after)
+        (one.component, one.version, one.volatile, one.relocatable, one.irreplaceable, one.snapshot_after)
         for one in (REPOSITORY, REGISTRY, SERVICE_MANAGER)
     ] == [
         ("repository", 1, (), True, True, 500),
         ("registry", 1, (), False, False, 5000),
         ("service-manager", 1, (Perform, Undo, Report), True, False, 5000),
     ]
-    assert REPOSITORY.reads is only_reads
-    assert SERVICE_MANAGER.failure(ServiceFailed("it broke", "A isOn B")) == Failure("it broke", "A isOn B")
+    assert REPOSITORY.is_read_only is only_reads
+    assert SERVICE_MANAGER.error_to_answer(ServiceFailed("it broke", "A isOn B")) == Failure("it broke", "A isOn B")

@@ -6,7 +6,7 @@ import pytest
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
-from somrs.kernel.codec import Codec, encoded
+from somrs.kernel.codec import Codec, encode
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import Parameter, ServiceType
@@ -186,9 +186,9 @@ def test_a_precondition_that_does_not_hold_is_named() -> None:
 
 
 def test_problems_can_be_sent_to_another_process() -> None:
-    asked = Codec[Problem](Problem).decoded(encoded(problem("Jar001 isOn Platform001", TRANSFER)))
+    asked = Codec[Problem](Problem).decode(encode(problem("Jar001 isOn Platform001", TRANSFER)))
     assert len(sound(asked).steps) == 1
-    assert Codec[Plan](Plan).decoded(encoded(sound(asked))) == sound(asked)
+    assert Codec[Plan](Plan).decode(encode(sound(asked))) == sound(asked)
 
 
 @pytest.mark.parametrize(

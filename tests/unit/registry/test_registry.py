@@ -5,8 +5,8 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from somrs.kernel.codec import encoded
-from somrs.kernel.component import Effect, Rang, Received, Send, Undelivered, Wake
+from somrs.kernel.codec import encode
+from somrs.kernel.component import DeliveryFailed, Effect, Received, Send, SetTimer, TimerFired
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import ObjectType, RelationType, Value
 from somrs.protocol.messages.bodies import Body
@@ -109,10 +109,10 @@ def test_leases_are_kept_within_limits(registry: Registry) -> None:
 
 
 def test_the_timer_is_set_for_the_next_lease_that_ends(registry: Registry) -> None:
-    assert tell(registry, publish("Robot1", lease=30.0), now=0.0)[-1] == Wake(LeasesDue(), 30.0)
-    assert tell(registry, publish("Robot2", lease=10.0), now=0.0)[-1] == Wake(LeasesDue(), 10.0)
-    assert registry.handle(Rang(LeasesDue()), 10.0)[-1] == Wake(LeasesDue(), 30.0)
-    assert registry.handle(Rang(LeasesDue()), 30.0)[-1] == Wake(LeasesDue(), None)
+    assert tell(registry, publish("Robot1", lease=30.0), now=0.0)[-1] == SetTimer(LeasesDue(), 30.0)
+    assert tell(registry, publish("Robot2", lease=10.0), now=0.0)[-1] == SetTimer(LeasesDue(), 10.0)
+    assert registry.handle(TimerFired(LeasesDue()), 10.0)[-1] == SetTimer(LeasesDue(), 30.0)
+    assert registry.handle(TimerFired(LeasesDue()), 30.0)[-1] == SetTimer(LeasesDue(), None)
 
 
 # Discovering
@@ -121,15 +121,15 @@ def test_the_timer_is_set_for_the_next_lease_that_ends(registry: Registry) -> No
 @pytest.mark.parametrize("effect", [None, "Jar1 isOn", "Jar1 isOn Table1"])
 def test_who_asks_on_a_connection_leaves_the_registry_as_it_was(registry: Registry, effect: str | None) -> None:
     ask(registry, publish("Robot1", lease=5.0), Published, now=0.0)
-    before = encoded(registry.state)
+    before = encode(registry.state)
     asked = Received(request(Discover(effect=effect), ANONYMOUS))
     for now in (4.0, 6.0):
         assert len(registry.handle(asked, now)) == 1
     assert only_reads(asked)
-    assert encoded(registry.state) == before
+    assert encode(registry.state) == before
     assert not only_reads(Received(request(Discover(effect=effect)))), "somebody who has an address waits for it"
     assert not only_reads(Received(request(publish("Robot1"), ANONYMOUS)))
-    assert not only_reads(Rang(LeasesDue()))
+    assert not only_reads(TimerFired(LeasesDue()))
 
 
 @pytest.fixture
@@ -185,7 +185,7 @@ def test_followers_hear_who_comes_and_who_goes(followed: Registry) -> None:
     gone = tell(followed, Retract(provider="Robot1", services=("Robot1.OpenDoor", "Robot9.Cook")))
     assert sent(gone, Retracted) == [Retracted(services=("Robot1.OpenDoor",))]
     assert news(gone) == [ServicesLeft(services=("Robot1.OpenDoor",), provider="Robot1", reason="retracted")]
-    assert news(followed.handle(Rang(LeasesDue()), 30.0)) == [
+    assert news(followed.handle(TimerFired(LeasesDue()), 30.0)) == [
         ServicesLeft(services=("Robot1.TransferObject",), provider="Robot1", reason="expired")
     ]
 
@@ -212,7 +212,7 @@ def test_a_follower_hears_nothing_after_its_lease_or_when_it_cannot_be_reached(r
     assert news(tell(registry, publish("Robot1"), now=10.0)) == []
     ask(registry, SubscribeServices(lease=100), ServicesSubscribed, now=10.0, sender=FOLLOWER)
     told = [e.message for e in tell(registry, publish("Robot2"), now=11.0) if isinstance(e, Send)]
-    registry.handle(Undelivered(told[-1], "refused"), 41.0)
+    registry.handle(DeliveryFailed(told[-1], "refused"), 41.0)
     assert news(tell(registry, publish("Robot3"), now=42.0)) == []
 
 

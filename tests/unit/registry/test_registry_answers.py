@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec import json, structs
 
-from somrs.kernel.component import Rang, Received, Send, Started, Undelivered, Wake
+from somrs.kernel.component import DeliveryFailed, Received, Send, SetTimer, Started, TimerFired
 from somrs.kernel.replica import LEASE, ReplicaDue
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import Ontology, Value
@@ -58,13 +58,13 @@ def registry() -> Registry:
 
 
 def test_it_follows_a_repository_if_there_is_one(registry: Registry) -> None:
-    assert registry.handle(Started(REGISTRY), 1.0) == [Wake(LeasesDue(), None)]
+    assert registry.handle(Started(REGISTRY), 1.0) == [SetTimer(LeasesDue(), None)]
     following = Registry(REGISTRY, repository=REPOSITORY)
     send, *timers = following.handle(Started(REGISTRY), 1.0)
     assert isinstance(send, Send)
     assert (send.message.header.recipient, send.message.body) == (REPOSITORY, SubscribeMap(lease=LEASE))
-    assert timers == [Wake(ReplicaDue(), 6.0), Wake(LeasesDue(), None)]
-    assert following.handle(Rang(ReplicaDue()), 2.0) == [Wake(ReplicaDue(), 6.0)], "that is the copy's alone"
+    assert timers == [SetTimer(ReplicaDue(), 6.0), SetTimer(LeasesDue(), None)]
+    assert following.handle(TimerFired(ReplicaDue()), 2.0) == [SetTimer(ReplicaDue(), 6.0)], "that is the copy's alone"
     assert ([*following.ontology], following.open) == ([], [])
 
 
@@ -85,16 +85,16 @@ def test_what_is_published_is_answered_then_told_and_then_watched(registry: Regi
         )
         for follower in (FOLLOWER, SECOND)
     ]
-    assert timer == Wake(LeasesDue(), 40.0)
+    assert timer == SetTimer(LeasesDue(), 40.0)
     left = tell(registry, Retract(provider="Washer1"), 11.0)[1]
     assert isinstance(left, Send)
     assert left.message.header.message_id == message_id(REGISTRY, FOLLOWER, "news", 2, 11.0)
 
 
 def test_it_wakes_up_for_followers_too(registry: Registry) -> None:
-    assert tell(registry, SubscribeServices(lease=20.0), 5.0, sender=FOLLOWER)[-1] == Wake(LeasesDue(), 25.0)
-    assert tell(registry, publish(offer("Washer1"), lease=30.0), 5.0)[-1] == Wake(LeasesDue(), 25.0)
-    assert registry.handle(Rang(LeasesDue()), 25.0) == [Wake(LeasesDue(), 35.0)]
+    assert tell(registry, SubscribeServices(lease=20.0), 5.0, sender=FOLLOWER)[-1] == SetTimer(LeasesDue(), 25.0)
+    assert tell(registry, publish(offer("Washer1"), lease=30.0), 5.0)[-1] == SetTimer(LeasesDue(), 25.0)
+    assert registry.handle(TimerFired(LeasesDue()), 25.0) == [SetTimer(LeasesDue(), 35.0)]
     assert registry.state.subscribers == {}
 
 
@@ -266,10 +266,10 @@ def test_who_cannot_be_told_news_is_dropped(registry: Registry, body: Body, drop
     for follower in (FOLLOWER, SECOND):
         tell(registry, SubscribeServices(lease=20.0), sender=follower)
     lost = Message(header=Header(sender=REGISTRY, recipient=FOLLOWER, message_id="urn:x"), body=body)
-    registry.handle(Undelivered(lost, "r"), 1.0)
+    registry.handle(DeliveryFailed(lost, "r"), 1.0)
     assert list(registry.state.subscribers) == ([SECOND] if dropped else [FOLLOWER, SECOND])
     stranger = Message(header=structs.replace(lost.header, recipient="http://stranger"), body=body)
-    assert registry.handle(Undelivered(stranger, "r"), 1.0) == [Wake(LeasesDue(), 20.0)]
+    assert registry.handle(DeliveryFailed(stranger, "r"), 1.0) == [SetTimer(LeasesDue(), 20.0)]
 
 
 def test_what_it_does_not_understand(registry: Registry) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.kernel.codec import encoded
+from somrs.kernel.codec import encode
 from somrs.kernel.component import Answered, Ask, Received, Send
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
@@ -36,7 +36,7 @@ from tests.support.lab import CLIENT, REPOSITORY, contents, request, tell
 def test_what_is_read_on_a_connection_leaves_everything_as_it_is(body: Body) -> None:
     repository = Repository(REPOSITORY, contents())
     tell(repository, UpdateMap(situation="Jar1 isOn Table2"))
-    before = encoded(repository.state)
+    before = encode(repository.state)
     message = Message(header=Header(sender=CLIENT, recipient=REPOSITORY, message_id="urn:uuid:1"), body=body)
     assert only_reads(Received(message))
     (effect,) = repository.handle(Received(message), 2.0)
@@ -46,7 +46,7 @@ def test_what_is_read_on_a_connection_leaves_everything_as_it_is(body: Body) -> 
         (effect,) = repository.handle(answered, 2.0)
     assert isinstance(effect, Send)
     assert effect.message.header.recipient == ANONYMOUS, "nobody is owed it once the connection is gone"
-    assert encoded(repository.state) == before
+    assert encode(repository.state) == before
     assert not only_reads(Received(request(body))), "somebody who has an address waits for it"
 
 

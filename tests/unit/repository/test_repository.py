@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from somrs.kernel.component import Answered, Ask, Rang, Received, Record, Send, Started, Undelivered, Wake
+from somrs.kernel.component import Answered, Ask, DeliveryFailed, Received, Record, Send, SetTimer, Started, TimerFired
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import (
@@ -356,14 +356,14 @@ def test_history_of_what_never_was_and_from_a_broken_store(repository: Repositor
 def test_followers_hear_every_version_in_order_until_their_lease_ends(repository: Repository) -> None:
     effects = tell(repository, SubscribeMap(lease=10), now=100.0, sender="http://follower")
     assert sent(effects, MapSubscribed) == [MapSubscribed(version=0, until=110.0)]
-    assert effects[-1] == Wake(LeasesDue(), 110.0)
+    assert effects[-1] == SetTimer(LeasesDue(), 110.0)
     versions = []
     for n in range(5):
         effects = tell(repository, UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n)),)), now=101.0)
         versions += [news.event.version for news in sent(effects, MapChanged)]
     assert versions == [1, 2, 3, 4, 5]
-    ended = repository.handle(Rang(LeasesDue()), 110.0)
-    assert ended == [Wake(LeasesDue(), None)]
+    ended = repository.handle(TimerFired(LeasesDue()), 110.0)
+    assert ended == [SetTimer(LeasesDue(), None)]
     assert sent(tell(repository, UpdateMap(changes=(ValueSet("Jar1", "PositionX", 9.0),)), now=111.0), MapChanged) == []
 
 
@@ -379,7 +379,7 @@ def test_a_follower_that_cannot_be_reached_is_dropped(repository: Repository) ->
     ask(repository, SubscribeMap(lease=600), MapSubscribed, sender="http://there")
     told = [e for e in tell(repository, UpdateMap(situation="Jar1 isOn Table2")) if isinstance(e, Send)]
     lost = next(send.message for send in told if send.message.header.recipient == "http://gone")
-    repository.handle(Undelivered(lost, "refused"), 31.0)
+    repository.handle(DeliveryFailed(lost, "refused"), 31.0)
     told = [e for e in tell(repository, UpdateMap(situation="Jar1 isOn Table1")) if isinstance(e, Send)]
     assert [send.message.header.recipient for send in told] == [CLIENT, "http://there"]
 
@@ -389,7 +389,7 @@ def test_a_follower_that_came_back_is_not_dropped_for_what_it_missed(repository:
     told = [e for e in tell(repository, UpdateMap(situation="Jar1 isOn Table2")) if isinstance(e, Send)]
     lost = told[-1].message
     assert ask(repository, SubscribeMap(lease=600), MapSubscribed, sender="http://back").version == 1
-    assert repository.handle(Undelivered(lost, "refused"), 31.0) == []
+    assert repository.handle(DeliveryFailed(lost, "refused"), 31.0) == []
     assert sent(tell(repository, UpdateMap(situation="Jar1 isOn Table1")), MapChanged)
 
 
@@ -406,7 +406,7 @@ def test_after_a_restart_followers_learn_where_the_repository_is() -> None:
     kept.version, kept.subscriptions = 7, {"http://follower": Subscription(until=500.0, version=3)}
     effects = Repository(REPOSITORY, kept).handle(Started(REPOSITORY), 100.0)
     assert sent(effects, MapSubscribed) == [MapSubscribed(version=7, until=500.0)]
-    assert effects[-1] == Wake(LeasesDue(), 500.0)
+    assert effects[-1] == SetTimer(LeasesDue(), 500.0)
 
 
 def test_who_has_no_address_cannot_follow(repository: Repository) -> None:

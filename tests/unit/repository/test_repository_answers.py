@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec import json, structs
 
-from somrs.kernel.component import Answered, Ask, Input, Received, Record, Send, Started, Trouble, Undelivered, Wake
+from somrs.kernel.component import Answered, Ask, DeliveryFailed, ErrorAnswer, Input, Received, Record, Send, SetTimer, Started
 from somrs.ontology.objects import Fact, Map, Object, ValueSet
 from somrs.ontology.types import AttributeType, Kind, ObjectType
 from somrs.protocol.messages.bodies import Body
@@ -142,7 +142,7 @@ def test_there_is_no_history_of_what_never_was(repository: Repository, name: str
     ],
 )
 def test_a_broken_archive_is_the_receivers_fault(repository: Repository, question: Body, text: str) -> None:
-    assert archived(repository, question, Trouble("disk gone")) == Fault(code="Receiver", text=text)
+    assert archived(repository, question, ErrorAnswer("disk gone")) == Fault(code="Receiver", text=text)
 
 
 @pytest.mark.parametrize(
@@ -218,8 +218,8 @@ def test_a_query_never_tells_more_than_the_most(repository: Repository, monkeypa
 def test_followers_are_told_until_their_lease_is_over_by_messages_with_ids_of_their_own(repository: Repository) -> None:
     effects = tell(repository, SubscribeMap(lease=10.0), 0.0, sender=FOLLOWER)
     assert sent(effects, object) == [MapSubscribed(version=0, until=10.0)]
-    assert effects[-1] == Wake(LeasesDue(), 10.0)
-    assert tell(repository, SubscribeMap(lease=20.0), 0.0, sender=SECOND)[-1] == Wake(LeasesDue(), 10.0)
+    assert effects[-1] == SetTimer(LeasesDue(), 10.0)
+    assert tell(repository, SubscribeMap(lease=20.0), 0.0, sender=SECOND)[-1] == SetTimer(LeasesDue(), 10.0)
     _, _, *told = tell(repository, UpdateMap(changes=(RED,), author="a"), 10.0)
     news = MapChanged(event=Event(version=1, at=10.0, author="a", changes=(RED,)))
     identity = message_id(REPOSITORY, SECOND, "MapChanged", 1, "")
@@ -236,7 +236,7 @@ def test_who_comes_up_tells_its_followers_where_it_is_from_its_new_address(repos
     header = Header(sender=elsewhere, recipient=FOLLOWER, message_id=identity)
     assert repository.handle(Started(elsewhere), 3.0) == [
         Send(Message(header=header, body=MapSubscribed(version=0, until=10.0))),
-        Wake(LeasesDue(), 10.0),
+        SetTimer(LeasesDue(), 10.0),
     ]
     [answer] = tell(repository, ReadMap())
     assert isinstance(answer, Send)
@@ -261,10 +261,10 @@ def test_who_cannot_be_told_is_dropped_unless_it_subscribed_since(body: Body, dr
     kept.subscriptions = {FOLLOWER: Subscription(until=20.0, version=3), SECOND: Subscription(until=30.0, version=3)}
     repository = Repository(REPOSITORY, kept)
     lost = Message(header=Header(sender=REPOSITORY, recipient=FOLLOWER, message_id="urn:x"), body=body)
-    assert repository.handle(Undelivered(lost, "r"), 1.0) == ([Wake(LeasesDue(), 30.0)] if dropped else [])
+    assert repository.handle(DeliveryFailed(lost, "r"), 1.0) == ([SetTimer(LeasesDue(), 30.0)] if dropped else [])
     assert list(kept.subscriptions) == ([SECOND] if dropped else [FOLLOWER, SECOND])
     stranger = Message(header=structs.replace(lost.header, recipient="http://stranger"), body=body)
-    assert repository.handle(Undelivered(stranger, "r"), 1.0) == []
+    assert repository.handle(DeliveryFailed(stranger, "r"), 1.0) == []
 
 
 def test_what_it_does_not_understand(repository: Repository) -> None:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.errors import UsageError
-from somrs.kernel.component import Effect, Input, Undelivered
+from somrs.kernel.component import DeliveryFailed, Effect, Input
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.virtual import CarryOut, Moment, Work, World
 from tests.support.examples import examples
@@ -193,7 +193,7 @@ def test_a_message_to_one_that_was_killed_waits_until_its_time_is_over() -> None
         undelivered = 0
 
         def handle(self, event: Input, now: float) -> list[Effect]:
-            self.undelivered += isinstance(event, Undelivered)
+            self.undelivered += isinstance(event, DeliveryFailed)
             return super().handle(event, now)
 
     books, notes = Books(), Notes()

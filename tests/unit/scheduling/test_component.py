@@ -8,9 +8,9 @@ from zoneinfo import ZoneInfo
 
 import pytest
 
-from somrs.kernel.codec import encoded
-from somrs.kernel.component import Effect, Input, Notified, Rang, Received, Send, Started, Undelivered
-from somrs.kernel.pending import Journaled, Written
+from somrs.kernel.codec import encode
+from somrs.kernel.component import DeliveryFailed, Effect, Input, Notified, Received, Send, Started, TimerFired
+from somrs.kernel.pending import JournalCodec, JournaledComponent
 from somrs.ontology.files.loading import load_text
 from somrs.protocol.messages import orders
 from somrs.protocol.messages.bodies import Body
@@ -29,7 +29,7 @@ from tests.support.virtual_system import SITE
 HERE, REPOSITORY, MANAGER, CLIENT = "http://here/scheduler", "http://there/repository", "http://there/task-manager", "http://there/api"
 WISH = Submit(effect="Jar002 isOn Platform001")
 HOUR = 3600.0
-TICK = Rang(OrdersDue())
+TICK = TimerFired(OrdersDue())
 
 
 class Kept:
@@ -37,8 +37,8 @@ class Kept:
 
     def __init__(self, zone: str = "") -> None:
         self.located = Located(REPOSITORY, MANAGER, zone)
-        self._written = Written(SCHEMA)
-        self.journaled = Journaled(Scheduler(HERE, self.located), SCHEMA)
+        self._written = JournalCodec(SCHEMA)
+        self.journaled = JournaledComponent(Scheduler(HERE, self.located), SCHEMA)
         loaded = load_text(SITE, "site.yaml")
         assert loaded.map is not None
         self.scheduler.handle(Started(HERE), 0.0)
@@ -56,26 +56,28 @@ class Kept:
         return self.scheduler.book
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        if SCHEMA.reads(event):
+        if SCHEMA.is_read_only(event):
             return self.scheduler.handle(event, now)
-        entry = self.journaled.entry(event, now)
-        self._entries.append(self._written.entry(entry))
+        entry = self.journaled.make_entry(event, now)
+        self._entries.append(self._written.encode_entry(entry))
         return [effect for effect, _ in self.journaled.handle(entry)]
 
     def restart(self, now: float, *, orderly: bool = False, located: Located | None = None, at: str = HERE) -> list[Effect]:
         """As after a kill, or an orderly stop: what is sent again, and what comes of the start."""
         if orderly:
             self._snapshot()
-        self.journaled = self._written.journaled(self._state)
-        self.journaled.replay(self._written.entries(self._written.batch(self._entries)))
-        again: list[Effect] = [Send(sent.message, sent.until) for sent in self.journaled.pending.messages.values() if sent.until > now]
-        for sent in [one for one in self.journaled.pending.messages.values() if one.until <= now]:
-            again += self.handle(Undelivered(sent.message, "its time was over"), now)
+        self.journaled = self._written.decode_snapshot(self._state)
+        self.journaled.replay(self._written.decode_batch(self._written.encode_batch(self._entries)))
+        again: list[Effect] = [
+            Send(sent.message, sent.expires_at) for sent in self.journaled.pending.messages.values() if sent.expires_at > now
+        ]
+        for sent in [one for one in self.journaled.pending.messages.values() if one.expires_at <= now]:
+            again += self.handle(DeliveryFailed(sent.message, "its time was over"), now)
         self.handle(Notified(located or self.located), now)
         return [*again, *self.handle(Started(at), now)]
 
     def _snapshot(self) -> None:
-        self._state = self._written.snapshot(self.journaled)
+        self._state = self._written.encode_snapshot(self.journaled)
         self._entries: list[bytes] = []
 
 
@@ -91,7 +93,7 @@ def ask(to: Kept, body: Body, now: float, id: str = "urn:uuid:1") -> Sequence[Ef
 def answer(to: Kept, question: Message, body: Body, now: float) -> Sequence[Effect]:
     for number, sent in [*to.journaled.pending.messages.items()]:
         if sent.message == question:
-            to.journaled.arrived(number)
+            to.journaled.mark_delivered(number)
     header = Header(sender=MANAGER, recipient=HERE, message_id=f"{question.header.message_id}a", relates_to=question.header.message_id)
     return to.handle(Received(Message(header=header, body=body)), now)
 
@@ -180,7 +182,7 @@ def test_a_task_that_was_not_taken_is_stated_again_as_the_same_message() -> None
     one = scheduler()
     id = ordered(one)
     (first,) = sent(one.handle(TICK, HOUR), Submit)
-    one.handle(Undelivered(first, "nobody is there"), HOUR + 1)
+    one.handle(DeliveryFailed(first, "nobody is there"), HOUR + 1)
     (looked,) = sent(one.handle(TICK, HOUR + 3), WatchTask)
     (searched,) = sent(answer(one, looked, Fault(code="Sender", text="no such task"), HOUR + 4), ReadRecords)
     (again,) = sent(answer(one, searched, Records(records=()), HOUR + 5), Submit)
@@ -234,7 +236,7 @@ def test_who_does_not_answer_is_asked_again() -> None:
     one = scheduler()
     id = ordered(one)
     (stated,) = sent(one.handle(TICK, HOUR), Submit)
-    one.handle(Undelivered(stated, "nobody is there"), HOUR + LATE)
+    one.handle(DeliveryFailed(stated, "nobody is there"), HOUR + LATE)
     (looked,) = sent(one.handle(TICK, HOUR + LATE + 2), WatchTask)
     (again,) = sent(one.handle(TICK, HOUR + LATE + 2 + WAIT), WatchTask)
     assert again.header.message_id != looked.header.message_id
@@ -272,7 +274,7 @@ def test_subscribers_hear_of_changes_and_refusals_say_their_sort() -> None:
     effects = ask(one, orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=WISH)), 1.0)
     (news,) = sent(effects, orders.OrdersChanged)
     assert news.body == orders.OrdersChanged(orders=True)
-    one.handle(Undelivered(news, "it is gone"), 2.0)
+    one.handle(DeliveryFailed(news, "it is gone"), 2.0)
     assert not sent(ask(one, orders.RemoveOrder(id=next(iter(one.book.orders))), 3.0), orders.OrdersChanged)
     (wrong,) = sent(ask(one, orders.ReadTemplates(name="Nothing"), 3.0), orders.OrdersRejected)
     assert isinstance(wrong.body, orders.OrdersRejected)
@@ -296,12 +298,12 @@ def test_the_same_message_is_the_same_order() -> None:
 def test_what_only_reads_leaves_it_as_it_is() -> None:
     one = scheduler()
     id = ordered(one)
-    before = encoded(one.scheduler.state)
+    before = encode(one.scheduler.state)
     for body in (orders.ReadOrders(), orders.ReadRuns(id=id), orders.ReadTemplates()):
         header = Header(sender=CLIENT, recipient=HERE, message_id="urn:uuid:9", reply_to=ANONYMOUS)
         (said,) = one.handle(Received(Message(header=header, body=body)), 2 * HOUR)
         assert isinstance(said, Send)
-    assert encoded(one.scheduler.state) == before
+    assert encode(one.scheduler.state) == before
 
 
 def test_news_go_on_after_a_restart() -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from somrs.errors import UsageError
-from somrs.kernel.component import Notified, Rang, Send, Started
-from somrs.kernel.pending import Journaled
+from somrs.kernel.component import Notified, Send, Started, TimerFired
+from somrs.kernel.pending import JournaledComponent
 from somrs.protocol.messages.clients import WatchTask
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.orders import Daily, Once, RunState
@@ -38,7 +38,7 @@ def path(tmp_path: Path) -> Path:
     return made(tmp_path / "orders.sqlite", FIRST)
 
 
-def gone_on(path: Path, address: str) -> Journaled:
+def gone_on(path: Path, address: str) -> JournaledComponent:
     kept = orders_journal(path)
     journaled, again = kept.begin(address, lambda address: pytest.fail("there is a book"))
     assert again
@@ -63,9 +63,9 @@ def test_everything_in_a_file_of_before_is_gone_on_with(path: Path) -> None:
         (21600.0, RunState.SUBMITTED, None, 1, True),
         (25200.0, RunState.SUBMITTING, None, 1, True),
     ]
-    journaled.handle(journaled.entry(Notified(Located("http://there/repository", "http://there/task-manager")), 25201.0))
-    journaled.handle(journaled.entry(Started("http://here/scheduler"), 25201.0))
-    effects = journaled.handle(journaled.entry(Rang(OrdersDue()), 25201.0))
+    journaled.handle(journaled.make_entry(Notified(Located("http://there/repository", "http://there/task-manager")), 25201.0))
+    journaled.handle(journaled.make_entry(Started("http://here/scheduler"), 25201.0))
+    effects = journaled.handle(journaled.make_entry(TimerFired(OrdersDue()), 25201.0))
     asked = [effect.message for effect, _ in effects if isinstance(effect, Send)]
     assert [message.body.task for message in asked if isinstance(message.body, WatchTask)] == [
         run.task for id in (OFTEN, INSISTS) for run in book.runs_of(id) if run.open

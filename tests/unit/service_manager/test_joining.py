@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec import structs
 
-from somrs.kernel.component import Ask, Effect, Effects, Send, Wake
+from somrs.kernel.component import Ask, Effect, Effects, Send, SetTimer
 from somrs.ontology.objects import Object, ObjectAdded
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import ObjectType
@@ -106,12 +106,12 @@ def test_it_defines_reads_looks_adds_itself_and_publishes() -> None:
     joiner.answer(Updated(version=2))
     assert joiner.asked() == (REGISTRY, Publish(provider="Washer1", offers=(offer(),), lease=30.0))
     assert joiner.answer(Published(until=40.0, renew_within=10.0)) == [
-        Wake(JoiningDue(), NOW + 7.0),
+        SetTimer(JoiningDue(), NOW + 7.0),
         Ask(ReportWanted(), Report("Washer1 offers Washer1.Wash", joined=True)),
     ]
     joiner.do(joiner.joining.ring(NOW))
     assert joiner.asked() == (REGISTRY, Renew(provider="Washer1", lease=30.0))
-    assert joiner.answer(Published(until=50.0, renew_within=10.0)) == [Wake(JoiningDue(), NOW + 7.0)]
+    assert joiner.answer(Published(until=50.0, renew_within=10.0)) == [SetTimer(JoiningDue(), NOW + 7.0)]
 
 
 def test_a_request_has_five_seconds() -> None:
@@ -120,7 +120,7 @@ def test_a_request_has_five_seconds() -> None:
     header = Header(sender=ME, recipient=REPOSITORY, message_id=identity, reply_to=ME)
     assert joiner.answer(Defined(version=1)) == [
         Send(Message(header=header, body=ReadOntology()), NOW + 5.0),
-        Wake(JoiningDue(), NOW + 5.0),
+        SetTimer(JoiningDue(), NOW + 5.0),
     ]
 
 
@@ -163,7 +163,7 @@ def test_a_renewal_without_an_answer_or_with_a_fault_publishes_anew() -> None:
 @pytest.mark.parametrize(("answer", "text"), [(Rejected(problems=("a", "b"), version=1), "a\nb"), (Fault(code="Sender", text="no"), "no")])
 def test_who_is_not_taken_says_why_and_waits(answer: Rejected | Fault, text: str) -> None:
     assert Joiner().answer(answer) == [
-        Wake(JoiningDue(), None),
+        SetTimer(JoiningDue(), None),
         Ask(ReportWanted(), Report(f"Washer1 cannot join: {text}", joined=False)),
     ]
 
@@ -171,7 +171,7 @@ def test_who_is_not_taken_says_why_and_waits(answer: Rejected | Fault, text: str
 def test_who_leaves_retracts_and_hears_no_more() -> None:
     joiner = Joiner()
     timer, retract = joiner.do(joiner.joining.leave(NOW))
-    assert timer == Wake(JoiningDue(), None)
+    assert timer == SetTimer(JoiningDue(), None)
     assert isinstance(retract, Send)
     assert joiner.asked() == (REGISTRY, Retract(provider="Washer1"))
     assert joiner.answer(Defined(version=1)) == []
@@ -208,6 +208,6 @@ def test_types_that_are_not_there_are_told_when_all_pages_are_read() -> None:
         "the common ontology has no service type Wash. did you mean Wahs?\n"
         "name one that it has, or give @service a ServiceType"
     )
-    assert joiner.answer(ontology(services=())) == [Wake(JoiningDue(), None), Ask(ReportWanted(), Report(said, joined=False))]
-    assert joiner.do(joiner.joining.start(ME, NOW + 1))[1:] == [Wake(JoiningDue(), NOW + 6.0)]
+    assert joiner.answer(ontology(services=())) == [SetTimer(JoiningDue(), None), Ask(ReportWanted(), Report(said, joined=False))]
+    assert joiner.do(joiner.joining.start(ME, NOW + 1))[1:] == [SetTimer(JoiningDue(), NOW + 6.0)]
     assert joiner.asked() == (REPOSITORY, ReadOntology()), "from the beginning"

@@ -5,7 +5,20 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from somrs.kernel.component import Answered, Ask, Effect, Lost, Notified, Rang, Received, Send, Started, Undelivered, Wake, Withdraw
+from somrs.kernel.component import (
+    Answered,
+    AnswerLost,
+    Ask,
+    DeliveryFailed,
+    Effect,
+    Notified,
+    Received,
+    Send,
+    SetTimer,
+    Started,
+    TimerFired,
+    Withdraw,
+)
 from somrs.protocol.frp.session import NOT_ALLOWED, CoordinatorBody, CoordinatorSession
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
@@ -84,7 +97,7 @@ class Bench:
         return self._heard(self.manager.handle(Answered(self.wanted(activity), answer), self.now))
 
     def ring(self, timer: TermsDue | StartDue | HeartbeatDue) -> list[Effect]:
-        return self._heard(self.manager.handle(Rang(timer), self.now))
+        return self._heard(self.manager.handle(TimerFired(timer), self.now))
 
     def wanted(self, activity: Activity) -> WorkWanted:
         return WorkWanted("t1", self.participant, activity)
@@ -123,7 +136,7 @@ def bodies(effects: list[Effect]) -> list[object]:
 
 
 def until(effects: list[Effect]) -> list[float | None]:
-    return [effect.until for effect in effects if isinstance(effect, Send)]
+    return [effect.expires_at for effect in effects if isinstance(effect, Send)]
 
 
 def rest(effects: list[Effect]) -> list[Effect]:
@@ -189,7 +202,7 @@ def test_terms_say_what_was_quoted_and_when_it_is_possible() -> None:
     )
     assert bodies(effects) == [terms]
     assert until(effects) == [NOW + REPORT_TIME]
-    assert rest(effects) == [Wake(timers(TermsDue), NOW + 120.0)]
+    assert rest(effects) == [SetTimer(timers(TermsDue), NOW + 120.0)]
 
 
 @pytest.mark.parametrize(
@@ -244,10 +257,10 @@ def test_a_quote_that_nobody_waits_for_any_more_says_nothing() -> None:
 
 def test_who_accepts_has_it_wait_for_its_start_and_then_for_signs_of_life() -> None:
     bench = Bench()
-    assert bench.committed(latest_finish=900.0) == [Wake(timers(TermsDue), None), Wake(timers(StartDue), 840.0)]
+    assert bench.committed(latest_finish=900.0) == [SetTimer(timers(TermsDue), None), SetTimer(timers(StartDue), 840.0)]
     assert bench.ask(EXECUTE) == [
-        Wake(timers(StartDue), None),
-        Wake(timers(HeartbeatDue), NOW + 5.0),
+        SetTimer(timers(StartDue), None),
+        SetTimer(timers(HeartbeatDue), NOW + 5.0),
         Ask(bench.wanted(Activity.PERFORM), Perform(order(latest_finish=900.0))),
     ]
 
@@ -257,8 +270,8 @@ def test_an_execute_that_overtakes_its_accept_takes_both_timers_away() -> None:
     bench.offered()
     bench.session.accept()
     assert bench.ask(EXECUTE) == [
-        Wake(timers(TermsDue), None),
-        Wake(timers(HeartbeatDue), NOW + 5.0),
+        SetTimer(timers(TermsDue), None),
+        SetTimer(timers(HeartbeatDue), NOW + 5.0),
         Ask(bench.wanted(Activity.PERFORM), Perform(order())),
     ]
 
@@ -304,7 +317,7 @@ def test_an_execute_is_too_late_after_the_time_that_it_names(late: float, state:
                 tried=False,
             )
         ]
-        assert rest(effects) == [Wake(timers(StartDue), None)]
+        assert rest(effects) == [SetTimer(timers(StartDue), None)]
 
 
 def test_what_was_done_is_reported_for_a_day() -> None:
@@ -313,7 +326,7 @@ def test_what_was_done_is_reported_for_a_day() -> None:
     effects = bench.did(Activity.PERFORM, Done(situation="Jar1 isOn Washer1", outputs={"Water": 3.0}))
     assert bodies(effects) == [frp.Completed(situation="Jar1 isOn Washer1", outputs={"Water": 3.0})]
     assert until(effects) == [NOW + REPORT_TIME]
-    assert rest(effects) == [Wake(timers(HeartbeatDue), None)]
+    assert rest(effects) == [SetTimer(timers(HeartbeatDue), None)]
     assert bench.manager.idle
 
 
@@ -326,7 +339,7 @@ def test_how_far_it_is_is_told_at_once_and_with_each_heartbeat() -> None:
     bench.now += 5.0
     effects = bench.ring(timers(HeartbeatDue))
     assert bodies(effects) == [frp.Progress(fraction=0.25)]
-    assert rest(effects) == [Wake(timers(HeartbeatDue), NOW + 10.0)]
+    assert rest(effects) == [SetTimer(timers(HeartbeatDue), NOW + 10.0)]
 
 
 def test_what_waits_for_its_turn_says_so() -> None:
@@ -334,7 +347,7 @@ def test_what_waits_for_its_turn_says_so() -> None:
     bench.executing()
     bench.participant = "Washer1.WashObject#s2"
     bench.session = bench.another(bench.participant)
-    assert bench.executing() == [Wake(timers(HeartbeatDue, bench.participant), NOW + 5.0)]
+    assert bench.executing() == [SetTimer(timers(HeartbeatDue, bench.participant), NOW + 5.0)]
     assert bodies(bench.ring(timers(HeartbeatDue, bench.participant))) == [frp.Progress(fraction=0.0, note="waits for its turn")]
 
 
@@ -371,7 +384,7 @@ def test_what_is_undone_is_undone_to_what_is_wanted_now() -> None:
     bench.executing()
     bench.did(Activity.PERFORM, Done(situation="Jar1 isOn Washer1"))
     assert bench.ask(frp.Compensate(situation="Jar1 isOn Table1")) == [
-        Wake(timers(HeartbeatDue), NOW + 5.0),
+        SetTimer(timers(HeartbeatDue), NOW + 5.0),
         Ask(bench.wanted(Activity.UNDO), Undo(order(), "Jar1 isOn Table1")),
     ]
     assert bodies(bench.did(Activity.UNDO, Done())) == [frp.Compensated(situation="Jar1 isOn Table1")]
@@ -382,7 +395,7 @@ def test_what_fails_and_then_cannot_be_undone_says_both() -> None:
     bench.executing()
     assert bodies(bench.did(Activity.PERFORM, Failure("the pump is dry"))) == [frp.Failed(description="the pump is dry")]
     bench.ask(frp.Compensate(situation="Jar1 isOn Table1"))
-    bench.did(Activity.UNDO, Lost())
+    bench.did(Activity.UNDO, AnswerLost())
     assert bodies(bench.did(Activity.HALT, Done())) == [
         frp.Stranded(description="the Service Manager of Washer1 was restarted while it worked")
     ]
@@ -427,11 +440,11 @@ def test_only_a_sign_of_life_that_does_not_arrive_stops_the_work() -> None:
     bench.executing()
     [progress] = [e for e in bench.did(Activity.PERFORM, Advance(fraction=0.5)) if isinstance(e, Send)]
     header = progress.message.header
-    assert bench.manager.handle(Undelivered(Message(header=header, body=frp.Terms(effect="", price=0, duration=0)), "r"), NOW) == []
+    assert bench.manager.handle(DeliveryFailed(Message(header=header, body=frp.Terms(effect="", price=0, duration=0)), "r"), NOW) == []
     unknown = msgspec.structs.replace(header, participant="nobody")
-    assert bench.manager.handle(Undelivered(Message(header=unknown, body=progress.message.body), "r"), NOW) == []
-    assert bench.manager.handle(Undelivered(progress.message, "r"), NOW) == [Withdraw(bench.wanted(Activity.PERFORM))]
-    assert bench.manager.handle(Undelivered(progress.message, "r"), NOW) == [], "it is being stopped"
+    assert bench.manager.handle(DeliveryFailed(Message(header=unknown, body=progress.message.body), "r"), NOW) == []
+    assert bench.manager.handle(DeliveryFailed(progress.message, "r"), NOW) == [Withdraw(bench.wanted(Activity.PERFORM))]
+    assert bench.manager.handle(DeliveryFailed(progress.message, "r"), NOW) == [], "it is being stopped"
 
 
 def test_what_is_over_does_not_care_whether_its_signs_of_life_arrived() -> None:
@@ -439,7 +452,7 @@ def test_what_is_over_does_not_care_whether_its_signs_of_life_arrived() -> None:
     bench.executing()
     [progress] = [e for e in bench.did(Activity.PERFORM, Advance(fraction=0.5)) if isinstance(e, Send)]
     bench.did(Activity.PERFORM, Done())
-    assert bench.manager.handle(Undelivered(progress.message, "r"), NOW) == []
+    assert bench.manager.handle(DeliveryFailed(progress.message, "r"), NOW) == []
 
 
 def test_who_ends_it_in_the_middle_has_no_timers_left() -> None:
@@ -447,7 +460,7 @@ def test_who_ends_it_in_the_middle_has_no_timers_left() -> None:
     bench.executing()
     header = bench.session._repeat("Execute")[0].header
     end = Message(header=msgspec.structs.replace(header, message_id="urn:uuid:end"), body=frp.End(outcome=frp.Outcome.CANCELLED))
-    assert bench.hear(end) == [Wake(timers(HeartbeatDue), None), Withdraw(bench.wanted(Activity.PERFORM))]
+    assert bench.hear(end) == [SetTimer(timers(HeartbeatDue), None), Withdraw(bench.wanted(Activity.PERFORM))]
 
 
 def test_who_ends_what_is_done_has_nothing_interrupted() -> None:
@@ -535,7 +548,9 @@ def reported(effects: list[Effect]) -> list[tuple[str, str, float | None]]:
     """The situations that the Repository is told, by whom, and until when that is tried."""
     sends = [effect for effect in effects if isinstance(effect, Send)]
     return [
-        (one.message.body.situation or "", one.message.body.author, one.until) for one in sends if isinstance(one.message.body, UpdateMap)
+        (one.message.body.situation or "", one.message.body.author, one.expires_at)
+        for one in sends
+        if isinstance(one.message.body, UpdateMap)
     ]
 
 
@@ -544,17 +559,17 @@ def test_what_is_noticed_is_reported_one_after_the_other() -> None:
     on_the_map(bench)
     first, timer = bench.manager.handle(Notified(Observed("A isOn B")), NOW)
     assert reported([first]) == [("A isOn B", "Washer1", NOW + 10.0)]
-    assert timer == Wake(ReportDue(), NOW + 15.0)
+    assert timer == SetTimer(ReportDue(), NOW + 15.0)
     assert bench.manager.handle(Notified(Observed("A isOn C")), NOW + 1) == []
     assert isinstance(first, Send)
     assert (first.message.header.sender, first.message.header.recipient, first.message.header.reply_to) == (ME, REPOSITORY, ME)
-    for again in (Undelivered(first.message, "r"), Rang(ReportDue())):
+    for again in (DeliveryFailed(first.message, "r"), TimerFired(ReportDue())):
         assert reported(bench.manager.handle(again, NOW + 2)) == [("A isOn B", "Washer1", NOW + 12.0)]
     gone, second, later = bench.manager.handle(Received(reply(first.message, Updated(version=1), REPOSITORY)), NOW + 3)
     assert (gone, reported([second]), later) == (
-        Wake(ReportDue(), None),
+        SetTimer(ReportDue(), None),
         [("A isOn C", "Washer1", NOW + 13.0)],
-        Wake(ReportDue(), NOW + 18.0),
+        SetTimer(ReportDue(), NOW + 18.0),
     )
 
 
@@ -570,7 +585,7 @@ def test_what_the_repository_does_not_take_is_told_to_a_person(answer: Rejected 
     on_the_map(bench)
     [first] = [one for one in bench.manager.handle(Notified(Observed("A isOn B")), NOW) if isinstance(one, Send)]
     assert bench.manager.handle(Received(reply(first.message, answer, REPOSITORY)), NOW) == [
-        Wake(ReportDue(), None),
+        SetTimer(ReportDue(), None),
         Ask(ReportWanted(), Report(f"the Repository does not take A isOn B from Washer1: {why}")),
     ]
 

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import pytest
 
-from somrs.kernel.component import Effect, Send, Wake
+from somrs.kernel.component import Effect, Send, SetTimer
 from somrs.protocol.frp.session import ParticipantSession
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.bodies import Body
@@ -89,9 +89,9 @@ def test_a_job_wakes_up_once_for_each_timer_that_it_set() -> None:
     one = job()
     timer = HeartbeatDue("t1", "Washer1.Wash#s1")
     assert run(one.wake(HeartbeatDue, None))[0] == []
-    assert run(one.wake(HeartbeatDue, 5.0))[0] == run(one.wake(HeartbeatDue, 5.0))[0] == [Wake(timer, 5.0)]
+    assert run(one.wake(HeartbeatDue, 5.0))[0] == run(one.wake(HeartbeatDue, 5.0))[0] == [SetTimer(timer, 5.0)]
     assert one.timers == {timer}
-    assert [run(one.wake(HeartbeatDue, None))[0] for _ in range(2)] == [[Wake(timer, None)], []]
+    assert [run(one.wake(HeartbeatDue, None))[0] for _ in range(2)] == [[SetTimer(timer, None)], []]
     assert (one.key, one.wanted(Activity.HALT)) == (("t1", "Washer1.Wash#s1"), WorkWanted("t1", "Washer1.Wash#s1", Activity.HALT))
 
 
@@ -157,7 +157,7 @@ def test_who_says_that_work_is_over_waits_for_nothing_any_more(
     one.timers = {HeartbeatDue(*one.key), StartDue(*one.key)}
     *woken, send = run(say(one, body, jobs, 7.0))[0]
     assert isinstance(send, Send)
-    assert (woken, send.message.body, send.until) == ([Wake(kind(*one.key), None) for kind in timers], body, 7.0 + until)
+    assert (woken, send.message.body, send.expires_at) == ([SetTimer(kind(*one.key), None) for kind in timers], body, 7.0 + until)
     assert names(jobs.all()) == ([] if isinstance(body, frp.Progress) else ["Washer1.Wash#s1"])
 
 
@@ -171,7 +171,7 @@ def report(number: int, now: float, situation: str, until: float, author: str = 
 def sent(report: MapReport, until: float) -> list[Effect]:
     header = Header(sender=HERE, recipient=REPOSITORY, message_id=report.id, reply_to=HERE)
     body = UpdateMap(situation=report.situation, author=report.author)
-    return [Send(Message(header=header, body=body), until), Wake(ReportDue(), until + PATIENCE / 2)]
+    return [Send(Message(header=header, body=body), until), SetTimer(ReportDue(), until + PATIENCE / 2)]
 
 
 def answer(body: Body) -> Message:
@@ -188,9 +188,9 @@ def test_reports_are_made_one_after_the_other_once_the_device_is_there() -> None
     assert run(reports.add("Washer1", "C", 5.0, 60.0))[0] == [], "another is on its way"
     assert [reports.is_pending(one) for one in (first.id, second.id, None)] == [True, False, False]
     assert run(reports.again(12.0))[0] == sent(first, 12.0 + PATIENCE)
-    assert run(reports.answered(answer(Updated(version=1)), 13.0)) == ([Wake(ReportDue(), None), *sent(second, 21.0)], "")
+    assert run(reports.answered(answer(Updated(version=1)), 13.0)) == ([SetTimer(ReportDue(), None), *sent(second, 21.0)], "")
     assert run(reports.again(21.0))[0] == sent(third, 21.0 + PATIENCE), "the time of the one before is over"
-    assert run(reports.answered(answer(Updated(version=2)), 22.0)) == ([Wake(ReportDue(), None)], "")
+    assert run(reports.answered(answer(Updated(version=2)), 22.0)) == ([SetTimer(ReportDue(), None)], "")
     assert (reports.pending, reports.is_pending(third.id)) == ([], False)
     fourth = report(4, 30.0, "D", 90.0)
     assert run(reports.add("Washer1", "D", 30.0, 60.0))[0] == sent(fourth, 30.0 + PATIENCE)
@@ -206,4 +206,4 @@ def test_reports_are_made_one_after_the_other_once_the_device_is_there() -> None
 def test_what_is_wrong_with_a_report_is_said(body: Body, said: str) -> None:
     reports = MapReports(address=HERE, repository=REPOSITORY, ready=True)
     assert run(reports.add("Washer1.Wash", "A", 0.0, 5.0))[0] == sent(report(1, 0.0, "A", 5.0, "Washer1.Wash"), 5.0)
-    assert run(reports.answered(answer(body), 1.0)) == ([Wake(ReportDue(), None)], said)
+    assert run(reports.answered(answer(body), 1.0)) == ([SetTimer(ReportDue(), None)], said)

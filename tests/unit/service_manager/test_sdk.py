@@ -12,7 +12,7 @@ import pytest
 from somrs.entish.formula import Formula, Name, Number, Text, Truth
 from somrs.entish.parse import parse
 from somrs.errors import DeviceError, FormulaError, InputError, RemoteError
-from somrs.kernel.component import Trouble
+from somrs.kernel.component import ErrorAnswer
 from somrs.ontology.objects import Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Value
@@ -386,25 +386,25 @@ def test_what_work_comes_to(work: Work, answer: object) -> None:
         (Undo(order("weigh"), "Jar1 isOn Table1"), Failure("Washer1 cannot undo weigh")),
         (
             Perform(order(thing="Jar5")),
-            Trouble("wash has to return a situation in Entish, a Result or None, and returned 7"),
+            ErrorAnswer("wash has to return a situation in Entish, a Result or None, and returned 7"),
         ),
         (
             Perform(order("weigh", None, effect="?Object isOn ?Other")),
-            Trouble("weigh has to return the situation, because its effect leaves ?Object, ?Other open: ?Object isOn ?Other"),
+            ErrorAnswer("weigh has to return the situation, because its effect leaves ?Object, ?Other open: ?Object isOn ?Other"),
         ),
-        (Halt(order(thing=None)), Trouble("KeyError: 'Object'")),
+        (Halt(order(thing=None)), ErrorAnswer("KeyError: 'Object'")),
     ],
 )
 def test_what_goes_wrong_at_work_is_an_answer(work: Work, answer: object, caplog: pytest.LogCaptureFixture) -> None:
     with pytest.raises(Exception) as error:  # whatever an author raises
         came_to(work)
     assert answer_of(error.value) == answer
-    assert [record.levelname for record in caplog.records] == (["ERROR"] if isinstance(answer, Trouble) else [])
+    assert [record.levelname for record in caplog.records] == (["ERROR"] if isinstance(answer, ErrorAnswer) else [])
 
 
 def test_exceptions_as_answers() -> None:
-    assert answer_of(InputError("no")) == Trouble("no")
-    assert answer_of(ValueError("no")) == Trouble("ValueError: no")
+    assert answer_of(InputError("no")) == ErrorAnswer("no")
+    assert answer_of(ValueError("no")) == ErrorAnswer("ValueError: no")
     assert str(ServiceFailed("it broke", "A isOn B")) == "it broke"
     assert str(Refusal("no cats")) == "no cats"
 

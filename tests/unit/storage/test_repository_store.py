@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.kernel.component import Ask, Input, Received, Send, Started
-from somrs.kernel.pending import Sent
+from somrs.kernel.pending import PendingMessage
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind, ObjectType
 from somrs.protocol.messages.bodies import Body
@@ -120,7 +120,7 @@ def test_followers_outlast_a_restart_with_what_they_were_not_told(keeper: Keeper
     feed(keeper, Received(request(SubscribeMap(lease=90), sender="http://follower")))
     keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
     keeper.restart(snapshot=snapshot)
-    waiting = [sent.message for sent in keeper.journaled.pending.messages.values() if isinstance(sent, Sent)]
+    waiting = [sent.message for sent in keeper.journaled.pending.messages.values() if isinstance(sent, PendingMessage)]
     assert "MapChanged" in [type(one.body).__name__ for one in waiting if one.header.recipient == "http://follower"]
     greetings = [sent.message for sent in feed(keeper, Started(REPOSITORY)) if sent.message.header.recipient == "http://follower"]
     assert [one.body for one in greetings] == [MapSubscribed(version=1, until=91.0)]

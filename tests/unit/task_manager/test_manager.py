@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.kernel.component import Answered, Ask, Effect, Rang, Received, Send, Started, Trouble, Undelivered, Wake
+from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, ErrorAnswer, Received, Send, SetTimer, Started, TimerFired
 from somrs.kernel.replica import Replica, ReplicaDue
 from somrs.protocol.messages import clients, frp, records
 from somrs.protocol.messages.bodies import Body
@@ -38,13 +38,13 @@ def record(task: str) -> records.TaskRecord:
 @pytest.mark.parametrize("body", [clients.Submit(effect=WISH), clients.Preview(effect=WISH)])
 def test_who_wants_something_before_the_map_is_known_waits_for_it(body: Body) -> None:
     manager = TaskManager("tm", repository="repository", registry="registry")
-    assert asked(manager, body, 10.0) == [Wake(MapDue("request"), 40.0)]
-    (fault,) = answers(manager.handle(Rang(MapDue("request")), 40.0))
+    assert asked(manager, body, 10.0) == [SetTimer(MapDue("request"), 40.0)]
+    (fault,) = answers(manager.handle(TimerFired(MapDue("request")), 40.0))
     assert fault == frp.Fault(
         code="env:Receiver",
         text="the map of the environment is not known yet, because repository does not answer; try again later",
     )
-    assert manager.handle(Rang(MapDue("request")), 41.0) == []
+    assert manager.handle(TimerFired(MapDue("request")), 41.0) == []
     assert answers(asked(manager, clients.ReadTasks(), 42.0, "other")) == [clients.Tasks(tasks=())]
 
 
@@ -128,7 +128,7 @@ def test_messages_of_a_task_that_is_over_are_read_from_its_record() -> None:
         (clients.ReadMessages(task="old"), records.Records(records=()), frp.Fault(code="env:Sender", text="there is no task old here")),
         (
             clients.ReadMessages(task="old"),
-            Trouble("the disk is full"),
+            ErrorAnswer("the disk is full"),
             frp.Fault(code="env:Receiver", text="the records cannot be read: the disk is full"),
         ),
         (
@@ -151,11 +151,11 @@ def test_who_waits_for_news_is_answered_in_time(wait: float, at: float) -> None:
     desk = Desk()
     news = len(desk.task.events)
     effects = asked(desk.manager, clients.WatchTask(task=desk.task.id, after=news, wait=wait))
-    assert effects == [Wake(NewsDue("request"), at)]
-    (body,) = answers(desk.manager.handle(Rang(NewsDue("request")), at))
+    assert effects == [SetTimer(NewsDue("request"), at)]
+    (body,) = answers(desk.manager.handle(TimerFired(NewsDue("request")), at))
     assert isinstance(body, clients.TaskNews)
     assert (body.events, body.more, body.messages, body.contracts, body.contracts_at) == ((), False, 1, (), 0)
-    assert desk.manager.handle(Rang(NewsDue("request")), at) == []
+    assert desk.manager.handle(TimerFired(NewsDue("request")), at) == []
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_who_waits_for_news_is_told_what_is_new(wanted: dict[str, int], told: bo
     desk = Desk()
     effects = asked(desk.manager, clients.WatchTask(task=desk.task.id, **wanted))
     assert bool(answers(effects)) is told
-    assert [effect for effect in effects if isinstance(effect, Wake)] == ([] if told else [Wake(NewsDue("request"), 30.0)])
+    assert [effect for effect in effects if isinstance(effect, SetTimer)] == ([] if told else [SetTimer(NewsDue("request"), 30.0)])
 
 
 def test_news_number_events_and_contracts() -> None:
@@ -263,8 +263,8 @@ def test_who_waited_for_the_map_is_served_once_it_is_read() -> None:
     manager.handle(changed(3), 11.0)
     assert [*manager.state.until_ready] == ["first"], "it is not read yet"
     manager.state.replica.version = 0
-    effects = manager.handle(Rang(ReplicaDue()), 12.0)
-    assert Wake(MapDue("first"), None) in effects
+    effects = manager.handle(TimerFired(ReplicaDue()), 12.0)
+    assert SetTimer(MapDue("first"), None) in effects
     assert [type(body) for body in answers(effects)] == [clients.Submitted]
     assert (manager.state.until_ready, len(manager.open)) == ({}, 1)
 
@@ -310,14 +310,14 @@ def test_who_takes_part_in_nothing_that_is_known_is_sent_home(participant: str |
     header = Header(sender="r", recipient="tm", message_id="m", reply_to="r", transaction="no task", participant=participant)
     message = Message(header=header, body=frp.Terms(effect=WISH, price=1.0, duration=1.0))
     assert bodies(desk.manager.handle(Received(message), 5.0)) == sent
-    assert desk.manager.handle(Undelivered(message, "no route"), 6.0) == []
+    assert desk.manager.handle(DeliveryFailed(message, "no route"), 6.0) == []
 
 
 def test_what_the_registry_could_not_be_questionis_questionagain() -> None:
     manager = Desk().manager
     effects = asked(manager, clients.Submit(effect="Jar001 isOn Platform001"))
     (discover,) = [one.message for one in effects if isinstance(one, Send) and isinstance(one.message.body, Discover)]
-    again = manager.handle(Undelivered(discover, "no route"), 12.0)
+    again = manager.handle(DeliveryFailed(discover, "no route"), 12.0)
     assert [one.message for one in again if isinstance(one, Send)] == [discover]
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
-from somrs.kernel.component import Answered, Ask, Effect, Received, Send, Trouble, Undelivered, Wake
+from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, ErrorAnswer, Received, Send, SetTimer
 from somrs.planner.model.plan import Link, NoPlan, Obstacle, Plan, Step
 from somrs.protocol.messages import clients, frp
 from somrs.protocol.messages.bodies import FrpBody
@@ -81,7 +81,9 @@ def came(effects: list[Effect]) -> Previewed:
 
 def wakes(effects: list[Effect]) -> list[tuple[str, float | None]]:
     """The preview's own timers, as they were set."""
-    return [(type(one.timer).__name__, one.at) for one in effects if isinstance(one, Wake) and isinstance(one.timer, PreviewDue | BidsDue)]
+    return [
+        (type(one.timer).__name__, one.at) for one in effects if isinstance(one, SetTimer) and isinstance(one.timer, PreviewDue | BidsDue)
+    ]
 
 
 def sent(effects: list[Effect]) -> list[FrpBody]:
@@ -163,7 +165,7 @@ def test_what_is_stated_twice_by_one_message_is_one_preview() -> None:
             Previewed(steps=(), explanation="no way", reasons=("no", "way"), obstacles=(clients.Obstacle.PROMISED,)),
         ),
         (
-            Trouble("out of memory"),
+            ErrorAnswer("out of memory"),
             Previewed(steps=(), explanation="planning failed: out of memory", reasons=("planning failed: out of memory",)),
         ),
     ],
@@ -278,8 +280,8 @@ def test_all_who_give_no_terms_are_named() -> None:
 def test_who_cannot_be_reached_gives_no_terms() -> None:
     inquiry = Inquiry(Desk("Robot1", "Robot2"))
     (first, second) = [one.message for one in inquiry.effects if isinstance(one, Send) and isinstance(one.message.body, frp.Arrange)]
-    assert bodies(inquiry.desk.give(Undelivered(first, "no route"), 11.0)) == ["Cancel"]
-    found = came(inquiry.desk.give(Undelivered(second, "no power"), 11.0))
+    assert bodies(inquiry.desk.give(DeliveryFailed(first, "no route"), 11.0)) == ["Cancel"]
+    found = came(inquiry.desk.give(DeliveryFailed(second, "no power"), 11.0))
     assert [reason for *_, reason in quoted(found)] == ["could not be reached: no route", "could not be reached: no power"]
 
 
@@ -295,7 +297,7 @@ def test_who_does_not_answer_in_time_is_put_down_with_what_it_asked_last() -> No
     desk = Desk("Robot1", "Robot2")
     desk.manager.state.quotes.given(ONE, 8.0, 40.0)
     inquiry = Inquiry(desk)
-    assert inquiry.rings(BidsDue(inquiry.state.id, 0), 11.9) == [Wake(BidsDue(inquiry.state.id, 0), 12.0)]
+    assert inquiry.rings(BidsDue(inquiry.state.id, 0), 11.9) == [SetTimer(BidsDue(inquiry.state.id, 0), 12.0)]
     effects = inquiry.rings(BidsDue(inquiry.state.id, 0), 12.0)
     found = came(effects)
     assert quoted(found) == [("step1", ONE, 8.0, True, True, MUTE), ("step1", TWO, None, False, False, MUTE)]

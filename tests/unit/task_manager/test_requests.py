@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.kernel.component import Send, Wake
+from somrs.kernel.component import Send, SetTimer
 from somrs.ontology.services import ServiceType
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Discover, Discovered, Offer
@@ -50,8 +50,8 @@ def test_a_request_has_an_id_of_its_own_and_is_sent_for_a_while() -> None:
     assert isinstance(send, Send)
     header = send.message.header
     assert (header.sender, header.recipient, header.message_id, header.reply_to) == ("tm", "repository", id, "tm")
-    assert (send.message.body, send.until) == (UPDATE, 110.0)
-    assert wake == Wake(AnswerDue(id), 115.0)
+    assert (send.message.body, send.expires_at) == (UPDATE, 110.0)
+    assert wake == SetTimer(AnswerDue(id), 115.0)
     requests.start(900.0)
     assert requests.incarnation == 100.0
     send, _ = requests.discover(PLAN, 200.0)
@@ -65,7 +65,7 @@ def test_what_was_reported_is_answered() -> None:
     carried_out(requests.update(UPDATE, REPORT, 100.0))
     id = asked(requests).header.message_id
     effects, came = answer(requests, Updated(version=3))
-    assert effects == [Wake(AnswerDue(id), None)]
+    assert effects == [SetTimer(AnswerDue(id), None)]
     assert isinstance(came, ReportAnswered)
     assert (came.purpose, came.answer.body) == (REPORT, Updated(version=3))
 
@@ -100,10 +100,10 @@ def test_a_request_without_an_answer_is_sent_again_until_its_time_is_over() -> N
     requests = asking()
     carried_out(requests.discover(PLAN, 100.0))
     message, timer = asked(requests), AnswerDue(asked(requests).header.message_id)
-    assert carried_out(requests.ring(timer, 115.0)) == ([Send(message, 125.0), Wake(timer, 130.0)], None)
-    assert carried_out(requests.ring(timer, 129.0)) == ([Send(message, 130.0), Wake(timer, 135.0)], None)
+    assert carried_out(requests.ring(timer, 115.0)) == ([Send(message, 125.0), SetTimer(timer, 130.0)], None)
+    assert carried_out(requests.ring(timer, 129.0)) == ([Send(message, 130.0), SetTimer(timer, 135.0)], None)
     effects, came = carried_out(requests.ring(timer, 130.0))
-    assert effects == [Wake(timer, None)]
+    assert effects == [SetTimer(timer, None)]
     assert came == ServicesKnown(PLAN, "the Service Registry answered: registry does not answer")
     assert carried_out(requests.ring(timer, 145.0)) == ([], None)
 
@@ -112,7 +112,7 @@ def test_a_request_that_does_not_arrive_is_sent_again_too() -> None:
     requests = asking()
     carried_out(requests.update(UPDATE, REPORT, 100.0))
     message, timer = asked(requests), AnswerDue(asked(requests).header.message_id)
-    assert carried_out(requests.undelivered(message, "no route", 86_499.0)) == ([Send(message, 86_500.0), Wake(timer, 86_505.0)], None)
+    assert carried_out(requests.undelivered(message, "no route", 86_499.0)) == ([Send(message, 86_500.0), SetTimer(timer, 86_505.0)], None)
     _, came = carried_out(requests.undelivered(message, "no route", 86_500.0))
     assert isinstance(came, ReportAnswered)
     assert came.answer.body == Fault(code="env:Receiver", text="repository could not be reached: no route")

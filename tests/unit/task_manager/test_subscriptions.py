@@ -7,7 +7,7 @@ import math
 import pytest
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Wake
+from somrs.kernel.component import SetTimer
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.bodies import Body
@@ -41,7 +41,7 @@ def watching(*tasks: TaskState) -> tuple[Subscriptions, SubscriptionsOf]:
 
 
 def answers(reply: Replies) -> list[Body]:
-    return [one[1] for one in reply if not isinstance(one, Wake)]
+    return [one[1] for one in reply if not isinstance(one, SetTimer)]
 
 
 def asked(subscriptions: SubscriptionsOf, wanted: WatchTask | WatchTasks) -> list[Body]:
@@ -83,7 +83,7 @@ def test_since_when_tasks_are_known_is_kept() -> None:
 def test_a_client_waits_as_long_as_it_wants_and_a_minute_at_most(wanted: type, wait: float, until: float) -> None:
     state, subscriptions = watching(task())
     body = WatchTask(task="a", wait=wait) if wanted is WatchTask else WatchTasks(wait=wait)
-    assert [*subscriptions.wait(request(body), body, 100.0)] == [Wake(NewsDue("request"), until)]
+    assert [*subscriptions.wait(request(body), body, 100.0)] == [SetTimer(NewsDue("request"), until)]
     assert [(id, watcher.request, watcher.wanted) for id, watcher in state.watchers.items()] == [("request", request(body), body)]
 
 
@@ -109,10 +109,10 @@ def test_who_waits_hears_what_happened_and_others_wait_on() -> None:
     one.events.append(Noted(3.0, events.Planned(steps=1), "step1", GoalKind.TASK))
     touched: dict[str, None] = {"a": None, "gone": None}
     told = [*subscriptions.tell(touched)]
-    assert told[0] == Wake(NewsDue("a"), None)
+    assert told[0] == SetTimer(NewsDue("a"), None)
     assert told[1] == (request(WatchTask(task="a"), "a"), TaskNews(view=view(one), events=(event_view(1, one.events[0]),)))
-    assert told[2] == Wake(NewsDue("all"), None)
-    assert [one[1] for one in told if not isinstance(one, Wake)][1] == rows(subscriptions, 0)
+    assert told[2] == SetTimer(NewsDue("all"), None)
+    assert [one[1] for one in told if not isinstance(one, SetTimer)][1] == rows(subscriptions, 0)
     assert len(told) == 4
     assert ([*state.watchers], touched, state.version, state.changed) == (["b"], {}, 1, {"a": 1})
 

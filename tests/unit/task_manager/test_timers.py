@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec import Struct
 
-from somrs.kernel.codec import Codec, encoded
+from somrs.kernel.codec import Codec, encode
 from somrs.kernel.replica import ReplicaDue
 from somrs.task_manager.requests import ForLook, ForPlan, ForReport, Purpose
 from somrs.task_manager.timers import (
@@ -46,4 +46,4 @@ PURPOSES: list[Purpose] = [ForPlan("t", 1, 2), ForLook("t", 3), ForReport("t")]
     ],
 )
 def test_what_is_kept_is_read_back(kept: Kept) -> None:
-    assert Codec[Kept](Kept).decoded(encoded(kept)) == kept
+    assert Codec[Kept](Kept).decode(encode(kept)) == kept

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from msgspec import structs
 
-from somrs.kernel.component import Ask, Effects, Lost, Withdraw
+from somrs.kernel.component import AnswerLost, Ask, Effects, Withdraw
 from somrs.protocol.frp.session import service_of
 from somrs.protocol.frp.states import WORKING
 from somrs.protocol.messages import frp
@@ -123,7 +123,7 @@ class DeviceWork:
             job.verdict = failure(activity, value.description, job.situation)
             yield from self._conclude(job, now)
             return
-        if job.verdict is None and isinstance(value, Lost) and job.session.state in WORKING:
+        if job.verdict is None and isinstance(value, AnswerLost) and job.session.state in WORKING:
             job.verdict = self._restart(job)
         elif job.verdict is None:
             job.verdict = failure(activity, str(value), job.situation)

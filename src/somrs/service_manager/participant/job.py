@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct, field
 
-from somrs.kernel.component import Effects, Wake
+from somrs.kernel.component import Effects, SetTimer
 from somrs.protocol.frp.session import ParticipantSession
 from somrs.protocol.frp.states import RESUMES
 from somrs.protocol.messages import frp
@@ -56,7 +56,7 @@ class Job(Struct, kw_only=True):
             self.timers.remove(timer)
         else:
             return
-        yield Wake(timer, at)
+        yield SetTimer(timer, at)
 
 
 class Jobs(Struct):

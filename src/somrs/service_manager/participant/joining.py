@@ -9,7 +9,7 @@ from enum import StrEnum
 from msgspec import Struct
 
 from somrs.entish.parse import nearest
-from somrs.kernel.component import Ask, Effects, Send, Wake
+from somrs.kernel.component import Ask, Effects, Send, SetTimer
 from somrs.ontology.objects import Object, ObjectAdded
 from somrs.ontology.services import ServiceType
 from somrs.protocol.messages.bodies import Body
@@ -75,7 +75,7 @@ class Joining(Struct, kw_only=True):
 
     def leave(self, now: float) -> Effects:
         self.step = Step.LEFT
-        yield Wake(JoiningDue(), None)
+        yield SetTimer(JoiningDue(), None)
         yield self._ask(self.registry, Retract(provider=self.profile.name), now)
 
     def ring(self, now: float) -> Effects:
@@ -104,7 +104,7 @@ class Joining(Struct, kw_only=True):
             case Updated():
                 yield from self._go(Step.PUBLISH, now)
             case Published(renew_within=within):
-                yield Wake(JoiningDue(), now + within * 0.7)
+                yield SetTimer(JoiningDue(), now + within * 0.7)
                 if not self.joined:
                     self.joined = True
                     names = ", ".join(offer.service for offer in self._offers())
@@ -158,7 +158,7 @@ class Joining(Struct, kw_only=True):
             case Step.LEFT:
                 return
         yield self._ask(to, body, now)
-        yield Wake(JoiningDue(), now + PATIENCE)
+        yield SetTimer(JoiningDue(), now + PATIENCE)
 
     def _ask(self, to: str, body: Body, now: float) -> Send:
         self.asked += 1
@@ -180,5 +180,5 @@ class Joining(Struct, kw_only=True):
         )
 
     def _trouble(self, text: str) -> Effects:
-        yield Wake(JoiningDue(), None)
+        yield SetTimer(JoiningDue(), None)
         yield Ask(ReportWanted(), Report(f"{self.profile.name} cannot join: {text}", joined=False))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from somrs.kernel.component import Doing, Effects, Send, Wake
+from somrs.kernel.component import Effects, EffectsReturning, Send, SetTimer
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, UpdateMap
@@ -60,10 +60,10 @@ class MapReports(Struct, kw_only=True):
         """Whether it is the report on its way."""
         return self.ready and bool(self.pending) and self.pending[0].id == id
 
-    def answered(self, answer: Message, now: float) -> Doing[str]:
+    def answered(self, answer: Message, now: float) -> EffectsReturning[str]:
         """The Repository answered the report on its way. What is wrong with it, in words."""
         report = self.pending.pop(0)
-        yield Wake(ReportDue(), None)
+        yield SetTimer(ReportDue(), None)
         yield from self._send(now)
         match answer.body:
             case Rejected(problems=problems):
@@ -84,4 +84,4 @@ class MapReports(Struct, kw_only=True):
         header = Header(sender=self.address, recipient=self.repository, message_id=report.id, reply_to=self.address)
         until = min(now + PATIENCE, report.until)
         yield Send(Message(header=header, body=UpdateMap(situation=report.situation, author=report.author)), until)
-        yield Wake(ReportDue(), until + PATIENCE / 2)
+        yield SetTimer(ReportDue(), until + PATIENCE / 2)

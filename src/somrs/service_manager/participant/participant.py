@@ -12,7 +12,7 @@ from msgspec import structs
 
 from somrs.errors import FormulaError, WireError
 from somrs.kernel.codec import Schema
-from somrs.kernel.component import Answered, Ask, Effect, Effects, Input, Notified, Rang, Received, Send, Started, Undelivered
+from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, Effects, Input, Notified, Received, Send, Started, TimerFired
 from somrs.protocol.frp.session import NOT_ALLOWED, ParticipantBody, ParticipantSession, service_of
 from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT, WORKING
 from somrs.protocol.messages import frp
@@ -121,11 +121,11 @@ class ServiceManager:
                 yield from self._start(address, now)
             case Received(message):
                 yield from self._received(message, now)
-            case Rang(timer):
+            case TimerFired(timer):
                 yield from self._ring(timer, now)  # type: ignore[arg-type]  # only its own timers ring
             case Answered(WorkWanted() as question, value):
                 yield from self._answered(question, value, now)
-            case Undelivered(message):
+            case DeliveryFailed(message):
                 yield from self._undelivered(message, now)
             case Notified(notice):
                 yield from self._notified(notice, now)  # type: ignore[arg-type]  # its program tells it nothing else
@@ -389,7 +389,7 @@ SCHEMA = Schema(
     restore=ServiceManager.restored,
     # An author's coroutine ends with its process. What it costs can be worked out anew, and a safe state has to be reached anyhow.
     volatile=(Perform, Undo, Report),
-    failure=answer_of,
-    moves=True,
+    error_to_answer=answer_of,
+    relocatable=True,
 )
 """What its journal is made of."""

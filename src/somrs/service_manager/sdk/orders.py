@@ -7,7 +7,7 @@ from __future__ import annotations
 from msgspec import Struct
 
 from somrs.errors import InputError, SomrsError
-from somrs.kernel.component import Lost, Partial, Trouble
+from somrs.kernel.component import AnswerLost, ErrorAnswer, PartialAnswer
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
 from somrs.protocol.messages.knowledge import Definitions
@@ -107,7 +107,7 @@ class Refused(Struct, frozen=True, tag=True):
     reason: str
 
 
-class Advance(Partial, frozen=True, kw_only=True, tag=True):
+class Advance(PartialAnswer, frozen=True, kw_only=True, tag=True):
     """How far the work is."""
 
     fraction: float
@@ -129,7 +129,7 @@ class Failure(Struct, frozen=True, tag=True):
     situation: str | None = None
 
 
-Answer = Quoted | Refused | Advance | Done | Failure | Trouble | Lost | None
+Answer = Quoted | Refused | Advance | Done | Failure | ErrorAnswer | AnswerLost | None
 
 
 class Refusal(SomrsError):
@@ -151,7 +151,7 @@ class ServiceFailed(SomrsError):
         return self.description
 
 
-def answer_of(error: BaseException) -> Refused | Failure | Trouble:
+def answer_of(error: BaseException) -> Refused | Failure | ErrorAnswer:
     """What an author's code raised, as an answer; with its class, unless it is an exception that is meant to be read."""
     match error:
         case Refusal(reason=reason):
@@ -159,6 +159,6 @@ def answer_of(error: BaseException) -> Refused | Failure | Trouble:
         case ServiceFailed(description=description, situation=situation):
             return Failure(description, situation)
         case InputError():
-            return Trouble(str(error))
+            return ErrorAnswer(str(error))
         case _:
-            return Trouble(f"{type(error).__name__}: {error}")
+            return ErrorAnswer(f"{type(error).__name__}: {error}")

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from msgspec import Struct, field
 
-from somrs.kernel.component import Doing, Effects, Wake
+from somrs.kernel.component import Effects, EffectsReturning, SetTimer
 from somrs.planner.model.choice import assign_provider
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages import frp
@@ -89,7 +89,7 @@ class Calls(Struct, kw_only=True):
         at = min((call.until for call in self.pending.values()), default=None)
         if at != self.woken:
             self.woken = at
-            yield Wake(self.timer, at)
+            yield SetTimer(self.timer, at)
 
 
 class Arrangement:
@@ -120,7 +120,7 @@ class Arrangement:
             run.lapsed.add(service)
         member.bid = None
 
-    def award(self, call: Call, task: Submit, taken: Commitments, broken: Collection[str], now: float) -> Doing[Member | None]:
+    def award(self, call: Call, task: Submit, taken: Commitments, broken: Collection[str], now: float) -> EffectsReturning[Member | None]:
         """Accept the terms that the policy prefers; everybody else is dismissed, and so is what broke at other work meanwhile."""
         run, participants = self.run(call), self._participants
         for member in self.invited(call):
@@ -160,7 +160,7 @@ class Arrangement:
 
     def call(
         self, run: StepRun, offers: Sequence[Offer], earliest: float, latest: float | None, now: float, seconds: float = REPLY_TIME
-    ) -> Doing[Call]:
+    ) -> EffectsReturning[Call]:
         """Send Arrange to all of them, who have so many seconds to answer."""
         self._workflow.move(run, Progress.ARRANGING)
         inputs = {name: str(term) for name, term in run.step.inputs.items()}

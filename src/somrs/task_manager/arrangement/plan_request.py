@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
-from somrs.kernel.component import Ask, Doing, Effects, Withdraw
+from somrs.kernel.component import Ask, Effects, EffectsReturning, Withdraw
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
@@ -57,7 +57,7 @@ class PlanRequester:
     def begin(self, now: float) -> Effects:
         yield from self._context.requests.discover(self._request.purpose, now)
 
-    def discovered(self, offers: tuple[Offer, ...] | str) -> Doing[Found | None]:
+    def discovered(self, offers: tuple[Offer, ...] | str) -> EffectsReturning[Found | None]:
         """The services on offer are known, or why they cannot be. What came of it, unless the planner was asked."""
         if isinstance(offers, str):
             return offers
@@ -65,7 +65,7 @@ class PlanRequester:
         self._request.avoided = self._context.reservations.taken(self._request.owner)
         return (yield from self._ask())
 
-    def _ask(self) -> Doing[Found | None]:
+    def _ask(self) -> EffectsReturning[Found | None]:
         request, context = self._request, self._context
         avoided = request.avoided if not request.regardless else frozenset()
         try:
@@ -81,7 +81,7 @@ class PlanRequester:
         yield Ask(request.question, task)
         return None
 
-    def answered(self, value: Answer) -> Doing[Found | None]:
+    def answered(self, value: Answer) -> EffectsReturning[Found | None]:
         """The planner answered. What came of it, unless it was asked once more."""
         request = self._request
         if isinstance(value, NoPlan) and request.avoided and not request.regardless:
@@ -91,7 +91,7 @@ class PlanRequester:
             return (yield from self._found(value))
         return value
 
-    def _found(self, plan: Plan) -> Doing[Found | None]:
+    def _found(self, plan: Plan) -> EffectsReturning[Found | None]:
         request, reservations = self._request, self._context.reservations
         wanted = reservation(plan.steps, parse(request.task.effect), self._context.replica.ontology)
         conflicts = reservations.conflicts(request.owner, wanted)

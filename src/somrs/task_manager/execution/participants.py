@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from msgspec import Struct, field, structs
 
-from somrs.kernel.component import Doing, Effect, Effects, Send, Wake
+from somrs.kernel.component import Effect, Effects, EffectsReturning, Send, SetTimer
 from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, ReceiveResult, participant_id
 from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDING_STATES, WORKING
 from somrs.protocol.messages import events, frp
@@ -85,7 +85,7 @@ class Participants:
 
     # Speaking
 
-    def invite(self, offer: Offer, label: str, step: str, arrange: frp.Arrange, now: float, seconds: float) -> Doing[Member]:
+    def invite(self, offer: Offer, label: str, step: str, arrange: frp.Arrange, now: float, seconds: float) -> EffectsReturning[Member]:
         """Ask a service, as a participant of its own however often it was asked before. `step` is the step's own name among all
         plans of the transaction, `label` the one that people know."""
         member = self.known(offer, label, step)
@@ -108,7 +108,7 @@ class Participants:
     def execute(self, member: Member, execute: frp.Execute, now: float) -> Effects:
         yield from self._have_begin(member, execute, now)
 
-    def compensate(self, member: Member, situation: str, now: float) -> Doing[bool]:
+    def compensate(self, member: Member, situation: str, now: float) -> EffectsReturning[bool]:
         """Have it undo what it did. Whether it can be told to."""
         if frp.Compensate not in COORDINATOR_SENDS.get(member.state, {}):
             return False
@@ -175,7 +175,7 @@ class Participants:
 
     # Hearing
 
-    def receive(self, message: Message, now: float) -> Doing[tuple[Member, ReceiveResult] | None]:
+    def receive(self, message: Message, now: float) -> EffectsReturning[tuple[Member, ReceiveResult] | None]:
         """Who said it, and what it meant; None when it is from nobody that was invited."""
         member = self._members.get(message.header.participant)
         if member is None:
@@ -199,7 +199,7 @@ class Participants:
             yield from self._watch(member, now)
         return member, heard
 
-    def undelivered(self, message: Message, reason: str, now: float) -> Doing[Member | None]:
+    def undelivered(self, message: Message, reason: str, now: float) -> EffectsReturning[Member | None]:
         """A message never arrived. The participant, if it is out because of that."""
         member = self._members.get(message.header.participant)
         if member is None:
@@ -221,26 +221,26 @@ class Participants:
 
     # Silence, and lateness
 
-    def silent(self, participant: str, now: float) -> Doing[Member | None]:
+    def silent(self, participant: str, now: float) -> EffectsReturning[Member | None]:
         """The heartbeat of one that works may have stopped: ask it, and after as long again give it up, and return it. One that was
         never heard to begin may have begun at the last moment at which it might, and is waited for from then on."""
         member = self._members.get(participant)
         if member is None or member.state not in WORKING:
             return None
         if now - member.heard_at < SILENCE - 0.001:
-            yield Wake(self._silence(member), member.heard_at + SILENCE)
+            yield SetTimer(self._silence(member), member.heard_at + SILENCE)
         elif not member.queried:
             member.queried = True
             until = _at_rest(member, now)
             yield from self._send(member, frp.Query(), now, until - now)
-            yield Wake(self._silence(member), until)
+            yield SetTimer(self._silence(member), until)
             self._tell(events.ServiceSilent(service=member.offer.service), now)
         else:
             yield from self.give_up(member)
             return member
         return None
 
-    def overdue(self, participant: str, now: float) -> Doing[Member | None]:
+    def overdue(self, participant: str, now: float) -> EffectsReturning[Member | None]:
         """It takes far longer than it said. One that executes is stopped; one that undoes is sent home, which stops it, too; one that
         does not come to an end then is given up, and returned."""
         member = self._members.get(participant)
@@ -256,7 +256,7 @@ class Participants:
         if member.state is State.EXECUTING:
             self._tell(events.ServiceOverdue(service=member.offer.service), now)
             yield from self.halt(member, "it takes far longer than it said", now)
-            yield Wake(self._overdue(member), now + LEAST_TIME)
+            yield SetTimer(self._overdue(member), now + LEAST_TIME)
             return None
         yield from self.give_up(member)
         return member
@@ -266,7 +266,7 @@ class Participants:
         yield from self.give_up(member)
         yield from self._send(member, frp.End(outcome=Outcome.FAILED), now, GOODBYE_TIME)
         member.halting = True
-        yield Wake(self._overdue(member), _at_rest(member, now))
+        yield SetTimer(self._overdue(member), _at_rest(member, now))
 
     def give_up(self, member: Member) -> Effects:
         """It may do anything from now on, but nobody waits for it."""
@@ -280,12 +280,12 @@ class Participants:
         terms = member.session.terms
         seconds = max(LEAST_TIME, LATENESS * terms.duration if terms is not None else 0.0)
         start = max(now, member.bid.start if member.bid is not None else now)
-        yield Wake(self._silence(member), now + SILENCE)
-        yield Wake(self._overdue(member), start + seconds)
+        yield SetTimer(self._silence(member), now + SILENCE)
+        yield SetTimer(self._overdue(member), start + seconds)
 
     def _unwatch(self, member: Member) -> Effects:
-        yield Wake(self._silence(member), None)
-        yield Wake(self._overdue(member), None)
+        yield SetTimer(self._silence(member), None)
+        yield SetTimer(self._overdue(member), None)
 
     def _silence(self, member: Member) -> SilenceDue:
         return SilenceDue(self._transaction, member.id)

@@ -12,7 +12,7 @@ from enum import StrEnum
 
 from msgspec import Struct
 
-from somrs.kernel.component import Doing
+from somrs.kernel.component import EffectsReturning
 from somrs.ontology.services import Occasion
 from somrs.protocol.messages import events
 from somrs.protocol.messages.clients import Submit
@@ -75,7 +75,7 @@ class Compensation:
         self._state, self._owner, self._task, self._log = state, owner, task, log
         self._members, self._participants, self._context, self._tell = members, participants, context, tell
 
-    def proceed(self, now: float) -> Doing[bool | ToRestore]:
+    def proceed(self, now: float) -> EffectsReturning[bool | ToRestore]:
         """Go on. Whether everything was gone through; or a formula that is to be pursued: `achieved` or `tried` is called then."""
         state = self._state
         while not state.pursued:
@@ -107,7 +107,7 @@ class Compensation:
         """What was pursued could not be had."""
         self._state.pursued = False
 
-    def _attempt(self, attempt: Attempt, work: Work, now: float) -> Doing[str | None]:
+    def _attempt(self, attempt: Attempt, work: Work, now: float) -> EffectsReturning[str | None]:
         """Undo it so. The formula that is to be pursued for that, if any."""
         match attempt:
             case Attempt.HANDLER:

@@ -11,7 +11,7 @@ from msgspec import Struct, field
 from somrs.entish import Name
 from somrs.entish.formula import Attribute, Comparison, Truth, substitute
 from somrs.entish.parse import parse
-from somrs.kernel.component import Doing, Effects
+from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.objects import Change, Fact, FactRemoved, Map, ValueSet
 from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import UNKNOWN, Ontology
@@ -106,7 +106,7 @@ class Observation:
         state.asking = Look(object=unseen.object, work=unseen.work, since=since, serial=state.begun)
         yield from self._context.requests.discover(ForLook(self._owner, state.begun), now)
 
-    def discovered(self, purpose: ForLook, offers: tuple[Offer, ...] | str, now: float) -> Doing[LookBy | None]:
+    def discovered(self, purpose: ForLook, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[LookBy | None]:
         """The services on offer are known, or why they cannot be. Who is to look, if anybody can."""
         look = self._state.asking
         if look is None or look.serial != purpose.serial:
@@ -118,7 +118,7 @@ class Observation:
             look.ways = ways(look.object, offers, replica.map, replica.ontology)
         return (yield from self.next_way(look, now))
 
-    def next_way(self, look: Look, now: float) -> Doing[LookBy | None]:
+    def next_way(self, look: Look, now: float) -> EffectsReturning[LookBy | None]:
         """Have it looked at in the next way; without any, nothing is assumed about the object."""
         work = self._log.numbered(look.work)
         if look.ways:

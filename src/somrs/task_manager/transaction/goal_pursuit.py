@@ -10,7 +10,7 @@ from __future__ import annotations
 from msgspec import structs
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Doing, Effects
+from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.protocol.messages import events, frp
@@ -43,7 +43,7 @@ class GoalPursuit:
 
     # Planning
 
-    def begin(self, now: float, plan: Plan | None = None) -> Doing[Next | None]:
+    def begin(self, now: float, plan: Plan | None = None) -> EffectsReturning[Next | None]:
         """Have a plan made, or take this one and no other."""
         if plan is None:
             yield from self._plan(now)
@@ -69,7 +69,7 @@ class GoalPursuit:
     def _requester(self, request: PlanRequest) -> PlanRequester:
         return PlanRequester(request, self._services, self._context, self._execution.workflow)
 
-    def discovered(self, serial: int, offers: tuple[Offer, ...] | str, now: float) -> Doing[Next | None]:
+    def discovered(self, serial: int, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[Next | None]:
         """The services on offer are known; to a plan that is not wanted any more it means nothing."""
         request = self._execution.request
         if request is None or request.serial != serial:
@@ -77,7 +77,7 @@ class GoalPursuit:
         found = yield from self._requester(request).discovered(offers)
         return (yield from self._planned(found, now)) if found is not None else None
 
-    def planned(self, question: PlanWanted, answer: Answer, now: float) -> Doing[Next | None]:
+    def planned(self, question: PlanWanted, answer: Answer, now: float) -> EffectsReturning[Next | None]:
         """The planner's answer; to a plan that is not wanted any more it means nothing."""
         request = self._execution.request
         if request is None or request.question != question:
@@ -85,7 +85,7 @@ class GoalPursuit:
         found = yield from self._requester(request).answered(answer)
         return (yield from self._planned(found, now)) if found is not None else None
 
-    def _planned(self, found: Found, now: float) -> Doing[Next | None]:
+    def _planned(self, found: Found, now: float) -> EffectsReturning[Next | None]:
         self._execution.request = None
         match found:
             case Plan():
@@ -104,7 +104,7 @@ class GoalPursuit:
             case _:
                 return (yield from self._fail((f"planning failed: {found}",), now))
 
-    def without_plan(self, reasons: tuple[str, ...], now: float) -> Doing[Next | None]:
+    def without_plan(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[Next | None]:
         """There is none, and nothing can be undone so that there may be one."""
         if again := self._services.once_more():
             self._tell(events.TriedOnceMore(services=named(again)), now)
@@ -130,7 +130,7 @@ class GoalPursuit:
         self._execution.waits, self._execution.goes_on = None, True
         self._tell(events.GoesOn(), now)
 
-    def _take(self, plan: Plan, now: float) -> Doing[Next | None]:
+    def _take(self, plan: Plan, now: float) -> EffectsReturning[Next | None]:
         execution = self._execution
         execution.replans.planned(len(plan.steps))
         old = execution.workflow
@@ -163,7 +163,7 @@ class GoalPursuit:
 
     # Arranging
 
-    def proceed(self, now: float) -> Doing[Next | None]:
+    def proceed(self, now: float) -> EffectsReturning[Next | None]:
         """Do whatever comes next. Nothing does while a plan is being made."""
         execution = self._execution
         workflow = execution.workflow
@@ -195,7 +195,7 @@ class GoalPursuit:
                     return (yield from self._replan(now, reasons))
         return None
 
-    def _arrange(self, run: StepRun, now: float) -> Doing[tuple[bool, Next | None]]:
+    def _arrange(self, run: StepRun, now: float) -> EffectsReturning[tuple[bool, Next | None]]:
         """Ask every able service for terms. One that had the step and came back has to stop first: its report is awaited. Whether the
         plan stands: there may be nobody to ask."""
         calls = self._execution.calls
@@ -223,7 +223,7 @@ class GoalPursuit:
             yield from self._arrangement.withdraw(call, reason, now)
         yield from calls.drop()
 
-    def bids_due(self, now: float) -> Doing[Next | None]:
+    def bids_due(self, now: float) -> EffectsReturning[Next | None]:
         """The time to answer Arrange is over."""
         calls = self._execution.calls
         due = [*calls.due(now)]
@@ -232,7 +232,7 @@ class GoalPursuit:
         yield from calls.wake()
         return GoOn() if due else None
 
-    def offers(self, member: Member, terms: frp.Terms, id: str, now: float) -> Doing[Next | None]:
+    def offers(self, member: Member, terms: frp.Terms, id: str, now: float) -> EffectsReturning[Next | None]:
         """Terms came."""
         service = member.offer.service
         self._context.quotes.given(service, terms.price, terms.duration)
@@ -248,7 +248,7 @@ class GoalPursuit:
         yield from self._choose(call, now)
         return GoOn()
 
-    def left(self, member: Member, reason: str, now: float) -> Doing[Next | None]:
+    def left(self, member: Member, reason: str, now: float) -> EffectsReturning[Next | None]:
         """A participant is out before it did anything."""
         call = self._execution.calls.of(member)
         if call is not None:
@@ -284,7 +284,7 @@ class GoalPursuit:
 
     # Recovering
 
-    def _begin_recovery(self, run: StepRun, reasons: tuple[str, ...], now: float) -> Doing[Next | None]:
+    def _begin_recovery(self, run: StepRun, reasons: tuple[str, ...], now: float) -> EffectsReturning[Next | None]:
         """The step is nobody's now, and something has to be done about it."""
         begun = run.failure is not None
         looked = self._execution.kind is GoalKind.LOOK  # that the map does not call a thing unknown is no finding
@@ -297,7 +297,7 @@ class GoalPursuit:
             return StepLost(run.step.id, reasons)
         return (yield from self.recover(run.step.id, reasons, now))
 
-    def recover(self, step: str, reasons: tuple[str, ...], now: float) -> Doing[Next | None]:
+    def recover(self, step: str, reasons: tuple[str, ...], now: float) -> EffectsReturning[Next | None]:
         """Climb the ladder."""
         run, services = self._workflow.runs[step], self._services
         begun = run.failure is not None
@@ -321,7 +321,7 @@ class GoalPursuit:
                     services.exclude(run.excluded)
                 return (yield from self._replan(now, reasons))
 
-    def _replan(self, now: float, reasons: tuple[str, ...]) -> Doing[Next | None]:
+    def _replan(self, now: float, reasons: tuple[str, ...]) -> EffectsReturning[Next | None]:
         """From the map as it is now to the goal; what runs is awaited first."""
         execution = self._execution
         assert execution.workflow is not None or execution.replan_because is not None
@@ -341,14 +341,14 @@ class GoalPursuit:
 
     # Ending
 
-    def _finish(self, now: float) -> Doing[Next | None]:
+    def _finish(self, now: float) -> EffectsReturning[Next | None]:
         execution = self._execution
         if execution.fixed or known_to_hold(parse(execution.goal), self._context.replica):
             return Reached()
         goal = "the goal" if execution.kind is GoalKind.TASK else execution.goal
         return (yield from self._replan(now, (f"every step was done, but {goal} does not hold",)))
 
-    def _fail(self, reasons: tuple[str, ...], now: float) -> Doing[Next | None]:
+    def _fail(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[Next | None]:
         yield from self._withdraw("the plan was given up", now)
         yield from self.abandon()
         for run in self._execution:

@@ -5,7 +5,7 @@ what became of work, so that the task can go on.
 from __future__ import annotations
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Doing, Effects
+from somrs.kernel.component import Effects, EffectsReturning
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import join_reasons, loss_text
@@ -33,7 +33,7 @@ class ParticipantEvents:
     def __init__(self, scope: TaskScope) -> None:
         self._scope, self._state = scope, scope.state
 
-    def receive(self, message: Message, now: float) -> Doing[GoesOn]:
+    def receive(self, message: Message, now: float) -> EffectsReturning[GoesOn]:
         """A message of the protocol from a participant."""
         received = yield from self._scope.participants.receive(message, now)
         if received is None:
@@ -45,7 +45,7 @@ class ParticipantEvents:
             yield from self._heard_late(member, message, now)
         return None
 
-    def undelivered(self, message: Message, reason: str, now: float) -> Doing[GoesOn]:
+    def undelivered(self, message: Message, reason: str, now: float) -> EffectsReturning[GoesOn]:
         """A message never arrived."""
         member = yield from self._scope.participants.undelivered(message, reason, now)
         return (yield from self._left(member, member.last_word, now)) if member is not None else None
@@ -63,7 +63,7 @@ class ParticipantEvents:
     def _tell(self, event: Event, run: StepRun | None, now: float) -> None:
         self._scope.tell(event, now, run)
 
-    def _heard(self, member: Member, message: Message, now: float) -> Doing[GoesOn]:
+    def _heard(self, member: Member, message: Message, now: float) -> EffectsReturning[GoesOn]:
         name = member.offer.service
         execution, run = self._at(member)
         match message.body:
@@ -94,7 +94,7 @@ class ParticipantEvents:
             case _:
                 return (yield from self._heard_of_undoing(member, run, message, now))
 
-    def _heard_of_undoing(self, member: Member, run: StepRun | None, message: Message, now: float) -> Doing[GoesOn]:
+    def _heard_of_undoing(self, member: Member, run: StepRun | None, message: Message, now: float) -> EffectsReturning[GoesOn]:
         name = member.offer.service
         match message.body:
             case frp.Compensated(situation=situation):
@@ -123,7 +123,7 @@ class ParticipantEvents:
                 work.situation = progress.situation
             yield from self._put_on_map(member, progress.situation, OfProgress(member.id), now)
 
-    def _left(self, member: Member, reason: str, now: float) -> Doing[GoesOn]:
+    def _left(self, member: Member, reason: str, now: float) -> EffectsReturning[GoesOn]:
         """A participant is out before it did anything."""
         member.last_word = reason
         work = self._state.log.of(member)
@@ -135,7 +135,7 @@ class ParticipantEvents:
         next = yield from self._pursuit(execution).left(member, reason, now)
         return (execution, next) if next is not None else None
 
-    def _reported(self, member: Member, situation: str | None, trouble: str | None, now: float) -> Doing[GoesOn]:
+    def _reported(self, member: Member, situation: str | None, trouble: str | None, now: float) -> EffectsReturning[GoesOn]:
         """A participant's work, or its undoing, is over. What it left is on the map before anything is planned or arranged on it."""
         member.reported = True
         execution, run = self._at(member)
@@ -204,14 +204,14 @@ class ParticipantEvents:
 
     # Silence
 
-    def silent(self, participant: str, now: float) -> Doing[GoesOn]:
+    def silent(self, participant: str, now: float) -> EffectsReturning[GoesOn]:
         """The heartbeat of a working service may have stopped."""
         member = yield from self._scope.participants.silent(participant, now)
         if member is None or self._state.outcome is not None:
             return None
         return self.lost(member, events.ServiceLost(service=member.offer.service, silent=True), now)
 
-    def overdue(self, participant: str, now: float) -> Doing[GoesOn]:
+    def overdue(self, participant: str, now: float) -> EffectsReturning[GoesOn]:
         """A working service may take far longer than it said."""
         member = yield from self._scope.participants.overdue(participant, now)
         if member is None or self._state.outcome is not None:

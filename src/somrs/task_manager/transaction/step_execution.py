@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Doing
+from somrs.kernel.component import EffectsReturning
 from somrs.protocol.messages import events, frp
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
@@ -17,7 +17,7 @@ class StepExecution:
     def __init__(self, execution: GoalExecution, scope: TaskScope) -> None:
         self._execution, self._scope = execution, scope
 
-    def begin(self, run: StepRun, now: float) -> Doing[tuple[str, ...]]:
+    def begin(self, run: StepRun, now: float) -> EffectsReturning[tuple[str, ...]]:
         """Have an arranged step executed, unless it has to wait for its device. Why the plan does not hold any more, if so."""
         state, context, participants = self._scope.state, self._scope.context, self._scope.participants
         member = self._member(run)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Doing, Effects, Record, Wake
+from somrs.kernel.component import Effects, EffectsReturning, Record, SetTimer
 from somrs.ontology.services import Occasion
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import events
@@ -62,7 +62,7 @@ class Transaction:
         self._scope.tell(events.TaskStated(effect=state.task.effect), now)
         self._context.reservations.enter(state.id, state.task.effect, state.task.priority)
         if state.latest is not None:
-            yield Wake(DeadlineDue(state.id), state.latest)
+            yield SetTimer(DeadlineDue(state.id), state.latest)
         yield from self._next(state.goal, (yield from self._pursuit(state.goal).begin(now)), now)
 
     def discovered(self, purpose: ForPlan | ForLook, offers: tuple[Offer, ...] | str, now: float) -> Effects:
@@ -88,7 +88,7 @@ class Transaction:
         """A message never arrived."""
         yield from self._go_on((yield from self._participants.undelivered(message, reason, now)), now)
 
-    def report_answered(self, answer: Message, now: float) -> Doing[tuple[int, tuple[str, ...]] | None]:
+    def report_answered(self, answer: Message, now: float) -> EffectsReturning[tuple[int, tuple[str, ...]] | None]:
         """The Repository answered a report. The version of the map that is to be known before it is `settled`, with what is wrong with it;
         None: it is settled."""
         version, problems = settled_at(answer)
@@ -159,7 +159,7 @@ class Transaction:
         elif state.undoing is not None:
             yield from self._undo(state.undoing, now)
         elif state.ending is not None:
-            yield Wake(StopDue(state.id), None)
+            yield SetTimer(StopDue(state.id), None)
             works = state.log.to_undo()
             self._keep_to_itself(works)
             state.undoing = Undoing.of(works, by_others=True)
@@ -219,7 +219,7 @@ class Transaction:
             self._compensation(state.undoing).tried()
         yield from self.proceed(now)
 
-    def _handled(self, execution: GoalExecution, step: str, now: float) -> Doing[bool]:
+    def _handled(self, execution: GoalExecution, step: str, now: float) -> EffectsReturning[bool]:
         """Whether a procedure that was laid down for the failure of the step is begun. The step is recovered after it."""
         assert execution.workflow is not None, "a step of it was lost"
         state, run = self.state, execution.workflow.runs[step]
@@ -234,7 +234,7 @@ class Transaction:
                 return True
         return False
 
-    def _unblocked(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> Doing[bool]:
+    def _unblocked(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> EffectsReturning[bool]:
         """Whether what failures left is being undone by those that failed, so that there may be a plan again (FRP, third rung)."""
         state = self.state
         works = [work for work in state.log.interrupted() if self._can_undo(work)]
@@ -324,9 +324,9 @@ class Transaction:
         state.aside.clear()
         state.undoing = None
         state.looks.drop()
-        yield Wake(DeadlineDue(state.id), None)
+        yield SetTimer(DeadlineDue(state.id), None)
         yield from self._scope.participants.stop(reasons[0], now)
-        yield Wake(StopDue(state.id), now + STOP_TIME)
+        yield SetTimer(StopDue(state.id), now + STOP_TIME)
         yield from self.proceed(now)
 
     def _stop_overdue(self, now: float) -> Effects:
@@ -351,7 +351,7 @@ class Transaction:
         if outcome is not Outcome.ACCOMPLISHED:
             state.reasons += tuple(work.in_words() for work in state.log if work.matters)
         for timer in (DeadlineDue(state.id), StopDue(state.id)):
-            yield Wake(timer, None)
+            yield SetTimer(timer, None)
         self._scope.tell(events.TaskEnded(outcome=outcome, reasons=state.reasons), now)
         yield Record(record(state))
         state.messages.clear()

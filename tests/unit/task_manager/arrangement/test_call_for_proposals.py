@@ -9,7 +9,7 @@ from msgspec import structs
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
-from somrs.kernel.component import Effect, Send, Wake
+from somrs.kernel.component import Effect, Send, SetTimer
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import Plan, Step
 from somrs.protocol.messages import frp
@@ -42,13 +42,13 @@ def opened(*calls: Call) -> Calls:
 
 def test_the_timer_is_set_for_the_call_that_is_over_first() -> None:
     calls, first, second = Calls(timer=TIMER), call("a", 20.0), call("b", 10.0)
-    assert [*calls.open(first)] == [Wake(TIMER, 20.0)]
-    assert [*calls.open(second)] == [Wake(TIMER, 10.0)]
+    assert [*calls.open(first)] == [SetTimer(TIMER, 20.0)]
+    assert [*calls.open(second)] == [SetTimer(TIMER, 10.0)]
     assert [*calls.open(call("c", 30.0))] == []
     assert (len(calls), [one.key for one in calls], calls.woken) == (3, ["a", "b", "c"], 10.0)
-    assert [*calls.close(second)] == [Wake(TIMER, 20.0)]
+    assert [*calls.close(second)] == [SetTimer(TIMER, 20.0)]
     assert [one.key for one in calls] == ["a", "c"]
-    assert [*calls.drop()] == [Wake(TIMER, None)]
+    assert [*calls.drop()] == [SetTimer(TIMER, None)]
     assert (len(calls), calls.woken) == (0, None)
     assert [*calls.drop()] == []
 
@@ -57,7 +57,7 @@ def test_the_timer_is_set_for_the_call_that_is_over_first() -> None:
 def test_a_call_is_due_when_its_time_is_over(now: float, due: str) -> None:
     calls = opened(call("a", 10.0), call("b", 20.0))
     assert "".join(one.key for one in calls.due(now)) == due
-    assert [*calls.wake()] == [Wake(TIMER, 10.0)], "none was closed, and the timer has rung"
+    assert [*calls.wake()] == [SetTimer(TIMER, 10.0)], "none was closed, and the timer has rung"
 
 
 def test_a_call_that_is_closed_or_made_anew_meanwhile_is_not_due() -> None:
@@ -129,7 +129,7 @@ class Asking:
 
 def said(effects: list[Effect]) -> dict[str, tuple[object, float | None]]:
     """What is said to whom, and until when."""
-    return {effect.message.header.recipient: (effect.message.body, effect.until) for effect in effects if isinstance(effect, Send)}
+    return {effect.message.header.recipient: (effect.message.body, effect.expires_at) for effect in effects if isinstance(effect, Send)}
 
 
 def test_all_are_asked_the_same() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
-from somrs.kernel.component import Ask, Effect, Send, Trouble, Withdraw
+from somrs.kernel.component import Ask, Effect, ErrorAnswer, Send, Withdraw
 from somrs.kernel.replica import Replica
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import NoPlan, Plan, Step
@@ -136,7 +136,7 @@ def test_what_the_plan_needs_is_the_tasks_from_then_on(holds: bool) -> None:
     assert requesting.reservations.held.get("task1") == (WANTED if holds else None)
 
 
-@pytest.mark.parametrize("value", [NONE, Trouble("out of memory")])
+@pytest.mark.parametrize("value", [NONE, ErrorAnswer("out of memory")])
 def test_without_others_in_the_way_it_is_not_asked_once_more(value: Answer) -> None:
     requesting = Requesting()
     requesting.discovered(offer("Robot1"))
@@ -157,7 +157,7 @@ def test_whether_there_would_be_a_plan_without_others_is_found_out() -> None:
 def test_trouble_is_no_sign_that_others_are_in_the_way() -> None:
     requesting = Requesting("Jar001")
     requesting.discovered(offer("Robot1"))
-    assert requesting.answered(Trouble("out of memory")) == ([], Trouble("out of memory"))
+    assert requesting.answered(ErrorAnswer("out of memory")) == ([], ErrorAnswer("out of memory"))
 
 
 def test_when_others_have_taken_it_meanwhile_another_plan_is_looked_for_first() -> None:

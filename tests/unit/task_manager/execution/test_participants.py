@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import pytest
 
-from somrs.kernel.component import Effect, Send, Wake
+from somrs.kernel.component import Effect, Send, SetTimer
 from somrs.kernel.replica import Replica
 from somrs.ontology.services import ServiceType
 from somrs.protocol.frp.session import CoordinatorSession, ReceiveResult
@@ -135,12 +135,12 @@ class Table:
 
 def sends(effects: list[Effect]) -> list[tuple[object, float | None]]:
     """What is sent, and until when."""
-    return [(effect.message.body, effect.until) for effect in effects if isinstance(effect, Send)]
+    return [(effect.message.body, effect.expires_at) for effect in effects if isinstance(effect, Send)]
 
 
 def wakes(effects: list[Effect]) -> dict[str, float | None]:
     """When which kind of timer is to ring."""
-    return {type(effect.timer).__name__: effect.at for effect in effects if isinstance(effect, Wake)}
+    return {type(effect.timer).__name__: effect.at for effect in effects if isinstance(effect, SetTimer)}
 
 
 # Speaking
@@ -196,9 +196,9 @@ def test_a_service_has_ten_times_as_long_as_it_said_from_when_it_is_to_start_and
     if start is not None:
         member.bid = Bid(participant=member.id, terms=TERMS, terms_id="", start=start, finish=start + duration)
     effects, _ = carried_out(table.participants.execute(member, EXECUTE, 100.0))
-    assert [effect for effect in effects if isinstance(effect, Wake)] == [
-        Wake(SilenceDue("task1", member.id), 120.0),
-        Wake(OverdueDue("task1", member.id), overdue),
+    assert [effect for effect in effects if isinstance(effect, SetTimer)] == [
+        SetTimer(SilenceDue("task1", member.id), 120.0),
+        SetTimer(OverdueDue("task1", member.id), overdue),
     ]
     assert (member.heard_at, member.queried) == (100.0, False)
 
@@ -347,7 +347,7 @@ def test_who_has_come_to_an_end_is_not_watched_any_more_and_who_comes_back_is() 
     table = Table()
     member = table.executing()
     effects, _ = table.says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 110.0)
-    assert effects == [Wake(SilenceDue("task1", member.id), None), Wake(OverdueDue("task1", member.id), None)]
+    assert effects == [SetTimer(SilenceDue("task1", member.id), None), SetTimer(OverdueDue("task1", member.id), None)]
     back = Table()
     member = back.in_state(State.UNREACHABLE)
     effects, _ = back.says(member, frp.Progress(fraction=0.5), 500.0)

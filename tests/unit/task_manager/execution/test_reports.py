@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.kernel.codec import Codec, encoded
+from somrs.kernel.codec import Codec, encode
 from somrs.kernel.component import Effect, Send
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
@@ -50,4 +50,4 @@ def test_a_report_is_settled_when_the_map_shows_what_came_of_it(body: Body, vers
 @pytest.mark.parametrize("about", [OfProgress("p"), OfWork("p", "Jar001 isOn Shelf1", "it contradicts"), OfNobody("Jar001", 3)])
 def test_what_a_report_is_about_is_known_when_it_is_read_back(about: About) -> None:
     report = Report(update=UpdateMap(situation="Jar001 isOn Shelf1"), about=about)
-    assert Codec[Report](Report).decoded(encoded(report)) == report
+    assert Codec[Report](Report).decode(encode(report)) == report

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Answered, Ask, Effect, Send, Trouble, Wake, Withdraw
+from somrs.kernel.component import Answered, Ask, Effect, ErrorAnswer, Send, SetTimer, Withdraw
 from somrs.ontology.effects import changes
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Link, NoPlan, Plan
@@ -100,7 +100,7 @@ def test_what_the_client_said_of_the_beginning_is_about_the_first_plan() -> None
 @pytest.mark.parametrize(
     ("found", "why"),
     [
-        (Trouble("out of memory"), "planning failed: out of memory"),
+        (ErrorAnswer("out of memory"), "planning failed: out of memory"),
         (NoPlan("none"), "no plan: none"),
     ],
 )
@@ -391,4 +391,4 @@ def test_what_is_to_be_undone_is_kept_from_others_unless_they_have_it_by_now(oth
 def test_a_timer_that_rings_early_is_set_again() -> None:
     desk = Desk()
     timer = BidsDue(desk.task.id, 1)
-    assert desk.rings(timer, 9.9) == [Wake(timer, 10.0)]
+    assert desk.rings(timer, 9.9) == [SetTimer(timer, 10.0)]

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import pytest
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Answered, Ask, Effect, Input, Rang, Received, Send, Undelivered, Wake
+from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, Input, Received, Send, SetTimer, TimerFired
 from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import load_text
 from somrs.ontology.services import Handler, Occasion
@@ -115,7 +115,7 @@ class Desk:
         return self.give(Received(self.message(body, service, by, about)), now)
 
     def rings(self, timer: Timer, now: float) -> list[Effect]:
-        return self.give(Rang(timer), now)
+        return self.give(TimerFired(timer), now)
 
     def offer(self, now: float = 1.0, service: str = ONE, price: float = 10.0) -> list[Effect]:
         return self.says(frp.Terms(effect=WISH, price=price, duration=60.0), now, service)
@@ -160,7 +160,7 @@ def test_a_task_from_its_statement_to_its_end() -> None:
     assert (step.state, step.service, step.price, step.duration, step.fraction) == (State.COMPLETED, ONE, 10.0, 60.0, 1.0)
     assert (work.state, work.result, work.began, work.ended, work.situation) == (State.COMPLETED, State.COMPLETED, 1.0, 61.0, WISH)
     assert (work.note, work.before, seen.outcome, seen.ended_at) == ("", BEFORE, Outcome.ACCOMPLISHED, 61.0)
-    assert {effect.timer: effect.at for effect in effects if isinstance(effect, Wake) and not isinstance(effect.timer, SilenceDue)}[
+    assert {effect.timer: effect.at for effect in effects if isinstance(effect, SetTimer) and not isinstance(effect.timer, SilenceDue)}[
         DeadlineDue(desk.task.id)
     ] is None
     assert (desk.manager.open, desk.task.messages, desk.task.passed, desk.task.setbacks) == ([], [], 6, 0)
@@ -181,7 +181,7 @@ def test_who_could_not_be_reached_is_out() -> None:
     desk = Desk("Robot1", "Robot2")
     desk.offer(1.0, TWO)
     (asked,) = [one.message for one in desk.task.messages if one.message.header.participant == desk.member().id]
-    effects = desk.give(Undelivered(asked, "no route"), 2.0)
+    effects = desk.give(DeliveryFailed(asked, "no route"), 2.0)
     assert bodies(effects) == ["Cancel", "Accept", "Execute"]
     assert [run.excluded for run in desk.task.goal] == [{ONE: "could not be reached: no route"}]
 
@@ -328,7 +328,7 @@ def test_a_task_that_is_cancelled_stops_everybody_and_undoes_what_was_done(reaso
     since = len(desk.task.events)
     effects = desk.says_client(clients.CancelTask(task=desk.task.id, reason=reason), 10.0)
     assert bodies(effects) == ["Stop", "Cancelling"]
-    wakes = {effect.timer: effect.at for effect in effects if isinstance(effect, Wake)}
+    wakes = {effect.timer: effect.at for effect in effects if isinstance(effect, SetTimer)}
     assert (wakes[DeadlineDue(desk.task.id)], wakes[StopDue(desk.task.id)]) == (None, 70.0)
     assert (desk.task.phase, desk.task.ending, desk.task.reasons) == (clients.Phase.RECOVERING, Outcome.CANCELLED, (said,))
     desk.says_client(clients.CancelTask(task=desk.task.id, reason="once more"), 11.0)
@@ -340,7 +340,7 @@ def test_a_task_that_is_cancelled_stops_everybody_and_undoes_what_was_done(reaso
         events.TaskEnded(outcome=Outcome.CANCELLED, reasons=(said, f"TransferObject by {ONE} was undone: {BEFORE}")),
     ]
     assert bodies(effects) == ["UpdateMap", "End"]
-    assert [effect.timer for effect in effects if isinstance(effect, Wake)].count(StopDue(desk.task.id)) == 2
+    assert [effect.timer for effect in effects if isinstance(effect, SetTimer)].count(StopDue(desk.task.id)) == 2
     assert desk.task.services.broken == {}, "it was called off, and did not fail"
     assert (desk.task.outcome, desk.task.ended_at) == (Outcome.CANCELLED, 12.0)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.kernel.component import Answered, Effect, Received, Record, Send, Started, Wake, Withdraw
+from somrs.kernel.component import Answered, Effect, Received, Record, Send, SetTimer, Started, Withdraw
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import NoPlan
 from somrs.protocol.messages import clients, events, frp
@@ -39,7 +39,7 @@ def kinds(desk: Desk, since: int) -> list[str]:
 
 def wakes(effects: list[Effect]) -> list[tuple[str, float | None]]:
     """The timers of the task itself."""
-    own = (one for one in effects if isinstance(one, Wake) and isinstance(one.timer, DeadlineDue | StopDue))
+    own = (one for one in effects if isinstance(one, SetTimer) and isinstance(one.timer, DeadlineDue | StopDue))
     return [(type(one.timer).__name__, one.at) for one in own]
 
 
@@ -140,7 +140,7 @@ def test_a_look_that_was_called_off_is_begun_anew_before_anything_is_undone() ->
     assert bodies(effects) == ["Cancel", "Discover", "Cancelling", "Arrange"]
     assert wakes(effects) == [("DeadlineDue", None), ("StopDue", 66.0)]
     assert kinds(desk, since) == ["Stopping", "LookBegun", "ServicesAsked"]
-    assert [wake.timer for wake in effects if isinstance(wake, Wake) and isinstance(wake.timer, BidsDue)] == [
+    assert [wake.timer for wake in effects if isinstance(wake, SetTimer) and isinstance(wake.timer, BidsDue)] == [
         BidsDue(desk.task.id, 2),
         BidsDue(desk.task.id, 3),
     ]
@@ -269,7 +269,7 @@ def test_a_task_manager_that_was_away_asks_anew() -> None:
     reasons = {one.message.body.reason for one in effects if isinstance(one, Send) and isinstance(one.message.body, frp.Cancel)}
     assert reasons == {"the Task Manager was away, and asks anew"}
     assert told(desk, since) == [events.ServicesAsked(services=(ONE, TWO))]
-    assert [one.at for one in effects if isinstance(one, Wake) and isinstance(one.timer, BidsDue)] == [None, 15.0]
+    assert [one.at for one in effects if isinstance(one, SetTimer) and isinstance(one.timer, BidsDue)] == [None, 15.0]
 
 
 def test_a_plan_that_is_not_wanted_any_more_is_not_waited_for() -> None:
@@ -338,7 +338,7 @@ def test_one_that_still_undoes_its_work_when_everybody_should_have_stopped_is_se
     assert "Jar002" in held.changes, "nobody else has to do with what is being undone"
     effects = desk.rings(StopDue(id), 130.0)
     assert bodies(effects) == ["End"]
-    assert [one.at for one in effects if isinstance(one, Wake) and one.timer == OverdueDue(id, member.id)] == [None, 150.0]
+    assert [one.at for one in effects if isinstance(one, SetTimer) and one.timer == OverdueDue(id, member.id)] == [None, 150.0]
     assert (member.halting, desk.task.outcome, desk.news(since)) == (True, None, [])
     assert desk.rings(StopDue(id), 131.0) == []
     effects = desk.rings(OverdueDue(id, member.id), 150.0)

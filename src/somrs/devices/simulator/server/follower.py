@@ -35,11 +35,11 @@ class Follower:
             self.simulation = Simulation(self.replica.map, self.replica.ontology)
             self.read.set()
         elif self.simulation is not None:
-            if news.redefined:
+            if news.ontology_changed:
                 self.simulation.learn(self.replica.ontology)
             # What was read as a whole says nothing of what happened, only what is otherwise.
-            changes = differences(before, self.replica.map) if news.read else news.changes
-            renamed = [one for one in news.renamed if one.section is Section.OBJECTS] if not news.read else []
+            changes = differences(before, self.replica.map) if news.reloaded else news.changes
+            renamed = [one for one in news.renamed if one.section is Section.OBJECTS] if not news.reloaded else []
             self._follow(self.simulation, changes, renamed)
         return news.effects
 

@@ -9,7 +9,7 @@ from msgspec import structs
 
 from somrs.devices.simulator.link.commands import Approach, Command, Done, DriveTo, Gave, Grip, Place
 from somrs.devices.simulator.server.follower import Follower
-from somrs.kernel.component import Component, Effect, Rang, Received, Send, Started
+from somrs.kernel.component import Component, Effect, Received, Send, Started, TimerFired
 from somrs.kernel.replica import GAP_TIME, ReplicaDue
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Renaming, Section
@@ -49,7 +49,7 @@ class Both:
     def update(self, update: Alteration) -> None:
         self._carry(self.repository.handle(Received(request(update)), 0.0))
         self.now += 2 * GAP_TIME  # what it could not be told, it notices
-        self._carry(self.follower.handle(Rang(ReplicaDue()), self.now))
+        self._carry(self.follower.handle(TimerFired(ReplicaDue()), self.now))
         assert self.follower.replica.version == self.repository.contents.version
 
     def drive(self, command: Command, robot: str = "Patrol1") -> Done | Gave:
