@@ -56,14 +56,14 @@ class Registry:
 
     def __init__(self, address: str, ontology: Ontology | None = None, repository: str | None = None) -> None:
         replica = Replica(address, repository) if repository is not None else None
-        self.state = RegistryState(address=address, given=ontology if ontology is not None else Ontology(), replica=replica)
+        self.state = RegistryState(address=address, initial_ontology=ontology if ontology is not None else Ontology(), replica=replica)
 
     @classmethod
     def restored(cls, state: RegistryState) -> Self:
         """The Registry that has this state."""
-        made = cls.__new__(cls)
-        made.state = state
-        return made
+        registry = cls.__new__(cls)
+        registry.state = state
+        return registry
 
     @property
     def open(self) -> list[str]:
@@ -73,7 +73,7 @@ class Registry:
     @property
     def ontology(self) -> Ontology:
         replica = self.state.replica
-        return replica.ontology if replica is not None and replica.ready else self.state.given
+        return replica.ontology if replica is not None and replica.ready else self.state.initial_ontology
 
     @property
     def _map(self) -> Map | None:
@@ -100,46 +100,46 @@ class Registry:
                 yield from self._received(message, now)
             case DeliveryFailed(Message(header=header, body=ServicesJoined() | ServicesLeft())):
                 state.subscribers.pop(header.recipient, None)
-        times = chain((provider.until for provider in state.providers.values()), state.subscribers.values())
+        times = chain((provider.expires_at for provider in state.providers.values()), state.subscribers.values())
         yield SetTimer(LeasesDue(), min(times, default=None))
 
     def _received(self, message: Message, now: float) -> Effects:
         try:
-            yield from self._done(message, now)
+            yield from self._handle_request(message, now)
         except InputError as error:
             yield self._answer(message, Fault(code="Sender", text=str(error)))
 
-    def _done(self, message: Message, now: float) -> Effects:
+    def _handle_request(self, message: Message, now: float) -> Effects:
         match message.body:
             case Publish() as publish:
-                yield from self._once(message, lambda: self._publish(publish, now))
+                yield from self._answer_once(message, lambda: self._publish(publish, now))
             case Renew() as renew:
-                yield from self._once(message, lambda: self._renew(renew, now))
+                yield from self._answer_once(message, lambda: self._renew(renew, now))
             case Retract() as retract:
-                yield from self._once(message, lambda: self._retract(retract, now))
+                yield from self._answer_once(message, lambda: self._retract(retract, now))
             case Discover() as discover:
                 yield self._answer(message, self._discover(discover, now))
             case SubscribeServices(lease=lease):
                 if message.header.sender == ANONYMOUS:
                     raise UsageError("news can only be sent to somebody who has an address: set the sender to one that can be reached")
-                self.state.subscribers[message.header.sender] = until = now + grant_lease(lease)
-                yield self._answer(message, ServicesSubscribed(until=until))
+                self.state.subscribers[message.header.sender] = expires_at = now + grant_lease(lease)
+                yield self._answer(message, ServicesSubscribed(until=expires_at))
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
             case body:
                 text = f"a Registry does not understand {type(body).__name__}; it publishes, renews, retracts and discovers services"
                 yield self._answer(message, Fault(code="ActionNotSupported", text=text))
 
-    def _answer(self, to: Message, body: Body) -> Send:
-        return Send(reply(to, body, self.state.address))
+    def _answer(self, request: Message, body: Body) -> Send:
+        return Send(reply(request, body, self.state.address))
 
     # Providers
 
-    def _once(self, message: Message, work: Callable[[], tuple[Answer, list[Effect]]]) -> Effects:
+    def _answer_once(self, message: Message, work: Callable[[], tuple[Answer, list[Effect]]]) -> Effects:
         """Carry it out, or answer it again if it was carried out."""
-        answered, request = self.state.answered, normalised_id(message.header.message_id)
-        if (known := answered.get(request)) is not None:
-            yield self._answer(message, known)
+        answered, request = self.state.answers, normalised_id(message.header.message_id)
+        if (old_answer := answered.get(request)) is not None:
+            yield self._answer(message, old_answer)
             return
         answer, news = work()
         answered[request] = answer
@@ -150,18 +150,21 @@ class Registry:
 
     def _publish(self, publish: Publish, now: float) -> tuple[Answer, list[Effect]]:
         lease, providers = grant_lease(publish.lease), self.state.providers
-        offers = self._checked(publish)
-        known = providers.get(publish.provider)
-        old = known.offers if known is not None else {}
+        offers = self._check_offers(publish)
+        old_provider = providers.get(publish.provider)
+        old = old_provider.offers if old_provider is not None else {}
         if offers:
-            providers[publish.provider] = Provider(offers=offers, until=now + lease)
+            providers[publish.provider] = Provider(offers=offers, expires_at=now + lease)
         else:
             providers.pop(publish.provider, None)
-        gone = [service for service in old if service not in offers]
+        removed_services = [service for service in old if service not in offers]
         new = [offer for service, offer in offers.items() if old.get(service) != offer]
-        return _published(now, lease), [*self._left(publish.provider, gone, "retracted", now), *self._joined(new, now)]
+        return _publish_reply(now, lease), [
+            *self._announce_left(publish.provider, removed_services, "retracted", now),
+            *self._announce_joined(new, now),
+        ]
 
-    def _checked(self, publish: Publish) -> dict[str, Offer]:
+    def _check_offers(self, publish: Publish) -> dict[str, Offer]:
         """The offers by service; UsageError for those that nobody could use."""
         if not publish.provider:
             raise UsageError("who offers these services? `provider` is empty: give the name of the device on the map")
@@ -170,9 +173,13 @@ class Registry:
                 raise UsageError(
                     f"{offer.service} is {offer.provider}'s, and {publish.provider} cannot offer it: let {offer.provider} publish it"
                 )
-            other = next((name for name, p in self.state.providers.items() if offer.service in p.offers and name != publish.provider), None)
-            if other is not None:
-                raise UsageError(f"{offer.service} is offered by {other} already: give the service of {publish.provider} another name")
+            other_provider = next(
+                (name for name, p in self.state.providers.items() if offer.service in p.offers and name != publish.provider), None
+            )
+            if other_provider is not None:
+                raise UsageError(
+                    f"{offer.service} is offered by {other_provider} already: give the service of {publish.provider} another name"
+                )
             for text in (offer.service_type.effect, offer.service_type.precondition):
                 try:
                     _ = parse(text) if text is not None else None
@@ -187,98 +194,100 @@ class Registry:
         lease = grant_lease(renew.lease)
         if (provider := self.state.providers.get(renew.provider)) is None:
             return Fault(code="Sender", text=f"nothing is registered for {renew.provider}: publish its services anew"), []
-        provider.until = now + lease
-        return _published(now, lease), []
+        provider.expires_at = now + lease
+        return _publish_reply(now, lease), []
 
     def _retract(self, retract: Retract, now: float) -> tuple[Answer, list[Effect]]:
         provider = self.state.providers.get(retract.provider)
         if provider is None:
             return Retracted(services=()), []
-        gone = [service for service in provider.offers if not retract.services or service in retract.services]
-        for service in gone:
+        removed_services = [service for service in provider.offers if not retract.services or service in retract.services]
+        for service in removed_services:
             del provider.offers[service]
         if not provider.offers:
             del self.state.providers[retract.provider]
-        return Retracted(services=tuple(gone)), self._left(retract.provider, gone, "retracted", now)
+        return Retracted(services=tuple(removed_services)), self._announce_left(retract.provider, removed_services, "retracted", now)
 
     def _expire(self, now: float) -> list[Effect]:
-        self.state.subscribers = {address: until for address, until in self.state.subscribers.items() if until > now}
-        silent = [name for name, provider in self.state.providers.items() if provider.until <= now]
-        return [effect for name in silent for effect in self._left(name, list(self.state.providers.pop(name).offers), "expired", now)]
+        self.state.subscribers = {address: expires_at for address, expires_at in self.state.subscribers.items() if expires_at > now}
+        silent = [name for name, provider in self.state.providers.items() if provider.expires_at <= now]
+        return [
+            effect for name in silent for effect in self._announce_left(name, list(self.state.providers.pop(name).offers), "expired", now)
+        ]
 
     # Clients
 
     def _discover(self, discover: Discover, now: float) -> Discovered:
-        wanted = parse(discover.effect) if discover.effect is not None else None
-        offers = (offer for provider in self.state.providers.values() if provider.until > now for offer in provider.offers.values())
-        fitting = [offer for offer in offers if self._fits(offer, discover, wanted)]
-        after = sorted((offer for offer in fitting if offer.service > discover.after), key=lambda offer: offer.service)
-        page = next(_cut(after), [])
-        return Discovered(offers=tuple(page), more=len(page) < len(after))
+        effect = parse(discover.effect) if discover.effect is not None else None
+        offers = (offer for provider in self.state.providers.values() if provider.expires_at > now for offer in provider.offers.values())
+        fitting = [offer for offer in offers if self._fits(offer, discover, effect)]
+        later_offers = sorted((offer for offer in fitting if offer.service > discover.after), key=lambda offer: offer.service)
+        page = next(_paginate(later_offers), [])
+        return Discovered(offers=tuple(page), more=len(page) < len(later_offers))
 
-    def _fits(self, offer: Offer, wanted: Discover, effect: Formula | None) -> bool:
+    def _fits(self, offer: Offer, query: Discover, effect: Formula | None) -> bool:
         return (
-            (wanted.provider is None or offer.provider == wanted.provider)
-            and (wanted.service_type is None or wanted.service_type in self._types(offer.service_type))
-            and all(_same(offer.attributes.get(name), value) for name, value in wanted.attributes.items())
+            (query.provider is None or offer.provider == query.provider)
+            and (query.service_type is None or query.service_type in self._types(offer.service_type))
+            and all(_equal_values(offer.attributes.get(name), value) for name, value in query.attributes.items())
             and (effect is None or can_achieve(offer.service_type, effect, self.ontology, self._map))
         )
 
     def _types(self, service_type: ServiceType) -> Iterator[str]:
         """The type of a service, and those above it."""
-        seen: set[str] = set()
+        visited: set[str] = set()
         current: ServiceType | None = service_type
-        while current is not None and current.name not in seen:
+        while current is not None and current.name not in visited:
             yield current.name
-            seen.add(current.name)
+            visited.add(current.name)
             if current.parent is not None:
                 yield current.parent
             current = self.ontology.services.get(current.parent) if current.parent is not None else None
 
     # News
 
-    def _joined(self, offers: list[Offer], now: float) -> list[Effect]:
-        return [effect for page in _cut(offers) for effect in self._tell(ServicesJoined(offers=tuple(page)), now)]
+    def _announce_joined(self, offers: list[Offer], now: float) -> list[Effect]:
+        return [effect for page in _paginate(offers) for effect in self._notify_subscribers(ServicesJoined(offers=tuple(page)), now)]
 
-    def _left(self, provider: str, services: list[str], reason: str, now: float) -> list[Effect]:
-        return self._tell(ServicesLeft(services=tuple(services), provider=provider, reason=reason), now) if services else []
+    def _announce_left(self, provider: str, services: list[str], reason: str, now: float) -> list[Effect]:
+        return self._notify_subscribers(ServicesLeft(services=tuple(services), provider=provider, reason=reason), now) if services else []
 
-    def _tell(self, news: ServicesJoined | ServicesLeft, now: float) -> list[Effect]:
-        self.state.told += 1
+    def _notify_subscribers(self, news: ServicesJoined | ServicesLeft, now: float) -> list[Effect]:
+        self.state.news_count += 1
         # The time is part of the id: in a Registry that was begun anew, news are counted from 1 again.
         headers = [
             Header(
                 sender=self.state.address,
                 recipient=subscriber,
-                message_id=message_id(self.state.address, subscriber, "news", self.state.told, now),
+                message_id=message_id(self.state.address, subscriber, "news", self.state.news_count, now),
             )
-            for subscriber, until in self.state.subscribers.items()
-            if until > now
+            for subscriber, expires_at in self.state.subscribers.items()
+            if expires_at > now
         ]
         return [Send(Message(header=header, body=news)) for header in headers]
 
 
-def _published(now: float, lease: float) -> Published:
+def _publish_reply(now: float, lease: float) -> Published:
     # Of three renewals, two may be lost.
     return Published(until=now + lease, renew_within=lease / 3)
 
 
-def _same(one: Value | None, other: Value) -> bool:
+def _equal_values(value: Value | None, other_value: Value) -> bool:
     """Whether two values are equal; TRUE is not 1."""
-    return one == other and isinstance(one, bool) == isinstance(other, bool)
+    return value == other_value and isinstance(value, bool) == isinstance(other_value, bool)
 
 
-def _cut(offers: Iterable[Offer]) -> Iterator[list[Offer]]:
+def _paginate(offers: Iterable[Offer]) -> Iterator[list[Offer]]:
     """The offers in lists that fit into one message each."""
     page: list[Offer] = []
-    used = 0
+    page_size = 0
     for offer in offers:
         size = len(msgspec.json.encode(offer))
-        if page and used + size > PAGE_BYTES:
+        if page and page_size + size > PAGE_BYTES:
             yield page
-            page, used = [], 0
+            page, page_size = [], 0
         page.append(offer)
-        used += size
+        page_size += size
     if page:
         yield page
 

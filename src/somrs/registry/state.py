@@ -21,7 +21,7 @@ class Provider(Struct, kw_only=True):
     """What a device offers, by service name, and until when."""
 
     offers: dict[str, Offer]
-    until: float
+    expires_at: float = field(name="until")
 
 
 class RegistryState(Struct, kw_only=True):
@@ -29,9 +29,9 @@ class RegistryState(Struct, kw_only=True):
     `answered`: by message id, oldest first; `told` counts the news."""
 
     address: str
-    given: Ontology
+    initial_ontology: Ontology = field(name="given")
     replica: Replica | None = None
     providers: dict[str, Provider] = field(default_factory=dict)
     subscribers: dict[str, float] = field(default_factory=dict)
-    answered: dict[str, Published | Retracted | Fault] = field(default_factory=dict)
-    told: int = 0
+    answers: dict[str, Published | Retracted | Fault] = field(default_factory=dict, name="answered")
+    news_count: int = field(default=0, name="told")

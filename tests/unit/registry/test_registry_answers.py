@@ -133,7 +133,7 @@ def test_only_so_many_answers_are_remembered(registry: Registry, monkeypatch: py
     messages = [request(Retract(provider="Washer1")) for _ in range(3)]
     for message in messages:
         registry.handle(Received(message), 0.0)
-    assert list(registry.state.answered) == [message.header.message_id for message in messages[1:]]
+    assert list(registry.state.answers) == [message.header.message_id for message in messages[1:]]
 
 
 def test_publishing_nothing_leaves_nothing(registry: Registry) -> None:
