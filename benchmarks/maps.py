@@ -20,7 +20,7 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import Ontology, Value
 from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.repository.update import updated
+from somrs.repository.update import update_outcome
 
 TABLES = 2500
 SHAPE: dict[str, Value] = {"Shape.Form": "Box", "Shape.Width": 1.2, "Shape.Depth": 0.7, "Shape.Height": 0.75, "RotationZ": 1.0}
@@ -101,12 +101,12 @@ def convert() -> None:
 def change(map: Map, ontology: Ontology) -> None:
     moved = UpdateMap(situation="Jar7 isOn Table9 AND Jar7.PositionX = 9.1")
     many = UpdateMap(situation=" AND ".join(f"Jar{n}.PositionX = {n}.1" for n in range(100)))
-    assert not updated(map, ontology, moved).broken
-    assert not updated(map, ontology, many).broken
+    assert not update_outcome(map, ontology, moved).broken
+    assert not update_outcome(map, ontology, many).broken
     ways = {
         "a copy of the dict of objects": lambda: dict(map.objects),
-        "one jar moved": lambda: updated(map, ontology, moved),
-        "a hundred values set": lambda: updated(map, ontology, many),
+        "one jar moved": lambda: update_outcome(map, ontology, moved),
+        "a hundred values set": lambda: update_outcome(map, ontology, many),
     }
     side_by_side("changing, as the Repository does", ways)
 

@@ -9,7 +9,7 @@ from somrs.client.operations import Document, operation
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.protocol.messages.knowledge import Considered, Events, History, ReadEvents, RenameObject, Rows, Updated, UpdateMap
-from somrs.repository.past import rewound
+from somrs.repository.past import rewind_map
 
 YAML = "application/yaml"
 
@@ -91,5 +91,5 @@ class MapDesk:
             found = await self._context.client.happened(ReadEvents(after=version, limit=now - version))
             whole = [event.version for event in found.events] == [*range(version + 1, now + 1)] and found.since <= version
             if whole and all(event.all_changes is None for event in found.events):
-                return rewound(map, (event.before for event in reversed(found.events)))
+                return rewind_map(map, (event.before for event in reversed(found.events)))
         return await self._context.client.map(version)

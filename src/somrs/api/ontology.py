@@ -19,8 +19,8 @@ from somrs.ontology.objects import Change
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.knowledge import BrokenRule, Define, Defined, Definitions, Events, ReadEvents, Revision, Undo, by_kind
-from somrs.repository.ontology_diff import leading_to
-from somrs.repository.outcome import applied
+from somrs.repository.ontology_diff import diff_ontologies
+from somrs.repository.outcome import apply_revision
 
 YAML = "application/yaml"
 
@@ -131,7 +131,7 @@ class OntologyDesk:
 
     async def taken_over(self, ontology: Ontology, wanted: ImportOntology, dry: bool) -> Imported:
         """Have the ontology be this one, that a file says; `dry`: only say what would come of it."""
-        define = leading_to(self._context.ontology, ontology, wanted.author, wanted.expected_version)
+        define = diff_ontologies(self._context.ontology, ontology, wanted.author, wanted.expected_version)
         consequences = await self._consequences(define)
         return Imported(consequences=consequences, version=None if dry else await self._context.client.define(define))
 
@@ -157,7 +157,7 @@ class OntologyDesk:
 
 def broken_offers(ontology: Ontology, change: Revision | None, offers: Iterable[Offer]) -> Iterator[OfferBroken]:
     """The services on offer that could be planned with in the ontology, and could not after the change, with the reason."""
-    after = applied(ontology, change) if change is not None else ontology
+    after = apply_revision(ontology, change) if change is not None else ontology
     for offer in offers if change is not None else ():
         before = set(map(str, ontology_violations(ontology, (offer.service_type,))))
         broken = [violation for violation in ontology_violations(after, (offer.service_type,)) if str(violation) not in before]

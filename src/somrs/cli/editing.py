@@ -13,7 +13,7 @@ from somrs.errors import RemoteError, UsageError
 from somrs.ontology.naming import SINGULAR, DefinitionKey, Renaming, Section, key_of
 from somrs.protocol.messages.knowledge import Alteration, Considered, Define, Event, ReadEvents, RenameObject, Revision, Undo
 from somrs.protocol.messages.people import person_name
-from somrs.repository.ontology_diff import leading_to
+from somrs.repository.ontology_diff import diff_ontologies
 
 if TYPE_CHECKING:
     from somrs.api.ontology import Consequences
@@ -182,5 +182,5 @@ async def take_over(file: Path, author: str, data: Path, *, dry: bool, json: boo
     text = file.read_text("utf-8-sig")
     async with Client(Addresses.read(data)) as client:
         known = await client.ontology()
-        define = leading_to(known, load_definitions(text, str(file), known), author)
+        define = diff_ontologies(known, load_definitions(text, str(file), known), author)
         return await _altered(client, define, dry=dry, json=json)

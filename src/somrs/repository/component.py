@@ -63,25 +63,25 @@ from somrs.protocol.messages.knowledge import (
 )
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.paging import PAGE_BYTES, fit_page, size
-from somrs.repository.definition import object_renamed, redefined
-from somrs.repository.looking_back import events_wanted, history_wanted, page_wanted, told, undone_wanted
+from somrs.repository.definition import define_outcome, rename_outcome
+from somrs.repository.looking_back import archive_reply, events_query, history_query, page_query, undo_query
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
 from somrs.repository.pages import MapPages, ontology_page
 from somrs.repository.past import inverse
 from somrs.repository.state import (
     REMEMBERED,
     Answer,
+    ArchivedEvents,
     ArchiveWanted,
     Contents,
-    Defining,
-    Happened,
+    DefinitionChange,
     LeasesDue,
     Subscription,
     Task,
 )
-from somrs.repository.undoing import undone
-from somrs.repository.update import updated
-from somrs.repository.version_conflict import overtaken
+from somrs.repository.undoing import undo_outcome
+from somrs.repository.update import update_outcome
+from somrs.repository.version_conflict import version_conflicts
 
 MOST_ROWS = 1000
 """So many ways in which a formula holds are told at most."""
@@ -122,7 +122,9 @@ class Repository:
             case Started(address):
                 self.contents.address = address
                 # Who followed the map before the Repository went down learns which version it is at, and reads what it missed.
-                yield from [self._tell(subscriber, self._subscribed(subscriber), now) for subscriber in self.contents.subscriptions]
+                yield from [
+                    self._notify_subscriber(subscriber, self._subscribed(subscriber), now) for subscriber in self.contents.subscriptions
+                ]
                 yield self._next_expiry()
             case Received(message):
                 try:
@@ -130,7 +132,9 @@ class Repository:
                 except InputError as error:
                     yield self._answer(message, Fault(code="Sender", text=str(error)))
             case TimerFired(LeasesDue()):
-                yield from self._drop([address for address, one in self.contents.subscriptions.items() if one.until <= now])
+                yield from self._drop(
+                    [address for address, subscription in self.contents.subscriptions.items() if subscription.until <= now]
+                )
             case Answered(ArchiveWanted(message), value):
                 yield from self._answered(message, value, now)
             case DeliveryFailed(message):
@@ -143,17 +147,17 @@ class Repository:
             case QueryMap() as query:
                 yield self._answer(message, self._rows(query))
             case UpdateMap() | Define() | RenameObject() as alteration:
-                yield from self._once(message, lambda: self._alter(message, alteration, self._worked_out(alteration), now))
+                yield from self._run_once(message, lambda: self._alter(message, alteration, self._alteration_outcome(alteration), now))
             case Undo() as undo:
-                yield from self._once(message, lambda: iter([_ask(message, undone_wanted(undo))]))
+                yield from self._run_once(message, lambda: iter([_ask(message, undo_query(undo))]))
             case Consider(change=Undo() as undo):
-                yield _ask(message, undone_wanted(undo))
+                yield _ask(message, undo_query(undo))
             case Consider(change=UpdateMap() | Define() | RenameObject() as alteration):
-                yield self._consider(message, alteration, self._worked_out(alteration))
+                yield self._consider(message, alteration, self._alteration_outcome(alteration))
             case ReadHistory() as question:
-                yield _ask(message, history_wanted(question))
+                yield _ask(message, history_query(question))
             case ReadEvents() as question:
-                yield _ask(message, events_wanted(question))
+                yield _ask(message, events_query(question))
             case SubscribeMap(lease=lease):
                 yield from self._subscribe(message, lease, now)
             case Fault():
@@ -162,15 +166,15 @@ class Repository:
                 text = f"a Repository does not understand {type(body).__name__}; it reads, queries, updates and follows maps and ontologies"
                 yield self._answer(message, Fault(code="ActionNotSupported", text=text))
 
-    def _answer(self, to: Message, body: Body) -> Send:
-        return Send(reply(to, body, self.contents.address))
+    def _answer(self, request: Message, body: Body) -> Send:
+        return Send(reply(request, body, self.contents.address))
 
     # Asking
 
     def _read(self, message: Message, question: ReadOntology | ReadMap) -> Effect:
         contents = self.contents
         if question.at_version is not None:
-            return _ask(message, page_wanted(question, question.at_version, contents))
+            return _ask(message, page_query(question, question.at_version, contents))
         if isinstance(question, ReadOntology):
             page = ontology_page(contents.ontology, contents.version, question.after, contents.ontology_changed_at)
             return self._answer(message, page)
@@ -181,26 +185,26 @@ class Repository:
     def _rows(self, query: QueryMap) -> Rows:
         formula = check(query.formula, self.contents.ontology, self.contents.map)
         limit = min(max(query.limit, 0), MOST_ROWS)
-        found = [
+        matching_rows = [
             Row(bindings={name: str(term) for name, term in row.items()})
             for row in islice(bindings(formula, self.contents.map, self.contents.ontology), limit + 1)
         ]
-        rows = tuple(fit_page(found, limit))
-        return Rows(rows=rows, version=self.contents.version, more=len(rows) < len(found))
+        rows = tuple(fit_page(matching_rows, limit))
+        return Rows(rows=rows, version=self.contents.version, more=len(rows) < len(matching_rows))
 
     def _answered(self, message: Message, value: object, now: float) -> Effects:
         """The archive answered something."""
         match message.body, value:
-            case Undo() as undo, Happened(events):
-                yield from self._once(message, lambda: self._alter(message, undo, self._undone(undo, events), now))
-            case Consider(change=Undo() as undo), Happened(events):
-                yield self._consider(message, undo, self._undone(undo, events))
+            case Undo() as undo, ArchivedEvents(events):
+                yield from self._run_once(message, lambda: self._alter(message, undo, self._undo_outcome(undo, events), now))
+            case Consider(change=Undo() as undo), ArchivedEvents(events):
+                yield self._consider(message, undo, self._undo_outcome(undo, events))
             case _:
-                yield self._answer(message, told(message, value, self.contents))
+                yield self._answer(message, archive_reply(message, value, self.contents))
 
     # Changing
 
-    def _once(self, message: Message, work: Callable[[], Iterator[Effect]]) -> Effects:
+    def _run_once(self, message: Message, work: Callable[[], Iterator[Effect]]) -> Effects:
         """Carry a request out, or answer it again if it was carried out."""
         answer = self.contents.answered.get(normalised_id(message.header.message_id))
         if answer is not None:
@@ -208,20 +212,20 @@ class Repository:
         else:
             yield from work()
 
-    def _worked_out(self, alteration: UpdateMap | Define | RenameObject) -> Outcome:
+    def _alteration_outcome(self, alteration: UpdateMap | Define | RenameObject) -> Outcome:
         map, ontology = self.contents.map, self.contents.ontology
         match alteration:
             case UpdateMap():
-                return updated(map, ontology, alteration)
+                return update_outcome(map, ontology, alteration)
             case Define():
-                return redefined(map, ontology, alteration)
+                return define_outcome(map, ontology, alteration)
             case RenameObject():
-                return object_renamed(map, ontology, alteration)
+                return rename_outcome(map, ontology, alteration)
 
-    def _undone(self, undo: Undo, found: tuple[Event, ...]) -> Outcome:
+    def _undo_outcome(self, undo: Undo, events: tuple[Event, ...]) -> Outcome:
         contents = self.contents
-        if found and found[0].version == undo.version > contents.since:
-            return undone(found[0], contents)
+        if events and events[0].version == undo.version > contents.since:
+            return undo_outcome(events[0], contents)
         message = f"there is no version {undo.version} that could be undone; the latest is {contents.version}"
         if 0 < undo.version <= contents.since:
             message = f"what was before version {undo.version} is not known any more; from version {contents.since + 1} on, it is"
@@ -229,22 +233,22 @@ class Repository:
         return Outcome(map=contents.map, ontology=contents.ontology, broken=(violation,))
 
     def _consider(self, message: Message, alteration: Alteration, outcome: Outcome) -> Send:
-        return self._answer(message, considered(self._with_overtaken(alteration, outcome), self.contents.version))
+        return self._answer(message, considered(self._with_conflicts(alteration, outcome), self.contents.version))
 
-    def _with_overtaken(self, alteration: Alteration, outcome: Outcome) -> Outcome:
-        late = tuple(overtaken(alteration, outcome, self.contents))
+    def _with_conflicts(self, alteration: Alteration, outcome: Outcome) -> Outcome:
+        late = tuple(version_conflicts(alteration, outcome, self.contents))
         return replace(outcome, broken=(*late, *outcome.broken)) if late else outcome
 
     def _alter(self, message: Message, alteration: Alteration, outcome: Outcome, now: float) -> Effects:
         """Make the change, unless rules would be broken or somebody was quicker."""
         contents = self.contents
-        outcome = self._with_overtaken(alteration, outcome)
-        done: type[Updated | Defined] = Defined if isinstance(alteration, Define) else Updated
+        outcome = self._with_conflicts(alteration, outcome)
+        answer_type: type[Updated | Defined] = Defined if isinstance(alteration, Define) else Updated
         if outcome.broken:
-            yield self._done(message, rejected(outcome.broken, contents.version))
+            yield self._remember_answer(message, rejected(outcome.broken, contents.version))
             return
         if not outcome.changes and outcome.revision is None:
-            yield self._done(message, done(version=contents.version))
+            yield self._remember_answer(message, answer_type(version=contents.version))
             return
         event = Event(
             version=contents.version + 1,
@@ -259,14 +263,16 @@ class Repository:
         contents.version = event.version
         contents.map, contents.ontology = outcome.map, outcome.ontology
         contents.changed_at.update(dict.fromkeys(outcome.objects, event.version))
-        for what in outcome.definitions:
-            contents.defined_at.setdefault(what.section, {})[what.name] = Defining(version=event.version, author=event.author)
+        for definition_key in outcome.definitions:
+            contents.defined_at.setdefault(definition_key.section, {})[definition_key.name] = DefinitionChange(
+                version=event.version, author=event.author
+            )
         yield Record(event)
-        yield self._done(message, done(version=event.version))
-        news = outcome.told(event.version) if event.revision is not None else MapChanged(event=structs.replace(event, before=()))
+        yield self._remember_answer(message, answer_type(version=event.version))
+        news = outcome.change_notice(event.version) if event.revision is not None else MapChanged(event=structs.replace(event, before=()))
         yield from self._publish(news, now)
 
-    def _done(self, message: Message, answer: Answer) -> Send:
+    def _remember_answer(self, message: Message, answer: Answer) -> Send:
         """The answer to a request that was dealt with, which is remembered."""
         answered = self.contents.answered
         answered[normalised_id(message.header.message_id)] = answer
@@ -292,9 +298,9 @@ class Repository:
         large = size(news) > PAGE_BYTES * 1.25
         for address, subscription in self.contents.subscriptions.items():
             if subscription.until > now:
-                yield self._tell(address, self._subscribed(address) if large else news, now)
+                yield self._notify_subscriber(address, self._subscribed(address) if large else news, now)
 
-    def _tell(self, subscriber: str, news: MapChanged | OntologyChanged | MapSubscribed, now: float) -> Send:
+    def _notify_subscriber(self, subscriber: str, news: MapChanged | OntologyChanged | MapSubscribed, now: float) -> Send:
         kind, address = type(news).__name__, self.contents.address
         identity = message_id(address, subscriber, kind, self.contents.version, now if isinstance(news, MapSubscribed) else "")
         return Send(Message(header=Header(sender=address, recipient=subscriber, message_id=identity), body=news))
@@ -318,7 +324,7 @@ class Repository:
         yield self._next_expiry()
 
     def _next_expiry(self) -> SetTimer:
-        return SetTimer(LeasesDue(), min((one.until for one in self.contents.subscriptions.values()), default=None))
+        return SetTimer(LeasesDue(), min((subscription.until for subscription in self.contents.subscriptions.values()), default=None))
 
 
 def _ask(message: Message, task: Task) -> Ask:
@@ -342,7 +348,7 @@ SCHEMA = Schema(
     timers=LeasesDue,
     questions=ArchiveWanted,
     tasks=Task,
-    answers=Happened | MapPage | OntologyPage | ErrorAnswer,
+    answers=ArchivedEvents | MapPage | OntologyPage | ErrorAnswer,
     restore=Repository.restored,
     relocatable=True,
     irreplaceable=True,

@@ -17,30 +17,44 @@ from somrs.ontology.objects import Map
 from somrs.ontology.renaming import Renamer, speaks_of
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Define, RenameObject
-from somrs.repository.names import is_name, texts, unspeakable
-from somrs.repository.outcome import Outcome, applied, differing, revision
+from somrs.repository.names import is_name, text_problem, texts
+from somrs.repository.outcome import Outcome, apply_revision, differing_definitions, revision
 
 
-def redefined(map: Map, ontology: Ontology, define: Define) -> Outcome:
+def define_outcome(map: Map, ontology: Ontology, define: Define) -> Outcome:
     """What a change of the ontology comes to."""
-    if impossible := (*_impossible(ontology, define), *_unspeakable(define)):
+    if impossible := (*_impossible(ontology, define), *_text_violations(define)):
         return Outcome(map=map, ontology=ontology, broken=impossible)
     renamer = Renamer(define.renamed, ontology)
-    left = revise_ontology(ontology, define.removed, ())
-    after = revise_ontology(renamer.ontology(left), (), define.definitions.all_definitions())
+    remaining_ontology = revise_ontology(ontology, define.removed, ())
+    ontology_after = revise_ontology(renamer.ontology(remaining_ontology), (), define.definitions.all_definitions())
     changes = tuple(renamer.changes(map)) if define.renamed else ()
     map_after = map.changed(changes)
-    broken = [*lost_dependencies(ontology, after), *ontology_violations(after)]
+    broken = [*lost_dependencies(ontology, ontology_after), *ontology_violations(ontology_after)]
     if replaced := [*_replaced(define)]:  # what was said of it is not to be said of something else in silence
-        broken += [*violations_after(map, ontology, left, replaced), *_adopted(ontology, left, define, replaced)]
+        broken += [
+            *violations_after(map, ontology, remaining_ontology, replaced),
+            *_adopted(ontology, remaining_ontology, define, replaced),
+        ]
     # A formula that does not fit its ontology cannot be asked whether it holds.
-    sound = _without_broken_formulas(after, broken)
-    before = renamer.ontology(ontology)
-    broken += violations_after(map_after, before, sound, (key_of(one) for one in (*differing(before, after), *differing(after, before))))
-    change = revision(ontology, after)
+    sound = _without_broken_formulas(ontology_after, broken)
+    renamed_ontology = renamer.ontology(ontology)
+    broken += violations_after(
+        map_after,
+        renamed_ontology,
+        sound,
+        (
+            key_of(definition)
+            for definition in (
+                *differing_definitions(renamed_ontology, ontology_after),
+                *differing_definitions(ontology_after, renamed_ontology),
+            )
+        ),
+    )
+    change = revision(ontology, ontology_after)
     return Outcome(
         map=map_after,
-        ontology=applied(ontology, change) if change is not None else ontology,
+        ontology=apply_revision(ontology, change) if change is not None else ontology,
         changes=changes,
         revision=change,
         renamed=define.renamed,
@@ -48,73 +62,77 @@ def redefined(map: Map, ontology: Ontology, define: Define) -> Outcome:
     )
 
 
-def object_renamed(map: Map, ontology: Ontology, rename: RenameObject) -> Outcome:
+def rename_outcome(map: Map, ontology: Ontology, rename: RenameObject) -> Outcome:
     """What comes of giving an object another name. The ontology changes if it speaks of the object."""
     if impossible := tuple(_impossible_object(map, ontology, rename)):
         return Outcome(map=map, ontology=ontology, broken=impossible)
     renaming = Renaming(section=Section.OBJECTS, name=rename.name, to=rename.to)
     renamer = Renamer((renaming,), ontology)
     changes, change = tuple(renamer.changes(map)), revision(ontology, renamer.ontology(ontology))
-    after = applied(ontology, change) if change is not None else ontology
-    return Outcome(map=map.changed(changes), ontology=after, changes=changes, revision=change, renamed=(renaming,))
+    ontology_after = apply_revision(ontology, change) if change is not None else ontology
+    return Outcome(map=map.changed(changes), ontology=ontology_after, changes=changes, revision=change, renamed=(renaming,))
 
 
 def _replaced(define: Define) -> Iterator[DefinitionKey]:
     """What is removed to make room for something that gets its name."""
     targets = {(renaming.section, renaming.to) for renaming in define.renamed}
-    return (what for what in define.removed if (what.section, what.name) in targets)
+    return (definition_key for definition_key in define.removed if (definition_key.section, definition_key.name) in targets)
 
 
-def _adopted(ontology: Ontology, left: Ontology, define: Define, replaced: Iterable[DefinitionKey]) -> Iterator[Violation]:
+def _adopted(ontology: Ontology, remaining_ontology: Ontology, define: Define, replaced: Iterable[DefinitionKey]) -> Iterator[Violation]:
     """Definitions that speak of something that is removed, and unchanged would speak of what gets its name."""
     renamer = Renamer(define.renamed, ontology)
-    given = {key_of(definition): definition for definition in define.definitions.all_definitions()}
-    for what in replaced:
-        for definition in left:
-            after = renamer.definition(definition)
-            by = key_of(after)
-            if given.get(by, after) == after and speaks_of(definition, what, ontology):
-                message = f"speaks of the {what} that is removed, and would mean what gets its name; change it first, or in the same change"
-                yield Violation(subject=by.name, rule="replaced", message=message, section=by.section)
+    new_definitions = {key_of(definition): definition for definition in define.definitions.all_definitions()}
+    for definition_key in replaced:
+        for definition in remaining_ontology:
+            renamed_definition = renamer.definition(definition)
+            renamed_key = key_of(renamed_definition)
+            if new_definitions.get(renamed_key, renamed_definition) == renamed_definition and speaks_of(
+                definition, definition_key, ontology
+            ):
+                message = f"speaks of the {definition_key} that is removed, and would mean what gets its name; change it first, or in the same change"
+                yield Violation(subject=renamed_key.name, rule="replaced", message=message, section=renamed_key.section)
 
 
 def _without_broken_formulas(ontology: Ontology, broken: Iterable[Violation]) -> Ontology:
     names = {violation.subject for violation in broken if violation.section == Section.TYPES and violation.path.startswith("constraints")}
-    found = [ontology.types[name] for name in names if name in ontology.types]
-    return ontology.extended(structs.replace(type, constraints=()) for type in found) if found else ontology
+    object_types = [ontology.types[name] for name in names if name in ontology.types]
+    return ontology.extended(structs.replace(type, constraints=()) for type in object_types) if object_types else ontology
 
 
 # What cannot be done at all
 
 
-def _wrong(what: DefinitionKey | Renaming, rule: str, message: str) -> Violation:
-    return Violation(subject=what.name, rule=rule, message=message, section=what.section)
+def _wrong(subject: DefinitionKey | Renaming, rule: str, message: str) -> Violation:
+    return Violation(subject=subject.name, rule=rule, message=message, section=subject.section)
 
 
 def _impossible(ontology: Ontology, define: Define) -> Iterator[Violation]:
-    for what in define.removed:
-        if what.section is Section.OBJECTS:
-            yield _wrong(what, "section", "an object is removed by an update of the map, not by a change of the ontology")
-        elif find_definition(ontology, what) is None:
-            yield _wrong(what, "unknown-name", _unknown(what, ontology))
+    for definition_key in define.removed:
+        if definition_key.section is Section.OBJECTS:
+            yield _wrong(definition_key, "section", "an object is removed by an update of the map, not by a change of the ontology")
+        elif find_definition(ontology, definition_key) is None:
+            yield _wrong(definition_key, "unknown-name", _unknown(definition_key, ontology))
     yield from _wrong_renamings(ontology, define)
-    given = Counter(map(key_of, define.definitions.all_definitions()))
-    for what, count in given.items():
-        yield from _unusable(what, what.name)
+    key_counts = Counter(map(key_of, define.definitions.all_definitions()))
+    for definition_key, count in key_counts.items():
+        yield from _unusable(definition_key, definition_key.name)
         if count > 1:
-            yield _wrong(what, "duplicate", f"is defined {count} times in this change; keep one")
+            yield _wrong(definition_key, "duplicate", f"is defined {count} times in this change; keep one")
 
 
-def _unspeakable(define: Define) -> Iterator[Violation]:
+def _text_violations(define: Define) -> Iterator[Violation]:
     for definition in define.definitions.all_definitions():
         for path, text in texts(definition):
-            if message := unspeakable(text):
+            if message := text_problem(text):
                 yield Violation(subject=definition.name, rule="text", message=message, path=path, section=section_of(definition))
 
 
 def _wrong_renamings(ontology: Ontology, define: Define) -> Iterator[Violation]:
     renamings = define.renamed
-    leaving = {(one.section, one.name) for one in renamings} | {(one.section, one.name) for one in define.removed}
+    leaving = {(renaming.section, renaming.name) for renaming in renamings} | {
+        (definition_key.section, definition_key.name) for definition_key in define.removed
+    }
     arriving = Counter((renaming.section, renaming.to) for renaming in renamings)
     for renaming in renamings:
         if renaming.section is Section.OBJECTS:
@@ -154,12 +172,14 @@ def _impossible_object(map: Map, ontology: Ontology, rename: RenameObject) -> It
     yield from _unusable(DefinitionKey(section=Section.OBJECTS, name=rename.name), rename.to)
 
 
-def _unusable(what: DefinitionKey | Renaming, name: str) -> Iterator[Violation]:
+def _unusable(subject: DefinitionKey | Renaming, name: str) -> Iterator[Violation]:
     if not is_name(name):
         message = f"{name!r} is no name that formulas can use; take letters, digits, _ and -, a letter first"
-        yield _wrong(what, "name", message)
+        yield _wrong(subject, "name", message)
 
 
-def _unknown(what: DefinitionKey | Renaming, ontology: Ontology) -> str:
-    hint = nearest(what.name, getattr(ontology, what.section)) or "somebody else may have removed or renamed it: read the ontology again"
-    return f"there is no {SINGULAR[what.section]} {what.name}; {hint}"
+def _unknown(subject: DefinitionKey | Renaming, ontology: Ontology) -> str:
+    hint = (
+        nearest(subject.name, getattr(ontology, subject.section)) or "somebody else may have removed or renamed it: read the ontology again"
+    )
+    return f"there is no {SINGULAR[subject.section]} {subject.name}; {hint}"

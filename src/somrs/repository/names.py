@@ -23,10 +23,10 @@ def is_name(text: str) -> bool:
         return False
 
 
-def unspeakable(text: str) -> str:
+def text_problem(text: str) -> str:
     """What is wrong with a text that would make every message unreadable in which it is; empty when nothing is."""
-    found = NOT_XML.search(text)
-    return f"the character U+{ord(found[0]):04X} cannot be sent to anybody; leave it out" if found else ""
+    match = NOT_XML.search(text)
+    return f"the character U+{ord(match[0]):04X} cannot be sent to anybody; leave it out" if match else ""
 
 
 def texts(value: object, path: str = "") -> Iterator[tuple[str, str]]:

@@ -8,9 +8,9 @@ from somrs.protocol.messages.knowledge import Define, Revision
 from somrs.repository.outcome import revision
 
 
-def leading_to(known: Ontology, wanted: Ontology, author: str = "", expected_version: int | None = None) -> Define:
+def diff_ontologies(current_ontology: Ontology, target_ontology: Ontology, author: str = "", expected_version: int | None = None) -> Define:
     """What has to be removed and defined so that the known ontology becomes the wanted one."""
-    change = revision(known, wanted) or Revision()
-    there = set(map(key_of, change.after.all_definitions()))
-    removed = tuple(what for what in map(key_of, change.before.all_definitions()) if what not in there)
+    change = revision(current_ontology, target_ontology) or Revision()
+    target_keys = set(map(key_of, change.after.all_definitions()))
+    removed = tuple(definition_key for definition_key in map(key_of, change.before.all_definitions()) if definition_key not in target_keys)
     return Define(definitions=change.after, removed=removed, author=author, expected_version=expected_version)

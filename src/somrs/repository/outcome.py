@@ -15,7 +15,7 @@ from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fit_page
 SITUATION, VERSION = "situation", "version"
 """Sections of a request, in which rules may be broken, too."""
 
-MOST_PROBLEMS = 50
+MAX_PROBLEMS = 50
 """So many problems are told at once."""
 
 
@@ -44,55 +44,64 @@ class Outcome:
         if self.revision is None:
             return ()
         return tuple(
-            dict.fromkeys(key_of(one) for one in (*self.revision.before.all_definitions(), *self.revision.after.all_definitions()))
+            dict.fromkeys(
+                key_of(definition) for definition in (*self.revision.before.all_definitions(), *self.revision.after.all_definitions())
+            )
         )
 
-    def told(self, version: int) -> OntologyChanged:
+    def change_notice(self, version: int) -> OntologyChanged:
         """What subscribers hear of a change of the ontology."""
         definitions = self.revision.after if self.revision is not None else Definitions()
-        removed = tuple(what for what in self.definitions if find_definition(self.ontology, what) is None)
+        removed = tuple(definition_key for definition_key in self.definitions if find_definition(self.ontology, definition_key) is None)
         return OntologyChanged(definitions=definitions, version=version, removed=removed, changes=self.changes, renamed=self.renamed)
 
 
-def revision(before: Ontology, after: Ontology) -> Revision | None:
+def revision(ontology_before: Ontology, ontology_after: Ontology) -> Revision | None:
     """What leads from the one ontology to the other; None when they are the same."""
-    old, new = by_kind(differing(before, after)), by_kind(differing(after, before))
+    old, new = (
+        by_kind(differing_definitions(ontology_before, ontology_after)),
+        by_kind(differing_definitions(ontology_after, ontology_before)),
+    )
     return Revision(before=old, after=new) if old != new else None
 
 
-def applied(ontology: Ontology, revision: Revision) -> Ontology:
+def apply_revision(ontology: Ontology, revision: Revision) -> Ontology:
     """The ontology after the revision: its definitions in the order in which everybody comes to have them."""
-    return _led(ontology, revision.before, revision.after)
+    return _replace_definitions(ontology, revision.before, revision.after)
 
 
-def taken_back(ontology: Ontology, revision: Revision) -> Ontology:
+def revert_revision(ontology: Ontology, revision: Revision) -> Ontology:
     """The ontology as it was before the revision."""
-    return _led(ontology, revision.after, revision.before)
+    return _replace_definitions(ontology, revision.after, revision.before)
 
 
-def _led(ontology: Ontology, old: Definitions, new: Definitions) -> Ontology:
-    there = set(map(key_of, new.all_definitions()))
-    return revise_ontology(ontology, (what for what in map(key_of, old.all_definitions()) if what not in there), new.all_definitions())
+def _replace_definitions(ontology: Ontology, old: Definitions, new: Definitions) -> Ontology:
+    new_keys = set(map(key_of, new.all_definitions()))
+    return revise_ontology(
+        ontology,
+        (definition_key for definition_key in map(key_of, old.all_definitions()) if definition_key not in new_keys),
+        new.all_definitions(),
+    )
 
 
-def differing(one: Ontology, other: Ontology) -> Iterator[Definition]:
+def differing_definitions(ontology: Ontology, other_ontology: Ontology) -> Iterator[Definition]:
     """The definitions of the one that the other does not have, or has otherwise."""
-    for definition in one:
-        theirs = find_definition(other, key_of(definition))
+    for definition in ontology:
+        theirs = find_definition(other_ontology, key_of(definition))
         if theirs is not definition and theirs != definition:
             yield definition
 
 
 def rejected(broken: Iterable[Violation], version: int) -> Rejected:
     """The problems, each once, and not too many of them for one message."""
-    each = list(dict.fromkeys(broken))
-    texts = list(dict.fromkeys(map(_said, each)))
-    if len(texts) > MOST_PROBLEMS:
-        texts[MOST_PROBLEMS:] = [f"and {len(texts) - MOST_PROBLEMS} more problems"]
-    return Rejected(problems=tuple(texts), version=version, broken=tuple(map(broken_rule, each[:MOST_PROBLEMS])))
+    violations = list(dict.fromkeys(broken))
+    texts = list(dict.fromkeys(map(_problem_text, violations)))
+    if len(texts) > MAX_PROBLEMS:
+        texts[MAX_PROBLEMS:] = [f"and {len(texts) - MAX_PROBLEMS} more problems"]
+    return Rejected(problems=tuple(texts), version=version, broken=tuple(map(broken_rule, violations[:MAX_PROBLEMS])))
 
 
-def _said(violation: Violation) -> str:
+def _problem_text(violation: Violation) -> str:
     """For people. What is wrong with what was asked is said without repeating what that was."""
     return violation.message if violation.section in (SITUATION, VERSION) else str(violation)
 
@@ -101,18 +110,20 @@ def considered(outcome: Outcome, version: int) -> Considered:
     """What would come of it, as much of it as goes into a message."""
     room = PAGE_BYTES // 4
     broken = list(dict.fromkeys(outcome.broken))
-    known = outcome.revision
+    full_revision = outcome.revision
     return Considered(
         version=version,
         broken=tuple(fit_page(map(broken_rule, broken), PAGE_ITEMS, room)),
-        revision=Revision(before=_some(known.before, room), after=_some(known.after, room)) if known is not None else None,
+        revision=Revision(before=_limit_definitions(full_revision.before, room), after=_limit_definitions(full_revision.after, room))
+        if full_revision is not None
+        else None,
         changes=tuple(fit_page(outcome.changes, PAGE_ITEMS, room)),
         all_broken=len(broken),
         all_changes=len(outcome.changes),
     )
 
 
-def _some(definitions: Definitions, room: int) -> Definitions:
+def _limit_definitions(definitions: Definitions, room: int) -> Definitions:
     return by_kind(fit_page(definitions.all_definitions(), PAGE_ITEMS, room))
 
 

@@ -10,12 +10,12 @@ from somrs.protocol.messages.knowledge import MapPage, OntologyPage, by_kind
 from somrs.protocol.messages.paging import fit_page
 
 
-def ontology_page(ontology: Ontology, version: int, after: int, changed_at: int) -> OntologyPage:
+def ontology_page(ontology: Ontology, version: int, offset: int, changed_at: int) -> OntologyPage:
     """The page behind the first `after` definitions. `changed_at`: the version in which the ontology changed last."""
-    everything = list(ontology)
-    page = list(fit_page(everything[max(after, 0) :]))
-    end = max(after, 0) + len(page)
-    return OntologyPage(definitions=by_kind(page), version=version, next=end, more=end < len(everything), changed_at=changed_at)
+    definitions = list(ontology)
+    page = list(fit_page(definitions[max(offset, 0) :]))
+    end = max(offset, 0) + len(page)
+    return OntologyPage(definitions=by_kind(page), version=version, next=end, more=end < len(definitions), changed_at=changed_at)
 
 
 class MapPages:
@@ -28,15 +28,15 @@ class MapPages:
         for fact in map.facts():
             self._facts.setdefault(fact.arguments[0] if fact.arguments else "", []).append(fact)
 
-    def page(self, version: int, after: str) -> MapPage:
+    def page(self, version: int, last_name: str) -> MapPage:
         """The page behind the object `after`. Facts about nothing in particular are on the first page."""
-        start = bisect_right(self._names, after) if after else 0
+        start = bisect_right(self._names, last_name) if last_name else 0
         rows = ((self.map.objects[name], self._facts.get(name, [])) for name in self._names[start:])
         page = list(fit_page(rows))
         facts = [fact for _, facts in page for fact in facts]
         return MapPage(
             objects=tuple(object for object, _ in page),
-            facts=tuple(facts if after else [*self._facts.get("", []), *facts]),
+            facts=tuple(facts if last_name else [*self._facts.get("", []), *facts]),
             version=version,
             more=start + len(page) < len(self._names),
         )

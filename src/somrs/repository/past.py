@@ -14,7 +14,7 @@ from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fit_page, siz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Past:
+class PastState:
     """The map and the ontology as they were at a version; `changed_at` is the version in which the ontology changed last before it."""
 
     map: Map
@@ -26,46 +26,46 @@ def inverse(map: Map, changes: Iterable[Change]) -> tuple[Change, ...]:
     """The changes that lead back to the map from what the changes make of it. Those that remove an object name its facts, too."""
     objects: dict[str, Object | None] = {}
     facts: dict[Fact, bool] = {}
-    back: list[Change] = []
+    inverse_changes: list[Change] = []
     for change in changes:
         match change:
             case ObjectAdded(object):
                 old = objects.get(object.name, map.objects.get(object.name))
-                back.append(ObjectAdded(old) if old is not None else ObjectRemoved(object.name))
+                inverse_changes.append(ObjectAdded(old) if old is not None else ObjectRemoved(object.name))
                 objects[object.name] = object
             case ObjectRemoved(name):
                 if (old := objects.get(name, map.objects.get(name))) is not None:
-                    back.append(ObjectAdded(old))
+                    inverse_changes.append(ObjectAdded(old))
                 objects[name] = None
             case ValueSet(name, path, value):
                 if (old := objects.get(name, map.objects.get(name))) is not None:
-                    back.append(ValueSet(name, path, old.values.get(path)))
-                    objects[name] = _with(old, path, value)
+                    inverse_changes.append(ValueSet(name, path, old.values.get(path)))
+                    objects[name] = _with_value(old, path, value)
             case FactAdded(fact):
                 if not facts.get(fact, map.has_fact(fact.relation, fact.arguments)):
-                    back.append(FactRemoved(fact))
+                    inverse_changes.append(FactRemoved(fact))
                 facts[fact] = True
             case FactRemoved(fact):
                 if facts.get(fact, map.has_fact(fact.relation, fact.arguments)):
-                    back.append(FactAdded(fact))
+                    inverse_changes.append(FactAdded(fact))
                 facts[fact] = False
-    return tuple(reversed(back))
+    return tuple(reversed(inverse_changes))
 
 
-def _with(object: Object, path: str, value: float | str | bool | None) -> Object:
+def _with_value(object: Object, path: str, value: float | str | bool | None) -> Object:
     values = {**object.values, path: value} if value is not None else {p: v for p, v in object.values.items() if p != path}
     return structs.replace(object, values=values)
 
 
-def rewound(map: Map, befores: Iterable[Iterable[Change]]) -> Map:
+def rewind_map(map: Map, inverses: Iterable[Iterable[Change]]) -> Map:
     """The map as it was, by what leads back from each event, the latest first. As `Map.changed`, but quick for a hundred thousand."""
     objects = dict(map.objects)
     facts = dict.fromkeys(map.facts())
-    for changes in befores:
+    for changes in inverses:
         for change in changes:
             match change:
                 case ValueSet(name, path, value):
-                    objects[name] = _with(objects[name], path, value)
+                    objects[name] = _with_value(objects[name], path, value)
                 case ObjectAdded(object):
                     objects[object.name] = object
                 case ObjectRemoved(name):
@@ -77,7 +77,7 @@ def rewound(map: Map, befores: Iterable[Iterable[Change]]) -> Map:
     return Map(objects.values(), facts)
 
 
-def shortened(event: Event, room: int = PAGE_BYTES) -> Event:
+def shorten_event(event: Event, room: int = PAGE_BYTES) -> Event:
     """The event as it goes into a message: of one that is too long, the first of its changes, and how many there are."""
     if size(event) <= room:
         return event

@@ -59,13 +59,13 @@ class PageOf(Struct, frozen=True, kw_only=True, tag=True):
 Task = HistoryOf | EventsOf | PageOf
 
 
-class Happened(Struct, frozen=True, tag=True):
+class ArchivedEvents(Struct, frozen=True, tag="Happened"):
     """Events that were asked for."""
 
     events: tuple[Event, ...]
 
 
-class Defining(Struct, frozen=True, kw_only=True):
+class DefinitionChange(Struct, frozen=True, kw_only=True):
     """That a definition changed: in which version, and by whom."""
 
     version: int
@@ -88,14 +88,14 @@ class Contents(Struct, kw_only=True):
     address: str = ""
     version: int = 0
     changed_at: dict[str, int] = field(default_factory=dict)
-    defined_at: dict[Section, dict[str, Defining]] = field(default_factory=dict)
+    defined_at: dict[Section, dict[str, DefinitionChange]] = field(default_factory=dict)
     answered: dict[str, Answer] = field(default_factory=dict)
     subscriptions: dict[str, Subscription] = field(default_factory=dict)
     since: int = 0
 
-    def defined(self, what: DefinitionKey) -> Defining | None:
+    def last_change(self, definition_key: DefinitionKey) -> DefinitionChange | None:
         """When the definition changed last; None if it never did."""
-        return self.defined_at.get(what.section, {}).get(what.name)
+        return self.defined_at.get(definition_key.section, {}).get(definition_key.name)
 
     @property
     def ontology_changed_at(self) -> int:

@@ -17,25 +17,25 @@ from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Definition
 from somrs.protocol.messages.knowledge import Define, Event, RenameObject, Revision, by_kind
 from somrs.protocol.messages.people import person_name
-from somrs.repository.definition import object_renamed, redefined
+from somrs.repository.definition import define_outcome, rename_outcome
 from somrs.repository.outcome import Outcome
 from somrs.repository.state import Contents
-from somrs.repository.update import changed_by
+from somrs.repository.update import changes_outcome
 
 
-def undone(event: Event, contents: Contents) -> Outcome:
+def undo_outcome(event: Event, contents: Contents) -> Outcome:
     """What comes of undoing the event now."""
     map, ontology = contents.map, contents.ontology
     renamed = [renaming for renaming in event.renamed if renaming.section is Section.OBJECTS]
     if renamed:
         (renaming,) = renamed  # objects are renamed one at a time, and by themselves
-        return object_renamed(map, ontology, RenameObject(name=renaming.to, to=renaming.name))
+        return rename_outcome(map, ontology, RenameObject(name=renaming.to, to=renaming.name))
     if event.revision is not None:
         define, broken = _definitions(event, event.revision, contents)
-        return redefined(map, ontology, define) if not broken else Outcome(map=map, ontology=ontology, broken=tuple(broken))
-    if broken := [*_in_the_way(event, contents)]:
+        return define_outcome(map, ontology, define) if not broken else Outcome(map=map, ontology=ontology, broken=tuple(broken))
+    if broken := [*_map_conflicts(event, contents)]:
         return Outcome(map=map, ontology=ontology, broken=tuple(broken))
-    return changed_by(map, ontology, event.before)
+    return changes_outcome(map, ontology, event.before)
 
 
 def _definitions(event: Event, revision: Revision, contents: Contents) -> tuple[Define, list[Violation]]:
@@ -44,52 +44,60 @@ def _definitions(event: Event, revision: Revision, contents: Contents) -> tuple[
     # What made room for something that got its name comes back once that has its own name again.
     targets = {DefinitionKey(section=renaming.section, name=renaming.to) for renaming in event.renamed}
     targets -= {DefinitionKey(section=renaming.section, name=renaming.name) for renaming in event.renamed}
-    restored: list[Definition] = [one for one in revision.before.all_definitions() if key_of(one) in targets]
-    before = {renamer.renamed_key(key_of(one)): one for one in revision.before.all_definitions() if key_of(one) not in targets}
-    after = {key_of(one): one for one in revision.after.all_definitions()}
+    restored: list[Definition] = [definition for definition in revision.before.all_definitions() if key_of(definition) in targets]
+    old_definitions = {
+        renamer.renamed_key(key_of(definition)): definition
+        for definition in revision.before.all_definitions()
+        if key_of(definition) not in targets
+    }
+    new_definitions = {key_of(definition): definition for definition in revision.after.all_definitions()}
     broken: list[Violation] = []
-    for what in {**before, **after}:
-        old, new, now = before.get(what), after.get(what), find_definition(contents.ontology, what)
+    for definition_key in {**old_definitions, **new_definitions}:
+        old, new, now = (
+            old_definitions.get(definition_key),
+            new_definitions.get(definition_key),
+            find_definition(contents.ontology, definition_key),
+        )
         if old is not None and renamer.definition(old) == new:
             continue  # it goes with the renamings
         if now != new:
-            broken.append(_stands(event, what, _changed_since(what, new is None, now is None, contents)))
+            broken.append(_conflict_violation(event, definition_key, _changed_since(definition_key, new is None, now is None, contents)))
         if old is not None:
             restored.append(old)
-    removed = tuple(what for what in after if what not in before)
-    back = tuple(structs.replace(renaming, name=renaming.to, to=renaming.name) for renaming in event.renamed)
-    return Define(removed=removed, renamed=back, definitions=by_kind(restored)), broken
+    removed = tuple(definition_key for definition_key in new_definitions if definition_key not in old_definitions)
+    reverse_renamings = tuple(structs.replace(renaming, name=renaming.to, to=renaming.name) for renaming in event.renamed)
+    return Define(removed=removed, renamed=reverse_renamings, definitions=by_kind(restored)), broken
 
 
-def _changed_since(what: DefinitionKey, was_gone: bool, is_gone: bool, contents: Contents) -> str:
-    if is_gone:
-        return f"the {what} is not there any more"
-    if was_gone:
-        return f"there is a {what} again; remove it or rename it first"
-    latest = contents.defined(what)
-    by = f" by {person_name(latest.author)} in version {latest.version}; undo that first" if latest is not None else ""
-    return f"the {what} was changed since{by}"
+def _changed_since(definition_key: DefinitionKey, was_absent: bool, is_absent: bool, contents: Contents) -> str:
+    if is_absent:
+        return f"the {definition_key} is not there any more"
+    if was_absent:
+        return f"there is a {definition_key} again; remove it or rename it first"
+    latest = contents.last_change(definition_key)
+    author_note = f" by {person_name(latest.author)} in version {latest.version}; undo that first" if latest is not None else ""
+    return f"the {definition_key} was changed since{author_note}"
 
 
-def _stands(event: Event, what: DefinitionKey, message: str) -> Violation:
-    said = f"version {event.version} cannot be undone: {message}"
-    return Violation(subject=what.name, rule="changed-since", message=said, section=what.section)
+def _conflict_violation(event: Event, definition_key: DefinitionKey, message: str) -> Violation:
+    full_message = f"version {event.version} cannot be undone: {message}"
+    return Violation(subject=definition_key.name, rule="changed-since", message=full_message, section=definition_key.section)
 
 
 # Of the map
 
 
-def _in_the_way(event: Event, contents: Contents) -> Iterator[Violation]:
+def _map_conflicts(event: Event, contents: Contents) -> Iterator[Violation]:
     for change in event.changes:
-        subject, message = _differs(change, event, contents)
+        subject, message = _map_difference(change, event, contents)
         if message:
             version = contents.changed_at.get(subject, 0)
-            when = f"; {subject} changed in version {version}: undo that first" if version > event.version else ""
-            message = f"version {event.version} cannot be undone: {message}{when}"
+            hint = f"; {subject} changed in version {version}: undo that first" if version > event.version else ""
+            message = f"version {event.version} cannot be undone: {message}{hint}"
             yield Violation(subject=subject, rule="changed-since", message=message)
 
 
-def _differs(change: Change, event: Event, contents: Contents) -> tuple[str, str]:
+def _map_difference(change: Change, event: Event, contents: Contents) -> tuple[str, str]:
     """What a change is about, and in what the map is not any more as it left it; empty when it is."""
     map = contents.map
     match change:
@@ -98,17 +106,17 @@ def _differs(change: Change, event: Event, contents: Contents) -> tuple[str, str
             if object is None:
                 return name, f"{name} is not on the map any more"
             now = object.values.get(path)
-            same = now == value and isinstance(now, bool) == isinstance(value, bool)
-            return name, "" if same else f"{path} was {_shown(value)} after it, and is {_shown(now)} now"
+            is_unchanged = now == value and isinstance(now, bool) == isinstance(value, bool)
+            return name, "" if is_unchanged else f"{path} was {_format_value(value)} after it, and is {_format_value(now)} now"
         case ObjectAdded(object):
             name = object.name
             if name not in map.objects:
                 return name, f"{name} is not on the map any more"
             if map.objects[name] != object:
                 return name, f"{name} is not as it was after it"
-            since = [fact for fact in map.facts_about(name) if FactAdded(fact) not in event.changes]
-            if since and ObjectRemoved(name) in event.before:
-                return name, f"{since[0]} was said since, and would not hold without {name}"
+            new_facts = [fact for fact in map.facts_about(name) if FactAdded(fact) not in event.changes]
+            if new_facts and ObjectRemoved(name) in event.before:
+                return name, f"{new_facts[0]} was said since, and would not hold without {name}"
             return name, ""
         case ObjectRemoved(name):
             return name, f"there is a {name} on the map again" if name in map.objects else ""
@@ -118,5 +126,5 @@ def _differs(change: Change, event: Event, contents: Contents) -> tuple[str, str
             return fact.arguments[0], f"{fact} holds again" if map.has_fact(fact.relation, fact.arguments) else ""
 
 
-def _shown(value: float | str | bool | None) -> str:
+def _format_value(value: float | str | bool | None) -> str:
     return "not given" if value is None else f"{value:g}" if isinstance(value, float) else str(value)

@@ -23,68 +23,68 @@ from somrs.ontology.objects import (
 )
 from somrs.ontology.types import ABSTRACT, UNKNOWN, Ontology
 from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.repository.names import is_name, unspeakable
+from somrs.repository.names import is_name, text_problem
 from somrs.repository.outcome import SITUATION, Outcome
 
 
-def updated(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome:
+def update_outcome(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome:
     """What the single changes, and then the situation, make of the map."""
     if impossible := tuple(_impossible(map, ontology, update.changes)):
         return Outcome(map=map, ontology=ontology, broken=impossible)
-    wanted = [*_both_ways(update.changes, ontology)]
-    changed = map.changed(wanted)
+    changes = [*_both_ways(update.changes, ontology)]
+    changed = map.changed(changes)
     if update.situation is not None:
         try:
-            wanted += (more := changes_by(check(update.situation, ontology, changed), changed, ontology))
+            changes += (situation_changes := changes_by(check(update.situation, ontology, changed), changed, ontology))
         except FormulaError as error:
             violation = Violation(subject=SITUATION, rule="formula", message=str(error), section=SITUATION)
             return Outcome(map=map, ontology=ontology, broken=(violation,))
-        changed = changed.changed(more)
-    return changed_by(map, ontology, [*wanted, *_found(changed, wanted)])
+        changed = changed.changed(situation_changes)
+    return changes_outcome(map, ontology, [*changes, *_clear_unknown(changed, changes)])
 
 
-def changed_by(map: Map, ontology: Ontology, wanted: Sequence[Change]) -> Outcome:
+def changes_outcome(map: Map, ontology: Ontology, changes: Sequence[Change]) -> Outcome:
     """What changes that are possible make of the map."""
-    net = tuple(_net(map, map.changed(wanted), wanted))
+    net = tuple(_net_changes(map, map.changed(changes), changes))
     result = Outcome(map=map.changed(net), ontology=ontology, changes=net)
-    broken = tuple(_unspeakable(net)) or tuple(_violations(map, result, ontology))
+    broken = tuple(_text_violations(net)) or tuple(_violations(map, result, ontology))
     return replace(result, broken=broken) if broken else result
 
 
-def _found(map: Map, changes: Iterable[Change]) -> Iterator[Change]:
+def _clear_unknown(map: Map, changes: Iterable[Change]) -> Iterator[Change]:
     """An object that nothing was known of is known again once anybody says where or how it is."""
-    said = [change for change in changes if not isinstance(change, FactRemoved)]
-    flagged = {change.object for change in said if isinstance(change, ValueSet) and change.path == UNKNOWN and change.value}
-    for name in dict.fromkeys(objects_of(change)[0] for change in said):
+    assertions = [change for change in changes if not isinstance(change, FactRemoved)]
+    flagged = {change.object for change in assertions if isinstance(change, ValueSet) and change.path == UNKNOWN and change.value}
+    for name in dict.fromkeys(objects_of(change)[0] for change in assertions):
         if name not in flagged and (object := map.objects.get(name)) is not None and object.values.get(UNKNOWN) is True:
             yield ValueSet(name, UNKNOWN, None)
 
 
 def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iterator[Violation]:
     """What cannot be done at all, whatever the types say."""
-    there = dict.fromkeys(map.objects, True)
+    presence = dict.fromkeys(map.objects, True)
     for change in changes:
         match change:
             case ObjectAdded(object):
-                if there.get(object.name):
+                if presence.get(object.name):
                     message = "is on the map already; set its values, or give the new object another name"
                     yield Violation(subject=object.name, rule="duplicate", message=message)
                 if not is_name(object.name):
                     message = f"{object.name!r} is no name that formulas can use; take letters, digits, _ and -, a letter first"
                     yield Violation(subject=object.name, rule="name", message=message)
-                there[object.name] = True
+                presence[object.name] = True
             case ObjectRemoved(name) | ValueSet(name):
-                if not there.get(name):
-                    yield Violation(subject=name, rule="unknown-object", message=_unknown(name, there))
+                if not presence.get(name):
+                    yield Violation(subject=name, rule="unknown-object", message=_unknown(name, presence))
                 elif isinstance(change, ObjectRemoved):
-                    there[name] = False
+                    presence[name] = False
             case FactRemoved(fact) if fact.relation not in ontology.relations:
                 message = f"the ontology has no relation {fact.relation}. {nearest(fact.relation, ontology.relations)}".rstrip()
                 yield Violation(subject=str(fact), rule="unknown-relation", message=message)
 
 
-def _unknown(name: str, there: dict[str, bool]) -> str:
-    hint = nearest(name, (known for known, present in there.items() if present))
+def _unknown(name: str, presence: dict[str, bool]) -> str:
+    hint = nearest(name, (object_name for object_name, present in presence.items() if present))
     return f"there is no object {name} on the map; {hint or 'add it first'}"
 
 
@@ -96,7 +96,7 @@ def _both_ways(changes: Iterable[Change], ontology: Ontology) -> Iterator[Change
             yield FactRemoved(Fact(change.fact.relation, change.fact.arguments[::-1]))
 
 
-def _net(before: Map, after: Map, changes: Iterable[Change]) -> Iterator[Change]:
+def _net_changes(map_before: Map, map_after: Map, changes: Iterable[Change]) -> Iterator[Change]:
     """The least changes that lead from the one map to the other, which differ in nothing but what `changes` speak of.
 
     Facts go before their objects and come after them, each by name: so a change is in the history of all it concerns.
@@ -109,13 +109,13 @@ def _net(before: Map, after: Map, changes: Iterable[Change]) -> Iterator[Change]
                 facts[fact] = None
             case ObjectRemoved(name):
                 names[name] = None
-                facts.update(dict.fromkeys(before.facts_about(name)))
+                facts.update(dict.fromkeys(map_before.facts_about(name)))
             case _:
                 names[objects_of(change)[0]] = None
-    held = {fact: (before.has_fact(fact.relation, fact.arguments), after.has_fact(fact.relation, fact.arguments)) for fact in facts}
-    yield from (FactRemoved(fact) for fact, (was, now) in held.items() if was and not now)
+    held = {fact: (map_before.has_fact(fact.relation, fact.arguments), map_after.has_fact(fact.relation, fact.arguments)) for fact in facts}
+    yield from (FactRemoved(fact) for fact, (held_before, held_after) in held.items() if held_before and not held_after)
     for name in names:
-        old, new = before.objects.get(name), after.objects.get(name)
+        old, new = map_before.objects.get(name), map_after.objects.get(name)
         if new is None:
             if old is not None:
                 yield ObjectRemoved(name)
@@ -125,10 +125,10 @@ def _net(before: Map, after: Map, changes: Iterable[Change]) -> Iterator[Change]
             for path in {**old.values, **new.values}:
                 if old.values.get(path) != new.values.get(path):
                     yield ValueSet(name, path, new.values.get(path))
-    yield from (FactAdded(fact) for fact, (was, now) in held.items() if now and not was)
+    yield from (FactAdded(fact) for fact, (held_before, held_after) in held.items() if held_after and not held_before)
 
 
-def _unspeakable(changes: Iterable[Change]) -> Iterator[Violation]:
+def _text_violations(changes: Iterable[Change]) -> Iterator[Violation]:
     """Texts that would make every message unreadable in which they are."""
     for change in changes:
         match change:
@@ -139,13 +139,13 @@ def _unspeakable(changes: Iterable[Change]) -> Iterator[Violation]:
             case _:
                 continue
         for path, value in values.items():
-            if isinstance(value, str) and (message := unspeakable(value)):
+            if isinstance(value, str) and (message := text_problem(value)):
                 yield Violation(subject=name, rule="text", message=f"{path}: {message}", path=path)
 
 
-def _violations(before: Map, outcome: Outcome, ontology: Ontology) -> list[Violation]:
+def _violations(map_before: Map, outcome: Outcome, ontology: Ontology) -> list[Violation]:
     """Which rules would be broken by what changed."""
-    removed = [before.objects[change.name].type for change in outcome.changes if isinstance(change, ObjectRemoved)]
+    removed = [map_before.objects[change.name].type for change in outcome.changes if isinstance(change, ObjectRemoved)]
     if any(ontology.is_subtype(type_name, ABSTRACT) for type_name in removed):
         return violations(outcome.map, ontology)  # it may have been the root, which is nobody's part
-    return violations_of(outcome.map, ontology, outcome.objects, before) if outcome.changes else []
+    return violations_of(outcome.map, ontology, outcome.objects, map_before) if outcome.changes else []

@@ -13,7 +13,7 @@ from somrs.repository.outcome import VERSION, Outcome
 from somrs.repository.state import Contents
 
 
-def overtaken(alteration: Alteration, outcome: Outcome, contents: Contents) -> Iterator[Violation]:
+def version_conflicts(alteration: Alteration, outcome: Outcome, contents: Contents) -> Iterator[Violation]:
     """What of it changed after the version that was expected."""
     if isinstance(alteration, Undo) or alteration.expected_version is None:
         return
@@ -33,17 +33,21 @@ def overtaken(alteration: Alteration, outcome: Outcome, contents: Contents) -> I
 
 
 def _definitions(define: Define, expected: int, contents: Contents) -> Iterator[Violation]:
-    changed = (key_of(one) for one in define.definitions.all_definitions() if find_definition(contents.ontology, key_of(one)) != one)
+    changed = (
+        key_of(definition)
+        for definition in define.definitions.all_definitions()
+        if find_definition(contents.ontology, key_of(definition)) != definition
+    )
     renamed = (DefinitionKey(section=renaming.section, name=renaming.name) for renaming in define.renamed)
-    for what in dict.fromkeys((*define.removed, *renamed, *changed)):
-        latest = contents.defined(what)
+    for definition_key in dict.fromkeys((*define.removed, *renamed, *changed)):
+        latest = contents.last_change(definition_key)
         if latest is not None and latest.version > expected:
-            is_now = "changed" if find_definition(contents.ontology, what) is not None else "removed or renamed"
+            is_now = "changed" if find_definition(contents.ontology, definition_key) is not None else "removed or renamed"
             message = (
                 f"{person_name(latest.author)} {is_now} it in version {latest.version}, after version {expected} that was expected; "
                 "look at it again and decide anew"
             )
-            yield Violation(subject=what.name, rule="overtaken", message=message, section=what.section)
+            yield Violation(subject=definition_key.name, rule="overtaken", message=message, section=definition_key.section)
 
 
 def _objects(names: list[str], expected: int, contents: Contents) -> Iterator[Violation]:

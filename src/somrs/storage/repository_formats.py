@@ -17,7 +17,7 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, Ontology, RelationType
 from somrs.repository.component import SCHEMA, Repository
-from somrs.repository.state import Answer, Contents, Defining, Subscription
+from somrs.repository.state import Answer, Contents, DefinitionChange, Subscription
 from somrs.storage import journal
 from somrs.storage.disk import Step, execute
 
@@ -55,9 +55,9 @@ def _contents(db: sqlite3.Connection) -> Contents | None:
     facts = [Fact(relation, _ARGUMENTS.decode(arguments)) for relation, arguments in rows]
     (version,) = db.execute("SELECT coalesce(max(version), 0) FROM events").fetchone()
     (since,) = db.execute("SELECT coalesce(max(version), 0) FROM events WHERE before IS NULL").fetchone()
-    defined_at: dict[Section, dict[str, Defining]] = {}
+    defined_at: dict[Section, dict[str, DefinitionChange]] = {}
     for section, name, at, author in db.execute("SELECT section, name, version, author FROM revised JOIN events USING (version)"):
-        defined_at.setdefault(Section(section), {})[name] = Defining(version=at, author=author)
+        defined_at.setdefault(Section(section), {})[name] = DefinitionChange(version=at, author=author)
     answered = db.execute("SELECT request, answer FROM answered ORDER BY number")
     subscriptions = db.execute("SELECT address, until FROM subscriptions ORDER BY rowid")
     return Contents(

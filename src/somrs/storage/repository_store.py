@@ -18,8 +18,8 @@ from somrs.ontology.objects import objects_of
 from somrs.protocol.messages.knowledge import Event, MapPage, OntologyPage, ReadMap, Revision
 from somrs.repository.component import SCHEMA
 from somrs.repository.pages import MapPages, ontology_page
-from somrs.repository.past import Past
-from somrs.repository.state import Contents, EventsOf, Happened, HistoryOf, PageOf
+from somrs.repository.past import PastState
+from somrs.repository.state import ArchivedEvents, Contents, EventsOf, HistoryOf, PageOf
 from somrs.storage import journal
 from somrs.storage.disk import Disk, Kind
 from somrs.storage.journal import Contradiction, Journal
@@ -58,7 +58,7 @@ class MapHistory:
     """The archive of a Repository's journal, as `journal.Archive`: each `Event`, and what leads back from it."""
 
     def __init__(self) -> None:
-        self._pasts: dict[int, tuple[Past, MapPages]] = {}
+        self._pasts: dict[int, tuple[PastState, MapPages]] = {}
 
     def keep(self, record: object, db: sqlite3.Connection) -> None:
         """Raises Contradiction for a version that is there and is another one."""
@@ -76,7 +76,7 @@ class MapHistory:
         if latest > state.version:
             raise Contradiction(f"version {latest} of the map is not what comes of the same requests now, which lead to {state.version}")
 
-    async def answer(self, task: object, disk: Disk) -> Happened | MapPage | OntologyPage:
+    async def answer(self, task: object, disk: Disk) -> ArchivedEvents | MapPage | OntologyPage:
         match task:
             case PageOf(question=question, at_version=at):
                 then, pages = self._pasts.get(at) or await self._past(task, disk)
@@ -86,10 +86,10 @@ class MapHistory:
             case HistoryOf() | EventsOf():
                 rows = await asyncio.wrap_future(disk.read(reading(task)))
                 with disk.explained():
-                    return await asyncio.to_thread(lambda: Happened(tuple(map(event_of, rows))))
+                    return await asyncio.to_thread(lambda: ArchivedEvents(tuple(map(event_of, rows))))
         raise TypeError(f"the history of a map has no {type(task).__name__}")
 
-    async def _past(self, asked: PageOf, disk: Disk) -> tuple[Past, MapPages]:
+    async def _past(self, asked: PageOf, disk: Disk) -> tuple[PastState, MapPages]:
         way, changed_at = await asyncio.wrap_future(disk.read(lambda db: leading_back(asked.version, asked.at_version, db)))
         with disk.explained():
             # Going back through ten thousand events takes a while: neither the event loop nor the disk waits for it.

@@ -12,8 +12,8 @@ import msgspec
 from somrs.ontology.naming import Renaming
 from somrs.ontology.objects import Change
 from somrs.protocol.messages.knowledge import Event, Revision
-from somrs.repository.outcome import taken_back
-from somrs.repository.past import Past, rewound
+from somrs.repository.outcome import revert_revision
+from somrs.repository.past import PastState, rewind_map
 from somrs.repository.state import EventsOf, HistoryOf, PageOf
 from somrs.storage.disk import Job
 
@@ -117,11 +117,11 @@ def leading_back(version: int, at: int, db: sqlite3.Connection) -> tuple[list[Wa
     return way, changed
 
 
-def past(asked: PageOf, way: Sequence[Way], changed_at: int) -> Past:
+def past(asked: PageOf, way: Sequence[Way], changed_at: int) -> PastState:
     """The map and the ontology at the other end of the way."""
     ontology = asked.ontology
     for step in way:
         if step.revision is not None:
-            ontology = taken_back(ontology, _REVISION.decode(step.revision))
-    map = rewound(asked.map, (_CHANGES.decode(step.before) for step in way if step.before != "[]"))
-    return Past(map=map, ontology=ontology, changed_at=changed_at)
+            ontology = revert_revision(ontology, _REVISION.decode(step.revision))
+    map = rewind_map(asked.map, (_CHANGES.decode(step.before) for step in way if step.before != "[]"))
+    return PastState(map=map, ontology=ontology, changed_at=changed_at)

@@ -25,14 +25,14 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.protocol.messages.paging import PAGE_BYTES, size
-from somrs.repository.definition import object_renamed, redefined
-from somrs.repository.names import is_name, texts, unspeakable
-from somrs.repository.outcome import Outcome, applied, broken_rule, considered, rejected, revision, taken_back
-from somrs.repository.past import rewound, shortened
-from somrs.repository.state import Contents, Defining
-from somrs.repository.undoing import undone
-from somrs.repository.update import updated
-from somrs.repository.version_conflict import overtaken
+from somrs.repository.definition import define_outcome, rename_outcome
+from somrs.repository.names import is_name, text_problem, texts
+from somrs.repository.outcome import Outcome, apply_revision, broken_rule, considered, rejected, revert_revision, revision
+from somrs.repository.past import rewind_map, shorten_event
+from somrs.repository.state import Contents, DefinitionChange
+from somrs.repository.undoing import undo_outcome
+from somrs.repository.update import update_outcome
+from somrs.repository.version_conflict import version_conflicts
 from tests.support.lab import contents, lab
 
 ONTOLOGY, MAP = lab()
@@ -116,7 +116,7 @@ def shown(broken: Iterable[Violation]) -> list[tuple[str, str, str, str, str]]:
     ],
 )  # fmt: skip
 def test_what_cannot_be_done_to_the_ontology_leaves_everything_as_it_is(define: Define, broken: list[tuple[str, ...]]) -> None:
-    outcome = redefined(MAP, ONTOLOGY, define)
+    outcome = define_outcome(MAP, ONTOLOGY, define)
     assert shown(outcome.broken) == broken
     assert outcome == Outcome(map=MAP, ontology=ONTOLOGY, broken=outcome.broken)
 
@@ -131,29 +131,29 @@ def test_what_cannot_be_done_to_the_ontology_leaves_everything_as_it_is(define: 
     ],
 )
 def test_names_that_become_free_may_be_taken(define: Define) -> None:
-    outcome = redefined(MAP, ONTOLOGY, define)
+    outcome = define_outcome(MAP, ONTOLOGY, define)
     assert (outcome.broken, outcome.renamed, outcome.changes, outcome.map) == ((), define.renamed, (), MAP)
     assert outcome.revision is not None
-    assert [*outcome.ontology] == [*applied(ONTOLOGY, outcome.revision)]
+    assert [*outcome.ontology] == [*apply_revision(ONTOLOGY, outcome.revision)]
     assert {one.name for one in outcome.revision.after.all_definitions()} >= {one.name for one in define.definitions.all_definitions()}
 
 
 def test_a_change_that_says_what_is_changes_nothing() -> None:
     for define in (Define(), Define(definitions=types(ONTOLOGY.types["Jar"]))):
-        outcome = redefined(MAP, ONTOLOGY, define)
+        outcome = define_outcome(MAP, ONTOLOGY, define)
         assert outcome == Outcome(map=MAP, ontology=ONTOLOGY)
         assert outcome.ontology is ONTOLOGY
 
 
 def test_a_formula_that_does_not_fit_its_ontology_is_told_and_not_asked_whether_it_holds() -> None:
     jar = structs.replace(ONTOLOGY.types["Jar"], constraints=(Constraint(formula="?Self isUn Table1"),))
-    [violation] = redefined(MAP, ONTOLOGY, Define(definitions=types(jar))).broken
+    [violation] = define_outcome(MAP, ONTOLOGY, Define(definitions=types(jar))).broken
     assert (violation.section, violation.subject, violation.path, violation.rule) == ("types", "Jar", "constraints.0.formula", "formula")
 
 
 def test_a_problem_is_told_once() -> None:
     jar = structs.replace(ONTOLOGY.types["Jar"], constraints=(Constraint(attribute="PositionX", maximum=1.1),))
-    outcome = redefined(MAP, ONTOLOGY, Define(definitions=types(jar)))
+    outcome = define_outcome(MAP, ONTOLOGY, Define(definitions=types(jar)))
     assert [(one.subject, one.path, one.rule) for one in outcome.broken] == [("Jar2", "PositionX", "constraint")]
     assert (outcome.map, outcome.revision) == (MAP, Revision(before=types(ONTOLOGY.types["Jar"]), after=types(jar)))
 
@@ -176,7 +176,7 @@ def test_a_problem_is_told_once() -> None:
     ],
 )
 def test_why_an_object_cannot_get_a_name(name: str, to: str, broken: list[tuple[str, str]]) -> None:
-    outcome = object_renamed(MAP, ONTOLOGY, RenameObject(name=name, to=to))
+    outcome = rename_outcome(MAP, ONTOLOGY, RenameObject(name=name, to=to))
     assert shown(outcome.broken) == [("objects", name, "", rule, message) for rule, message in broken]
     assert outcome == Outcome(map=MAP, ontology=ONTOLOGY, broken=outcome.broken)
 
@@ -186,18 +186,18 @@ SPEAKING = ONTOLOGY.extended((SPEAKS,))
 
 
 def test_an_object_is_renamed_in_the_ontology_too_and_gets_no_name_of_which_that_speaks() -> None:
-    outcome = object_renamed(MAP, SPEAKING, RenameObject(name="Table2", to="Table3"))
+    outcome = rename_outcome(MAP, SPEAKING, RenameObject(name="Table2", to="Table3"))
     now = structs.replace(SPEAKS, constraints=(Constraint(formula="NOT ?Self isOn Table3"),))
     assert (outcome.revision, outcome.broken) == (Revision(before=types(SPEAKS), after=types(now)), ())
     assert (outcome.ontology.types["Jar"], outcome.renamed) == (now, renamed(("Table2", "Table3"), section=OBJECTS))
     without = MAP.changed((ObjectRemoved("Table2"),))
-    [violation] = object_renamed(without, SPEAKING, RenameObject(name="Table1", to="Table2")).broken
+    [violation] = rename_outcome(without, SPEAKING, RenameObject(name="Table1", to="Table2")).broken
     message = "cannot be called Table2: the type Jar speaks of another Table2; take another name"
     assert violation == Violation(subject="Table1", rule="duplicate", message=message)
 
 
 def test_an_object_is_renamed_with_its_facts_and_the_ontology_stays_as_it_is() -> None:
-    outcome = object_renamed(MAP, ONTOLOGY, RenameObject(name="Jar1", to="Jar8"))
+    outcome = rename_outcome(MAP, ONTOLOGY, RenameObject(name="Jar1", to="Jar8"))
     jar = structs.replace(MAP.objects["Jar1"], name="Jar8")
     changes = (FactRemoved(ON_TABLE1), ObjectRemoved("Jar1"), ObjectAdded(jar), FactAdded(Fact("isOn", ("Jar8", "Table1"))))
     assert outcome == Outcome(
@@ -245,13 +245,13 @@ def test_an_object_is_renamed_with_its_facts_and_the_ontology_stays_as_it_is() -
     ],
 )
 def test_what_cannot_be_done_to_the_map_leaves_it_as_it_is(changes: tuple[Change, ...], broken: list[tuple[str, str, str]]) -> None:
-    outcome = updated(MAP, ONTOLOGY, UpdateMap(changes=changes))
+    outcome = update_outcome(MAP, ONTOLOGY, UpdateMap(changes=changes))
     assert shown(outcome.broken) == [("objects", subject, "", rule, message) for subject, rule, message in broken]
     assert outcome == Outcome(map=MAP, ontology=ONTOLOGY, broken=outcome.broken)
 
 
 def test_a_situation_that_is_no_formula_is_told_as_the_situations() -> None:
-    outcome = updated(MAP, ONTOLOGY, UpdateMap(changes=(RED,), situation="Jar1 isUn Table2"))
+    outcome = update_outcome(MAP, ONTOLOGY, UpdateMap(changes=(RED,), situation="Jar1 isUn Table2"))
     [violation] = outcome.broken
     assert (violation.section, violation.subject, violation.rule) == ("situation", "situation", "formula")
     assert outcome == Outcome(map=MAP, ontology=ONTOLOGY, broken=(violation,))
@@ -285,19 +285,21 @@ MOVED = FactAdded(Fact("isOn", ("Jar3", "Table2")))
     ],
 )  # fmt: skip
 def test_an_update_comes_to_the_least_changes(update: UpdateMap, changes: tuple[Change, ...]) -> None:
-    outcome = updated(WITH_LOST, ONTOLOGY, update)
+    outcome = update_outcome(WITH_LOST, ONTOLOGY, update)
     assert (outcome.changes, outcome.broken) == (changes, ())
     assert outcome == Outcome(map=WITH_LOST.changed(changes), ontology=ONTOLOGY, changes=changes)
 
 
 def test_rules_that_an_update_breaks_are_told_with_what_it_comes_to() -> None:
-    outcome = updated(MAP, ONTOLOGY, UpdateMap(changes=(ValueSet("Jar1", "Color", "Mauve"), ValueSet("Jar2", "Label", "\x01"))))
+    outcome = update_outcome(MAP, ONTOLOGY, UpdateMap(changes=(ValueSet("Jar1", "Color", "Mauve"), ValueSet("Jar2", "Label", "\x01"))))
     assert shown(outcome.broken) == [
         ("objects", "Jar2", "Label", "text", "Label: the character U+0001 cannot be sent to anybody; leave it out")
     ], "values are looked at once they can be said"
     bad = Object(name="Jar9", type="Jar", values={"Label": "\x02", "PositionX": 1.0, "Color": "Red"})
-    assert [(one.subject, one.path) for one in updated(MAP, ONTOLOGY, UpdateMap(changes=(ObjectAdded(bad),))).broken] == [("Jar9", "Label")]
-    colour = updated(MAP, ONTOLOGY, UpdateMap(changes=(ValueSet("Jar1", "Color", "Mauve"),)))
+    assert [(one.subject, one.path) for one in update_outcome(MAP, ONTOLOGY, UpdateMap(changes=(ObjectAdded(bad),))).broken] == [
+        ("Jar9", "Label")
+    ]
+    colour = update_outcome(MAP, ONTOLOGY, UpdateMap(changes=(ValueSet("Jar1", "Color", "Mauve"),)))
     assert [(one.subject, one.path, one.rule) for one in colour.broken] == [("Jar1", "Color", "value")]
     assert colour.changes == (ValueSet("Jar1", "Color", "Mauve"),)
 
@@ -307,10 +309,10 @@ def test_rules_that_an_update_breaks_are_told_with_what_it_comes_to() -> None:
 
 def test_what_followers_hear_of_a_change_of_the_ontology() -> None:
     both = renamed(("Cup", "Mug"))
-    outcome = redefined(MAP, ONTOLOGY, Define(removed=removed("Can"), renamed=both, definitions=types(CRATE)))
+    outcome = define_outcome(MAP, ONTOLOGY, Define(removed=removed("Can"), renamed=both, definitions=types(CRATE)))
     mug = structs.replace(ONTOLOGY.types["Cup"], name="Mug")
     assert outcome.broken == ()
-    told = outcome.told(4)
+    told = outcome.change_notice(4)
     assert {one.name for one in told.definitions.types} == {"Crate", "Mug"}
     assert mug in told.definitions.types
     gone = set(removed("Can", "Cup"))
@@ -319,7 +321,7 @@ def test_what_followers_hear_of_a_change_of_the_ontology() -> None:
     assert set(outcome.definitions) == gone | set(removed("Mug", "Crate"))
     assert len(outcome.definitions) == 4
     assert Outcome(map=MAP, ontology=ONTOLOGY).definitions == ()
-    assert Outcome(map=MAP, ontology=ONTOLOGY, changes=(RED,)).told(4) == OntologyChanged(
+    assert Outcome(map=MAP, ontology=ONTOLOGY, changes=(RED,)).change_notice(4) == OntologyChanged(
         definitions=Definitions(), version=4, changes=(RED,)
     )
 
@@ -330,8 +332,8 @@ def test_a_revision_leads_there_and_back() -> None:
     assert found == Revision(
         before=types(ONTOLOGY.types["Jar"]), after=types(*(after.types[name] for name in after.types if name in ("Jar", "Crate")))
     )
-    assert {one.name: one for one in applied(ONTOLOGY, found)} == {one.name: one for one in after}
-    assert {one.name: one for one in taken_back(after, found)} == {one.name: one for one in ONTOLOGY}
+    assert {one.name: one for one in apply_revision(ONTOLOGY, found)} == {one.name: one for one in after}
+    assert {one.name: one for one in revert_revision(after, found)} == {one.name: one for one in ONTOLOGY}
     assert revision(ONTOLOGY, lab()[0]) is None
 
 
@@ -388,7 +390,9 @@ def test_what_would_come_of_a_change_as_much_as_goes_into_a_message() -> None:
 def known(**changed_at: int) -> Contents:
     kept = contents()
     kept.version, kept.changed_at = 7, changed_at
-    kept.defined_at = {TYPES: {"Jar": Defining(version=5, author="urn:so-mrs:client:Anna"), "Gone": Defining(version=6, author="")}}
+    kept.defined_at = {
+        TYPES: {"Jar": DefinitionChange(version=5, author="urn:so-mrs:client:Anna"), "Gone": DefinitionChange(version=6, author="")}
+    }
     return kept
 
 
@@ -428,7 +432,7 @@ NEW_JAR = structs.replace(ONTOLOGY.types["Jar"], doc="new")
 )
 def test_who_was_quicker(alteration: UpdateMap | RenameObject | Define | Undo, broken: list[tuple[str, str, str]]) -> None:
     changes = alteration.changes if isinstance(alteration, UpdateMap) else ()
-    found = [*overtaken(alteration, Outcome(map=MAP, ontology=ONTOLOGY, changes=changes), known(Jar1=3))]
+    found = [*version_conflicts(alteration, Outcome(map=MAP, ontology=ONTOLOGY, changes=changes), known(Jar1=3))]
     assert shown(found) == [(section, subject, "", "overtaken", message) for section, subject, message in broken]
 
 
@@ -450,7 +454,7 @@ def event(before: Definitions, after: Definitions, *renamings: Renaming) -> Even
 )
 def test_what_stands_in_the_way_of_undoing_a_change_of_the_ontology(undo: Event, subject: str, message: str) -> None:
     kept = known()
-    outcome = undone(undo, kept)
+    outcome = undo_outcome(undo, kept)
     assert shown(outcome.broken) == [("types", subject, "", "changed-since", f"version 4 cannot be undone: {message}")]
     assert outcome == Outcome(map=kept.map, ontology=kept.ontology, broken=outcome.broken)
 
@@ -465,15 +469,15 @@ def test_the_map_as_it_was() -> None:
         [ValueSet("A", "Size", None), FactAdded(Fact("isOld", ("B",))), FactRemoved(Fact("isBig", ("B",)))],
         [ObjectRemoved("A"), ObjectRemoved("C")],
     ]
-    assert rewound(now, back) == Map([Object(name="B", type="Jar")], [Fact("isOld", ("B",))])
-    assert rewound(now, back[:2]).objects["A"] == Object(name="A", type="Jar")
+    assert rewind_map(now, back) == Map([Object(name="B", type="Jar")], [Fact("isOld", ("B",))])
+    assert rewind_map(now, back[:2]).objects["A"] == Object(name="A", type="Jar")
     assert now.objects["A"].values == {"Size": 2.0}
 
 
 def test_of_an_event_that_is_too_long_a_revision_that_is_too_long_is_left_out() -> None:
     short, long = (Revision(after=types(structs.replace(CRATE, doc="x" * length))) for length in (10, 1000))
     for known, told in ((short, short), (long, Revision())):
-        found = shortened(Event(version=1, at=0.0, author="a", changes=(RED,) * 40, revision=known, before=(RED,)), 1000)
+        found = shorten_event(Event(version=1, at=0.0, author="a", changes=(RED,) * 40, revision=known, before=(RED,)), 1000)
         assert found.revision == told
         assert (found.all_changes, found.before) == (40, ())
 
@@ -508,7 +512,7 @@ def test_what_is_a_name(text: str, name: bool) -> None:
     ],
 )
 def test_what_cannot_be_said(text: str, said: str) -> None:
-    assert unspeakable(text) == said
+    assert text_problem(text) == said
 
 
 def test_all_texts_of_a_definition_with_where_they_are() -> None:

@@ -10,7 +10,7 @@ from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Ob
 from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol.messages.knowledge import Definitions, Event, Revision
 from somrs.protocol.messages.paging import size
-from somrs.repository.past import inverse, rewound, shortened
+from somrs.repository.past import inverse, rewind_map, shorten_event
 
 CHANGES = tuple(ValueSet(f"Jar{number:03}", "PositionX", float(number)) for number in range(200))
 REVISION = Revision(after=Definitions(attributes=(AttributeType(name="Smell", kind=Kind.TEXT, doc="of what is in it " * 40),)))
@@ -20,7 +20,7 @@ REVISION = Revision(after=Definitions(attributes=(AttributeType(name="Smell", ki
 @pytest.mark.parametrize("room", [500, 2_000])
 def test_of_what_is_too_long_the_beginning_is_told_and_how_much_there_is(revision: Revision | None, room: int) -> None:
     event = Event(version=7, at=1.0, author="a person", changes=CHANGES, before=CHANGES, revision=revision)
-    told = shortened(event, room)
+    told = shorten_event(event, room)
     assert size(told) < room + 100
     assert 1 < len(told.changes) < len(CHANGES)
     left = room // 2 - sum(map(size, told.changes))
@@ -33,7 +33,7 @@ def test_of_what_is_too_long_the_beginning_is_told_and_how_much_there_is(revisio
 
 def test_what_fits_is_told_as_it_is() -> None:
     event = Event(version=7, at=1.0, author="a person", changes=CHANGES[:3], before=CHANGES[:3], revision=REVISION)
-    assert shortened(event, size(event)) is event
+    assert shorten_event(event, size(event)) is event
 
 
 names = st.sampled_from(["A", "B", "C"])
@@ -71,7 +71,7 @@ def test_what_leads_back_leads_to_the_map_as_it_was(changes: list[Change]) -> No
     after = CHANGED.changed(made)
     back = inverse(CHANGED, made)
     assert after.changed(back) == CHANGED
-    assert rewound(after, [back]) == CHANGED
+    assert rewind_map(after, [back]) == CHANGED
 
 
 NEW_A, ONLY_A = FactRemoved(Fact("isNew", ("A",))), CHANGED.objects["A"]

@@ -22,7 +22,7 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.repository.component import Repository, only_reads
-from somrs.repository.state import ArchiveWanted, Happened
+from somrs.repository.state import ArchivedEvents, ArchiveWanted
 from tests.support.lab import CLIENT, REPOSITORY, contents, request, tell
 
 
@@ -41,7 +41,7 @@ def test_what_is_read_on_a_connection_leaves_everything_as_it_is(body: Body) -> 
     assert only_reads(Received(message))
     (effect,) = repository.handle(Received(message), 2.0)
     if isinstance(effect, Ask):
-        answered = Answered(effect.question, Happened(()))
+        answered = Answered(effect.question, ArchivedEvents(()))
         assert only_reads(answered)
         (effect,) = repository.handle(answered, 2.0)
     assert isinstance(effect, Send)
@@ -54,4 +54,4 @@ def test_what_is_read_on_a_connection_leaves_everything_as_it_is(body: Body) -> 
 def test_what_changes_something_is_more_than_reading(body: Body) -> None:
     message = Message(header=Header(sender=CLIENT, recipient=REPOSITORY, message_id="urn:uuid:1"), body=body)
     assert not only_reads(Received(message))
-    assert not only_reads(Answered(ArchiveWanted(message), Happened(())))
+    assert not only_reads(Answered(ArchiveWanted(message), ArchivedEvents(())))

@@ -47,7 +47,7 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.repository.component import Repository
-from somrs.repository.state import Contents, Happened, HistoryOf, LeasesDue, Subscription
+from somrs.repository.state import ArchivedEvents, Contents, HistoryOf, LeasesDue, Subscription
 from tests.support.lab import CLIENT, REPOSITORY, SITE, ask, contents, records, request, sent, tell
 
 JAR = Object(name="Jar9", type="Jar", values={"PositionX": 1.0, "PositionY": 1.1, "PositionZ": 0.7})
@@ -335,14 +335,14 @@ def test_history_comes_from_the_store(repository: Repository) -> None:
     assert question.task == HistoryOf(object="Jar1", limit=2)
     assert repository.handle(Received(message), 1.0) == [question], "it waits for the same answer"
     event = Event(version=3, at=1.0, author="Robot1", changes=(ValueSet("Jar1", "Color", "Red"),))
-    effects = repository.handle(Answered(question.question, Happened((event,))), 2.0)
+    effects = repository.handle(Answered(question.question, ArchivedEvents((event,))), 2.0)
     assert sent(effects, History) == [History(object="Jar1", events=(event,))]
 
 
 def test_history_of_what_never_was_and_from_a_broken_store(repository: Repository) -> None:
     (question,) = tell(repository, ReadHistory(object="Jra1"))
     assert isinstance(question, Ask)
-    (fault,) = sent(repository.handle(Answered(question.question, Happened(())), 2.0), Fault)
+    (fault,) = sent(repository.handle(Answered(question.question, ArchivedEvents(())), 2.0), Fault)
     assert "Jar1" in fault.text
     (question,) = tell(repository, ReadHistory(object="Jar1"))
     assert isinstance(question, Ask)

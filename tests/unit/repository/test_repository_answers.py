@@ -40,7 +40,7 @@ from somrs.protocol.messages.paging import PAGE_BYTES
 from somrs.repository import component
 from somrs.repository.component import Repository, only_reads
 from somrs.repository.pages import MapPages, ontology_page
-from somrs.repository.state import Contents, Defining, EventsOf, Happened, HistoryOf, LeasesDue, PageOf, Subscription
+from somrs.repository.state import ArchivedEvents, Contents, DefinitionChange, EventsOf, HistoryOf, LeasesDue, PageOf, Subscription
 from tests.support.lab import CLIENT, REPOSITORY, ask, contents, lab, records, request, sent, tell
 
 FOLLOWER, SECOND = "http://here/follower", "http://here/second"
@@ -118,11 +118,11 @@ def test_events_are_told_in_one_direction(repository: Repository) -> None:
 
 def test_what_the_archive_answered_is_told(repository: Repository) -> None:
     events = tuple(Event(version=version, at=1.0, author="a", changes=(RED,)) for version in (3, 2, 1))
-    assert archived(repository, ReadEvents(limit=2), Happened(events)) == Events(events=events[:2], more=True, since=0)
-    assert archived(repository, ReadEvents(limit=3), Happened(events)) == Events(events=events, more=False, since=0)
-    assert archived(repository, ReadHistory(object="Jar1"), Happened(events)) == History(object="Jar1", events=events)
-    assert archived(repository, ReadHistory(object="Jar1"), Happened(())) == History(object="Jar1", events=())
-    assert archived(repository, ReadHistory(object="Gone"), Happened(events)) == History(object="Gone", events=events)
+    assert archived(repository, ReadEvents(limit=2), ArchivedEvents(events)) == Events(events=events[:2], more=True, since=0)
+    assert archived(repository, ReadEvents(limit=3), ArchivedEvents(events)) == Events(events=events, more=False, since=0)
+    assert archived(repository, ReadHistory(object="Jar1"), ArchivedEvents(events)) == History(object="Jar1", events=events)
+    assert archived(repository, ReadHistory(object="Jar1"), ArchivedEvents(())) == History(object="Jar1", events=())
+    assert archived(repository, ReadHistory(object="Gone"), ArchivedEvents(events)) == History(object="Gone", events=events)
     page = OntologyPage(definitions=Definitions(), version=0, next=0, more=False)
     assert archived(repository, ReadOntology(at_version=0), page) == page
 
@@ -130,7 +130,7 @@ def test_what_the_archive_answered_is_told(repository: Repository) -> None:
 @pytest.mark.parametrize(("name", "hint"), [("Jar9", " did you mean Jar2 or Jar1?"), ("Qqqq", "")])
 def test_there_is_no_history_of_what_never_was(repository: Repository, name: str, hint: str) -> None:
     fault = Fault(code="Sender", text=f"there never was an object {name} on the map.{hint}")
-    assert archived(repository, ReadHistory(object=name), Happened(())) == fault
+    assert archived(repository, ReadHistory(object=name), ArchivedEvents(())) == fault
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_what_cannot_be_undone_says_why(repository: Repository, since: int, foun
     tell(repository, UpdateMap(changes=(BLUE,)))
     repository.contents.since = since
     events = (Event(version=found, at=1.0, author="a", changes=(RED,)),) if found is not None else ()
-    answer = archived(repository, Undo(version=version), Happened(events))
+    answer = archived(repository, Undo(version=version), ArchivedEvents(events))
     assert isinstance(answer, Rejected)
     assert (answer.problems, answer.version) == ((text,), 2)
     assert [(rule.subject, rule.rule) for rule in answer.broken] == [(f"version {version}", "unknown-version")]
@@ -171,11 +171,11 @@ def test_what_is_undone_is_a_change_that_says_of_what(repository: Repository) ->
     [question] = tell(repository, Undo(version=2))
     assert isinstance(question, Ask)
     assert isinstance(event, Event)
-    record, answer = repository.handle(Answered(question.question, Happened((event,))), 3.0)
+    record, answer = repository.handle(Answered(question.question, ArchivedEvents((event,))), 3.0)
     assert record == Record(Event(version=3, at=3.0, author=CLIENT, changes=(RED,), undoes=2, before=(BLUE,)))
     assert isinstance(answer, Send)
     assert answer.message.body == Updated(version=3)
-    assert sent(repository.handle(Answered(question.question, Happened((event,))), 4.0), object) == [Updated(version=3)], "once"
+    assert sent(repository.handle(Answered(question.question, ArchivedEvents((event,))), 4.0), object) == [Updated(version=3)], "once"
 
 
 def test_an_author_is_who_says_so_or_else_the_sender(repository: Repository) -> None:
@@ -191,7 +191,7 @@ def test_it_is_noted_when_what_changed(repository: Repository) -> None:
     tell(repository, UpdateMap(changes=(RED,)))
     kept = repository.contents
     assert (kept.version, kept.changed_at, kept.ontology_changed_at) == (2, {"Jar1": 2}, 1)
-    assert [*kept.defined_at.values()] == [{"Crate": Defining(version=1, author="Robot1")}]
+    assert [*kept.defined_at.values()] == [{"Crate": DefinitionChange(version=1, author="Robot1")}]
     assert contents().ontology_changed_at == 0
 
 

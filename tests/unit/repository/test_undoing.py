@@ -7,7 +7,7 @@ from msgspec import structs
 
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.protocol.messages.knowledge import Event
-from somrs.repository.undoing import undone
+from somrs.repository.undoing import undo_outcome
 from tests.support.lab import contents
 
 JAR = contents().map.objects["Jar1"]
@@ -46,7 +46,7 @@ def test_what_is_not_as_the_change_left_it_stands_in_the_way(
     kept = contents()
     if latest is not None:
         kept.changed_at[subject] = latest
-    [violation] = undone(event(*changes, before=before), kept).broken
+    [violation] = undo_outcome(event(*changes, before=before), kept).broken
     when = f"; {subject} changed in version 4: undo that first" if hint else ""
     assert violation.message == f"version 3 cannot be undone: {message}{when}"
     assert (violation.subject, violation.rule) == (subject, "changed-since")
@@ -68,7 +68,7 @@ def test_what_is_not_as_the_change_left_it_stands_in_the_way(
 )
 def test_what_is_as_the_change_left_it_is_put_back(changes: tuple[Change, ...], before: tuple[Change, ...]) -> None:
     kept = contents()
-    outcome = undone(event(*changes, before=before), kept)
+    outcome = undo_outcome(event(*changes, before=before), kept)
     assert outcome.broken == ()
     assert sorted(outcome.changes, key=str) == sorted(before, key=str)
     assert outcome.map == kept.map.changed(before)

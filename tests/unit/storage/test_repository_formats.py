@@ -24,7 +24,7 @@ from somrs.protocol.messages.knowledge import (
     Updated,
     UpdateMap,
 )
-from somrs.repository.state import Defining
+from somrs.repository.state import DefinitionChange
 from somrs.storage.repository_formats import MIGRATIONS
 from somrs.storage.repository_store import KIND
 from tests.support.keeper import Keeper, definitions
@@ -79,8 +79,8 @@ def test_everything_in_a_file_of_the_third_format_is_gone_on_with(path: Path) ->
     assert {*map.facts()} - {*contents.map.facts()} == {Fact("isOn", ("Jar1", "Table1"))}
     assert definitions(contents.ontology).keys() - definitions(ontology).keys() == {("ObjectType", "Plate")}
     assert contents.changed_at == {"Jar1": 1, "Jar2": 6, "Jar9": 4, "Krug": 4, "Table1": 6, "Table2": 1}
-    assert contents.defined(DefinitionKey(section=Section.TYPES, name="Plate")) == Defining(version=7, author="Ben")
-    assert contents.defined(DefinitionKey(section=Section.TYPES, name="Tray")) == Defining(version=7, author="Ben")
+    assert contents.last_change(DefinitionKey(section=Section.TYPES, name="Plate")) == DefinitionChange(version=7, author="Ben")
+    assert contents.last_change(DefinitionKey(section=Section.TYPES, name="Tray")) == DefinitionChange(version=7, author="Ben")
     assert [*contents.answered] == [id_of(number) for number in (1, 3, 4, 5, 6, 7, 8, 9, 11)]
     assert isinstance(keeper.say(UpdateMap(situation="Jar7 isOn Table2"), Rejected, identity=id_of(5)), Rejected)
     assert keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated, identity=id_of(1)) == Updated(version=1)
@@ -170,7 +170,7 @@ def test_a_file_of_the_first_format_is_gone_on_with(path: Path) -> None:
     assert ([*contents.ontology], contents.map, contents.version) == ([*kept.ontology], kept.map, 7)
     assert contents.since == 7
     plate = DefinitionKey(section=Section.TYPES, name="Plate")
-    assert contents.defined(plate) == kept.defined(plate)
+    assert contents.last_change(plate) == kept.last_change(plate)
     event, *_, first = keeper.events()
     assert event.revision is not None
     assert event.revision.after.types[0].name == "Plate"
