@@ -199,8 +199,8 @@ def test_of_those_that_are_over_the_latest_are_remembered() -> None:
     jobs = Jobs()
     for number in range(REMEMBERED + 2):
         session = ParticipantSession(transaction="t", participant=f"A#{number}", me="m", peer="p", state=State.ENDED)
-        jobs.put(Job(session=session))
-    assert [job.session.participant for job in jobs.all()] == [f"A#{number}" for number in range(2, REMEMBERED + 2)]
+        jobs.store_job(Job(session=session))
+    assert [job.session.participant for job in jobs.all_jobs()] == [f"A#{number}" for number in range(2, REMEMBERED + 2)]
 
 
 def test_a_file_of_records_becomes_a_journal(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import Ask, MapReader
-from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
+from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
 from somrs.service_manager.sdk.work import carry_out
 from tests.support.robot_lab import after, run, simulator, site
 from tests.support.virtual_devices import asking
@@ -48,7 +48,7 @@ class Desk:
     async def perform(self, order: Order) -> Map:
         """The map after the service, by what it says that holds then."""
         done = await self.do(Perform(order))
-        assert isinstance(done, Done)
+        assert isinstance(done, WorkDone)
         return after(done.situation)
 
 
@@ -314,7 +314,7 @@ def test_stopped_in_the_middle_it_puts_the_jar_down_and_says_where() -> None:
             working.cancel()
             await asyncio.gather(working, return_exceptions=True)
             done = await at.do(Halt(order()))
-            assert isinstance(done, Done)
+            assert isinstance(done, WorkDone)
             truth = await at.operator.seen("Jar1")
             assert truth.on == "Floor1"
             map = after(done.situation)
@@ -329,7 +329,7 @@ def test_stopped_before_it_gripped_it_leaves_the_jar_alone() -> None:
     async def test() -> None:
         async with desk() as at:
             done = await at.do(Halt(order()))
-            assert isinstance(done, Done)
+            assert isinstance(done, WorkDone)
             assert (await at.operator.seen("Jar1")).on == "Table1"
             assert after(done.situation).has_fact("isOn", ("Jar1", "Table1"))
 
@@ -342,7 +342,7 @@ def test_what_was_done_is_undone() -> None:
             await at.perform(order())
             was = "Jar1 isOn Table1 AND Jar1.PositionX = 1.15 AND Jar1.PositionY = 4"
             done = await at.do(Undo(order(), was))
-            assert isinstance(done, Done)
+            assert isinstance(done, WorkDone)
             assert after(done.situation).has_fact("isOn", ("Jar1", "Table1"))
             truth = await at.operator.seen("Jar1")
             assert math.dist((truth.x, truth.y), (1.15, 4)) < 0.02

@@ -13,7 +13,7 @@ from somrs.deployment.device import load
 from somrs.devices.simulator.link.commands import Fault
 from somrs.ontology.files.loading import load_text, upper
 from somrs.service_manager import Device
-from somrs.service_manager.sdk.orders import Done, Halt, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
+from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
 from tests.support.looking_lab import SITE, after, carrying, lab, looking
 from tests.support.paths import ROOT
 from tests.support.robot_lab import run
@@ -145,7 +145,7 @@ def test_a_patrol_that_is_stopped_stands_and_one_that_is_undone_has_nothing_to_u
             working.cancel()
             await asyncio.gather(working, return_exceptions=True)
             done = await at.do(patrol, Halt(looking("Jar1")))
-            assert isinstance(done, Done)
+            assert isinstance(done, WorkDone)
             stopped = after(done.situation).objects["Patrol1"].values
             await asyncio.sleep(0.3)
             robot = (await at.operator.robots())["Patrol1"]
@@ -154,7 +154,7 @@ def test_a_patrol_that_is_stopped_stands_and_one_that_is_undone_has_nothing_to_u
             (capability,) = patrol.profile().capabilities
             assert capability.undoable, "else a Service Manager would report it as stranded"
             undone = await at.do(patrol, Undo(looking("Jar1"), "Jar1.Unknown = TRUE"))
-            assert isinstance(undone, Done)
+            assert isinstance(undone, WorkDone)
             assert "Jar1" not in str(undone.situation)
 
     run(test())

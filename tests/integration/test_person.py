@@ -17,7 +17,7 @@ from somrs.ontology.objects import Object, ObjectAdded
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import MapReader
-from somrs.service_manager.sdk.orders import Done, Order, Perform, Quote, Quoted, ServiceFailed
+from somrs.service_manager.sdk.orders import Order, Perform, Quote, Quoted, ServiceFailed, WorkDone
 from somrs.service_manager.sdk.work import carry_out
 from tests.support.command import somrs
 from tests.support.lab import lab
@@ -84,7 +84,7 @@ def test_an_answer_is_taken_once_it_says_what_is_so(tmp_path: Path) -> None:
             at.seen.answer(question.number, "Jar1 isOn Table2 AND Jar1.PositionX = 8")
             assert await at.verdict(question.number) == "taken"
             done = await waiting
-            assert isinstance(done, Done)
+            assert isinstance(done, WorkDone)
             assert done.situation == "Jar1 isOn Table2 AND Jar1.PositionX = 8 AND Jar1.Unknown = FALSE"
             assert at.seen.open() == []
             with pytest.raises(UsageError, match="it is over: taken"):
@@ -118,7 +118,7 @@ def test_an_answer_that_will_not_do_is_shown_with_a_caret_and_asked_again(tmp_pa
             assert [one.number for one in at.seen.open()] == [question.number]
             at.seen.answer(question.number, "Jar1 isHeldBy Robot1")
             done = await waiting
-            assert isinstance(done, Done)
+            assert isinstance(done, WorkDone)
             assert done.situation == "Jar1 isHeldBy Robot1 AND Jar1.Unknown = FALSE"
 
     run(test())
@@ -176,7 +176,7 @@ def test_the_commands_list_and_answer(tmp_path: Path) -> None:
             assert "still open" in said
             assert (await at.command("answer", number))[0] == 2
             assert await at.command("answer", number, "Jar1 isOn Table2") == (0, "thank you\n")
-            assert isinstance(await waiting, Done)
+            assert isinstance(await waiting, WorkDone)
             code, said = await at.command("answer", number, "Jar1 isOn Table2")
             assert (code, "it is over" in said) == (2, True)
 

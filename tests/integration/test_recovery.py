@@ -14,7 +14,7 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import MapChanged, UpdateMap
 from somrs.protocol.messages.records import TaskRecord
 from somrs.runtime.virtual import LATENCY, Work
-from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, ServiceFailed
+from somrs.service_manager.sdk.orders import Advance, Halt, Order, ServiceFailed, WorkDone
 from somrs.task_manager.execution.execution_log import undone
 from tests.support.virtual_system import Robot, Script, VirtualSystem, done
 
@@ -30,7 +30,7 @@ def holding(name: str, seconds: float = 10.0) -> Script:
 
 
 def puts_back(order: Order, situation: str) -> Work:
-    yield 10.0, Done(situation=situation)
+    yield 10.0, WorkDone(situation=situation)
 
 
 def update(system: VirtualSystem, *changes: Change) -> None:
@@ -66,7 +66,7 @@ def test_what_was_done_is_undone_when_the_client_cancels() -> None:
 
 def test_steps_are_undone_in_the_reverse_of_the_order_in_which_they_were_done() -> None:
     def dawdles(order: Order) -> Work:
-        yield 40.0 if order.inputs["Object"] != "Tin001" else 500.0, Done(situation=done(order))
+        yield 40.0 if order.inputs["Object"] != "Tin001" else 500.0, WorkDone(situation=done(order))
 
     system = VirtualSystem(Robot("Robot1", 10, 60, works=dawdles, undoes=puts_back))
     task = system.submit(f"{BOTH} AND Tin001 isOn Platform001")
@@ -98,7 +98,7 @@ def test_what_nobody_can_undo_is_told_with_where_it_is() -> None:
     def once(order: Order) -> Work:
         yield (
             10.0,
-            Done(situation=done(order))
+            WorkDone(situation=done(order))
             if order.inputs["Destination"] == "Platform001" and order.inputs["Object"] == first
             else (ServiceFailed("the gripper is stuck", f"{order.inputs['Object']} isOn {'Floor001'}")),
         )
@@ -130,11 +130,11 @@ def test_nobody_takes_over_from_a_robot_that_may_still_be_undoing() -> None:
     halted: list[float] = []
 
     def never(order: Order, situation: str) -> Work:
-        yield 1e9, Done()
+        yield 1e9, WorkDone()
 
     def carries(task: object) -> Work:
         if isinstance(task, Halt):
-            yield 15.0, Done()
+            yield 15.0, WorkDone()
             halted.append(system.world.now)
         else:
             yield from robot.carry_out(task)
@@ -187,7 +187,7 @@ def test_who_cannot_undo_says_nothing_of_where_things_are_by_now() -> None:
 
 def test_a_robot_that_falls_silent_while_it_undoes_holds_nobody_up() -> None:
     def never(order: Order, situation: str) -> Work:
-        yield 1e9, Done()
+        yield 1e9, WorkDone()
 
     system = VirtualSystem(Robot("Robot1", 10, 60, undoes=never), Robot("Robot2", 25, 60))
     task = system.submit(BOTH, policy=Policy.PRICE)
@@ -209,7 +209,7 @@ def sees(where: str) -> Script:
     def works(order: Order) -> Work:
         object = order.inputs["Object"]
         yield 5.0, Advance(fraction=0.5, note=f"looks for {object}")
-        yield 5.0, Done(situation=f"{object} isOn {where} AND {object}.Unknown = FALSE")
+        yield 5.0, WorkDone(situation=f"{object} isOn {where} AND {object}.Unknown = FALSE")
 
     return works
 
@@ -454,7 +454,7 @@ def test_the_task_manager_may_be_killed_at_any_time() -> None:
 def test_what_a_robot_lays_down_that_comes_back_when_all_is_over_comes_to_the_map() -> None:
     def carries(order: Order) -> Work:
         yield 10.0, Advance(fraction=0.4, situation="Jar002 isHeldBy Robot1")
-        yield 500.0, Done(situation=done(order))
+        yield 500.0, WorkDone(situation=done(order))
 
     robot = Robot("Robot1", 10, 60, works=carries, lays_down="Jar002 isOn Floor001")
     system = VirtualSystem(robot)
@@ -500,7 +500,7 @@ def slips(times: int, *, says: str = "") -> Script:
         nonlocal works
         works += 1
         left = f"{order.inputs['Object']} isOn Cupboard001{says}"
-        yield 10.0, ServiceFailed("it slipped", left) if works <= times else Done(situation=done(order))
+        yield 10.0, ServiceFailed("it slipped", left) if works <= times else WorkDone(situation=done(order))
 
     return carries
 

@@ -13,7 +13,7 @@ from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.runtime.virtual import Work
-from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, ServiceFailed
+from somrs.service_manager.sdk.orders import Advance, Halt, Order, ServiceFailed, WorkDone
 from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem, done
 
@@ -36,13 +36,13 @@ class Hands:
             yield seconds, Advance(fraction=1.0)
             self.leave(name)
             slips = dice.random() < fails
-            yield 0.0, ServiceFailed("it slipped", f"{thing} isOn Floor001") if slips else Done(situation=done(order))
+            yield 0.0, ServiceFailed("it slipped", f"{thing} isOn Floor001") if slips else WorkDone(situation=done(order))
 
         def undoes(order: Order, situation: str) -> Work:
             self.take(name, order.inputs["Object"])
             yield seconds, Advance(fraction=1.0)
             self.leave(name)
-            yield 0.0, Done(situation=situation)
+            yield 0.0, WorkDone(situation=situation)
 
         return Carrier(name, 10, seconds, works=works, undoes=undoes, hands=self)
 

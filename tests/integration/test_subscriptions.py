@@ -27,7 +27,7 @@ from somrs.protocol.messages.records import Records, TaskRecord
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime.virtual import Work
-from somrs.service_manager.sdk.orders import Advance, Done, Order
+from somrs.service_manager.sdk.orders import Advance, Order, WorkDone
 from somrs.task_manager.manager import REMEMBERED, SCHEMA, TaskManager
 from somrs.task_manager.state import TaskManagerState
 from somrs.task_manager.subscriptions import SubscriptionsOf
@@ -98,7 +98,7 @@ def test_only_contracts_that_changed_come_again() -> None:
 def test_a_message_that_tells_of_no_event_is_news_to_those_who_follow_messages() -> None:
     def works(order: Order) -> Work:
         yield 5.0, Advance(fraction=0.5)
-        yield 20.0, Done(situation=done(order))
+        yield 20.0, WorkDone(situation=done(order))
 
     system = VirtualSystem(Robot("Robot1", 10, 25, works=works))
     task = system.submit(WISH)
@@ -161,7 +161,7 @@ def test_a_thousand_messages_come_in_pages_that_fit_the_wire() -> None:
     def works(order: Order) -> Work:
         for number in range(1200):
             yield 1.0, Advance(fraction=number / 1200, situation=None, note="")
-        yield 1.0, Done(situation=done(order))
+        yield 1.0, WorkDone(situation=done(order))
 
     system = VirtualSystem(Robot("Robot1", 10, 1200, works=works))
     task = system.submit(WISH)
@@ -211,7 +211,7 @@ def test_a_list_that_nothing_happens_to_is_answered_when_its_time_is_over() -> N
 def test_a_row_shows_who_works_and_how_far_it_is() -> None:
     def works(order: Order) -> Work:
         yield 5.0, Advance(fraction=0.5)
-        yield 60.0, Done(situation=done(order))
+        yield 60.0, WorkDone(situation=done(order))
 
     system = VirtualSystem(Robot("Robot1", 10, 60, works=works))
     task = system.submit(WISH)

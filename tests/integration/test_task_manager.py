@@ -5,7 +5,7 @@ from __future__ import annotations
 from somrs.protocol.messages.clients import CancelTask, Policy, Preview, Previewed, ReadTasks, Tasks
 from somrs.protocol.messages.frp import Arrange, Failed, Outcome, State
 from somrs.runtime.virtual import Work
-from somrs.service_manager.sdk.orders import Advance, Done, Order, ServiceFailed
+from somrs.service_manager.sdk.orders import Advance, Order, ServiceFailed, WorkDone
 from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem, done
 
@@ -157,7 +157,7 @@ def test_signs_of_life_between_do_not_make_what_a_robot_says_twice_news() -> Non
     def says_it_twice(order: Order) -> Work:
         yield 1.0, Advance(fraction=0.3, note="carries the jar")
         yield 20.0, Advance(fraction=0.6, note="carries the jar")
-        yield 1.0, Done(situation=done(order))
+        yield 1.0, WorkDone(situation=done(order))
 
     system = VirtualSystem(Robot("Robot1", 10, 60, works=says_it_twice))
     task = system.submit(WISH)
@@ -188,7 +188,7 @@ def test_nobody_is_contracted_who_says_that_it_takes_too_long() -> None:
 
 def test_a_deadline_ends_the_task() -> None:
     def dawdles(order: Order) -> Work:
-        yield 600.0, Done(situation=done(order))
+        yield 600.0, WorkDone(situation=done(order))
 
     system = VirtualSystem(Robot("Robot1", 10, 60, works=dawdles))
     start = system.world.now
@@ -237,11 +237,11 @@ def test_a_robot_that_joins_while_the_system_runs_is_used() -> None:
 
 def test_a_wrong_report_is_not_believed_over_the_wish() -> None:
     """A robot says Completed, but what it reports is not the wish: the task is planned anew from what it reported."""
-    reports = iter((Done(situation="Jar002 isOn Cupboard002"),))
+    reports = iter((WorkDone(situation="Jar002 isOn Cupboard002"),))
 
     def wrong(order: Order) -> Work:
         report = next(reports, None)
-        yield 30.0, report if report is not None else Done(situation=done(order))
+        yield 30.0, report if report is not None else WorkDone(situation=done(order))
 
     robot = Robot("Robot1", 10, 60, works=wrong)
     system = VirtualSystem(robot)

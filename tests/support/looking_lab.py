@@ -16,7 +16,7 @@ from somrs.ontology.objects import Map
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import Device, MapReader
-from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, Perform, Quote, Undo
+from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Undo, WorkDone
 from somrs.service_manager.sdk.work import carry_out
 from tests.support import robot_lab
 from tests.support.virtual_devices import asking
@@ -89,7 +89,7 @@ class Lab:
     async def found(self, device: Device, object: str) -> str:
         """The situation that the device reports of an object."""
         done = await self.do(device, Perform(looking(object)))
-        assert isinstance(done, Done)
+        assert isinstance(done, WorkDone)
         assert done.situation is not None
         return done.situation
 

@@ -18,7 +18,7 @@ from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.validation import apply_step
 from somrs.runtime.virtual import Work
-from somrs.service_manager.sdk.orders import Capability, Done, Order, Profile
+from somrs.service_manager.sdk.orders import Capability, Order, Profile, WorkDone
 from tests.support.virtual_system import Robot, VirtualSystem
 
 TAKE = ServiceType(
@@ -151,10 +151,10 @@ class Relay(VirtualSystem):
         self._look(order)
         yield SECONDS, self._done(order)
 
-    def _done(self, order: Order) -> Done:
+    def _done(self, order: Order) -> WorkDone:
         self._look(order)
         self._truth = self._truth.changed(changes(parse(order.effect), self._truth, self._ontology))
-        return Done(situation=order.effect)
+        return WorkDone(situation=order.effect)
 
     def learn(self, situation: str) -> None:
         """Somebody else makes that so."""

@@ -20,7 +20,7 @@ from somrs.repository.state import Contents
 from somrs.runtime.virtual import Medium, Watch, Work, World, promptly
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
-from somrs.service_manager.sdk.orders import Capability, Done, Halt, Order, Perform, Profile, Quote, Quoted, Refusal, Undo
+from somrs.service_manager.sdk.orders import Capability, Halt, Order, Perform, Profile, Quote, Quoted, Refusal, Undo, WorkDone
 from somrs.task_manager.manager import SCHEMA, TaskManager
 from somrs.task_manager.transaction.views import view
 
@@ -93,11 +93,11 @@ class Robot:
                 if self.works is not None:
                     yield from self.works(order)
                 else:
-                    yield self.duration, Done(situation=done(order))
+                    yield self.duration, WorkDone(situation=done(order))
             case Undo(order, situation) if self.undoes is not None:
                 yield from self.undoes(order, situation)
             case Halt() | Undo():
-                yield self.halts, Done(situation=self.lays_down)
+                yield self.halts, WorkDone(situation=self.lays_down)
             case _:
                 yield 0.0, None
 

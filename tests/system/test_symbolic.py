@@ -25,7 +25,7 @@ from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.service_manager.participant.participant import ServiceManager
-from somrs.service_manager.sdk.orders import Done, Halt, Order, Perform, Quote, Quoted, ServiceFailed
+from somrs.service_manager.sdk.orders import Halt, Order, Perform, Quote, Quoted, ServiceFailed, WorkDone
 from somrs.sites.pddl import Imported, read
 from tests.support import warm
 from tests.support.command import somrs
@@ -150,9 +150,9 @@ def test_nothing_is_done_before_its_time_is_over(parcels: Imported, world: Symbo
     seconds, _ = next(work)
     assert seconds == 1
     assert not world.deeds
-    assert [*agent.carry_out(Halt(order("load", x="letter", p="mill")))] == [(0.0, Done(situation="NOT letter in van1"))]
+    assert [*agent.carry_out(Halt(order("load", x="letter", p="mill")))] == [(0.0, WorkDone(situation="NOT letter in van1"))]
     seconds, done = next(work)
-    assert isinstance(done, Done)
+    assert isinstance(done, WorkDone)
     assert len(world.deeds) == 1
 
 
@@ -171,7 +171,7 @@ def test_a_device_that_leaves_is_not_heard_of_again(parcels: Imported, world: Sy
     mishap = Mishap(happens=half, leaves=True)
     agent = SymbolicAgent(name="van1", world=world, services=parcels.agents["van1"], faults=lambda order: mishap)
     said = [*agent.carry_out(Perform(order("load", x="letter", p="mill")))]
-    assert not any(isinstance(value, Done | ServiceFailed) for _, value in said)
+    assert not any(isinstance(value, WorkDone | ServiceFailed) for _, value in said)
     assert agent.left
     assert [*agent.carry_out(Quote(order("load", x="letter", p="mill")))] == []
     assert Fact("in", ("letter", "van1")) in set(world.map.facts())

@@ -9,7 +9,7 @@ from somrs.devices.symbolic.agent import SymbolicAgent
 from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.ontology.objects import Object
 from somrs.runtime.virtual import Work
-from somrs.service_manager.sdk.orders import Capability, Done, Perform, Profile, Quote, Quoted
+from somrs.service_manager.sdk.orders import Capability, Perform, Profile, Quote, Quoted, WorkDone
 
 STEP_TIME = 4.0
 """Seconds, of virtual time, that each step takes: many times what the messages about it take."""
@@ -27,7 +27,7 @@ class Hands:
         began = self.now()
         for seconds, value in self.agent.carry_out(task):
             yield seconds, value
-            if isinstance(task, Perform) and isinstance(value, Done):
+            if isinstance(task, Perform) and isinstance(value, WorkDone):
                 break
         if isinstance(task, Perform):
             self.times += [began, self.now()]
@@ -54,6 +54,6 @@ class Observer:
             case Quote():
                 yield 0.0, Quoted(price=1.0, duration=STEP_TIME)
             case Perform(order):
-                yield STEP_TIME, Done(situation=self.world.seen(order.inputs["Object"]))
+                yield STEP_TIME, WorkDone(situation=self.world.seen(order.inputs["Object"]))
             case _:
-                yield 0.0, Done()
+                yield 0.0, WorkDone()

@@ -11,7 +11,7 @@ from somrs.kernel.component import Effect, Input, Withdraw
 from somrs.runtime.virtual import QUIET, Work
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.timers import Activity, WorkWanted
-from somrs.service_manager.sdk.orders import Advance, Done, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo
+from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
 from verification.fault_runs.site import FLOOR, LOOKING
 from verification.fault_runs.story import Act, Character
 from verification.fault_runs.story import Undo as Undoing
@@ -132,7 +132,7 @@ class Hands:
                 return
             if number < len(moves) and act is Act.CARRY:
                 yield 0.0, Advance(fraction=share, situation=self.reality.said(object))
-        yield 0.0, Done(situation=self._promised(order))
+        yield 0.0, WorkDone(situation=self._promised(order))
 
     def _look(self, order: Order, act: Act | None) -> Work:
         """Cognitive services tell the truth, or nothing."""
@@ -144,7 +144,7 @@ class Hands:
         if act is not None:
             yield 0.0, ServiceFailed("it sees nothing", None)
         object = order.inputs["Object"]
-        yield 0.0, Done(situation=f"{self.reality.said(object)} AND {object}.Unknown = FALSE")
+        yield 0.0, WorkDone(situation=f"{self.reality.said(object)} AND {object}.Unknown = FALSE")
 
     def _moves(self, order: Order) -> Iterator[tuple[float, str, Place | bool]]:
         """After which share of the time which object comes where."""
@@ -183,17 +183,17 @@ class Hands:
                 if mine:
                     self._put(object, ("isOn", FLOOR), order.transaction)
                 said = reality.said(object)
-                yield 0.0, ServiceFailed("it slipped", said) if act is Act.DROP else Done(situation=said)
+                yield 0.0, ServiceFailed("it slipped", said) if act is Act.DROP else WorkDone(situation=said)
             case Act.FAIL:
                 yield 0.0, ServiceFailed("it is stuck", None)
             case Act.ERROR:
                 yield 0.0, ZeroDivisionError("division by zero")
             case Act.FALSE:
                 reality.doubtful.add(object)
-                yield 0.0, Done(situation=self._promised(order))
+                yield 0.0, WorkDone(situation=self._promised(order))
             case Act.RAVE:
                 failed = self._move(order, object, to)
-                yield 0.0, failed or Done(situation=f"{object} isOn Nowhere")
+                yield 0.0, failed or WorkDone(situation=f"{object} isOn Nowhere")
             case Act.DIE:
                 self.dies(self.character)
         yield NEVER, QUIET
@@ -212,7 +212,7 @@ class Hands:
             if self.character.undo is Undoing.FAIL or not known or not self._can_bring(to):
                 yield 0.0, ServiceFailed("it cannot be undone", reality.said(object) if known else None)
             self._put(object, to, order.transaction)
-        yield 0.0, Done(situation=" AND ".join(reality.said(object) for object, _ in wanted) or situation)
+        yield 0.0, WorkDone(situation=" AND ".join(reality.said(object) for object, _ in wanted) or situation)
 
     def _can_bring(self, to: Place | bool) -> bool:
         return isinstance(to, bool) or (self.reality.reachable(to[1]) if to[0] == "isOn" else to[1] == self.name)
@@ -225,7 +225,7 @@ class Hands:
         if mine and self.character.lays_down:
             self._put(object, ("isOn", FLOOR), order.transaction)
         known = mine or self.reality.state(object) == self._left.get(object)
-        yield 0.0, Done(situation=self.reality.said(object) if known else None)
+        yield 0.0, WorkDone(situation=self.reality.said(object) if known else None)
 
     def _put(self, object: str, to: Place | bool, transaction: str) -> None:
         self._left[object] = to

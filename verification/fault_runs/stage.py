@@ -26,7 +26,7 @@ from somrs.runtime.virtual import LATENCY, Moment, Work, World
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.state import ServiceManagerState
-from somrs.service_manager.participant.timers import Leave as LeaveNow
+from somrs.service_manager.participant.timers import DepartureRequested as LeaveNow
 from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.manager import SCHEMA, TaskManager
 from verification.fault_runs.client import Client

@@ -26,7 +26,7 @@ from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
 from somrs.runtime.wire import asked_again
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
-from somrs.service_manager.participant.timers import Equipped, Leave, Observed
+from somrs.service_manager.participant.timers import DepartureRequested, Equipped, Observed
 from somrs.service_manager.sdk import orders
 from somrs.service_manager.sdk.device import Device, MapReader
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
@@ -115,7 +115,7 @@ class DeviceRunner:
     async def stop(self) -> None:
         """Take leave: withdraw the offers, bring what runs to a stop, and say so to whom it concerns."""
         if self._node is not None:
-            self._node.feed(Notified(Leave()))
+            self._node.feed(Notified(DepartureRequested()))
             end = asyncio.get_running_loop().time() + LEAVE_TIME
             while not self.manager.idle and asyncio.get_running_loop().time() < end:
                 await asyncio.sleep(0.02)

@@ -27,7 +27,7 @@ from somrs.protocol.messages.knowledge import (
 )
 from somrs.service_manager.participant.joining import Joining
 from somrs.service_manager.participant.timers import JoiningDue, ReportWanted
-from somrs.service_manager.sdk.device import before
+from somrs.service_manager.sdk.device import predecessor_name
 from somrs.service_manager.sdk.orders import Capability, Profile, Report
 from tests.support.lab import REPOSITORY
 
@@ -42,7 +42,7 @@ PROFILE = Profile(
     values={"PositionX": 1.0},
     situation="Washer1 isOn Floor1",
 )
-LOOK = ReadMap(after=before("Washer1"))
+LOOK = ReadMap(after=predecessor_name("Washer1"))
 ADDED = UpdateMap(
     changes=(ObjectAdded(Object(name="Washer1", type="Washer", values={"PositionX": 1.0})),),
     situation="Washer1 isOn Floor1",
@@ -109,7 +109,7 @@ def test_it_defines_reads_looks_adds_itself_and_publishes() -> None:
         SetTimer(JoiningDue(), NOW + 7.0),
         Ask(ReportWanted(), Report("Washer1 offers Washer1.Wash", joined=True)),
     ]
-    joiner.do(joiner.joining.ring(NOW))
+    joiner.do(joiner.joining.timer_fired(NOW))
     assert joiner.asked() == (REGISTRY, Renew(provider="Washer1", lease=30.0))
     assert joiner.answer(Published(until=50.0, renew_within=10.0)) == [SetTimer(JoiningDue(), NOW + 7.0)]
 
@@ -143,7 +143,7 @@ def test_what_is_added_without_an_answer_is_looked_for_first() -> None:
     joiner.answer(ontology())
     joiner.answer(MapPage(objects=(), facts=(), version=1, more=False))
     assert joiner.asked() == (REPOSITORY, ADDED)
-    joiner.do(joiner.joining.ring(NOW))
+    joiner.do(joiner.joining.timer_fired(NOW))
     assert joiner.asked() == (REPOSITORY, LOOK)
 
 
@@ -152,11 +152,11 @@ def test_a_renewal_without_an_answer_or_with_a_fault_publishes_anew() -> None:
         joiner = Joiner()
         joiner.published()
         joiner.answer(Published(until=40.0, renew_within=10.0))
-        joiner.do(joiner.joining.ring(NOW))
+        joiner.do(joiner.joining.timer_fired(NOW))
         if fault:
             joiner.answer(Fault(code="Sender", text="who?"))
         else:
-            joiner.do(joiner.joining.ring(NOW))
+            joiner.do(joiner.joining.timer_fired(NOW))
         assert joiner.asked() == (REGISTRY, Publish(provider="Washer1", offers=(offer(),), lease=30.0))
 
 
@@ -170,17 +170,17 @@ def test_who_is_not_taken_says_why_and_waits(answer: Rejected | Fault, text: str
 
 def test_who_leaves_retracts_and_hears_no_more() -> None:
     joiner = Joiner()
-    timer, retract = joiner.do(joiner.joining.leave(NOW))
+    timer, retract = joiner.do(joiner.joining.depart(NOW))
     assert timer == SetTimer(JoiningDue(), None)
     assert isinstance(retract, Send)
     assert joiner.asked() == (REGISTRY, Retract(provider="Washer1"))
     assert joiner.answer(Defined(version=1)) == []
-    assert joiner.do(joiner.joining.ring(NOW)) == []
+    assert joiner.do(joiner.joining.timer_fired(NOW)) == []
 
 
 def test_an_answer_to_an_earlier_request_is_out_of_date() -> None:
     joiner = Joiner()
-    joiner.do(joiner.joining.ring(NOW))
+    joiner.do(joiner.joining.timer_fired(NOW))
     joiner.requests.pop()
     assert joiner.answer(Defined(version=1)) == []
 

@@ -24,11 +24,11 @@ from somrs.protocol.messages.frp import State
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.runtime.virtual import Moment, World
-from somrs.service_manager.participant.calendar import Commitment, free_from
+from somrs.service_manager.participant.calendar import Commitment, first_free_time
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
 from somrs.service_manager.participant.speech import CUT_OFF
-from somrs.service_manager.participant.timers import HeartbeatDue, Leave, Observed
-from somrs.service_manager.sdk.device import Device, Result, Situation, Task, before, service
+from somrs.service_manager.participant.timers import DepartureRequested, HeartbeatDue, Observed
+from somrs.service_manager.sdk.device import Device, Result, Situation, Task, predecessor_name, service
 from somrs.service_manager.sdk.orders import Order, Refusal, Report, ServiceFailed
 from somrs.service_manager.sdk.values import as_term, money, python_value, seconds
 from tests.support.lab import CLIENT, REPOSITORY, contents, request
@@ -208,7 +208,7 @@ def test_a_device_survives_a_registry_that_forgot_it_and_leaves_in_order() -> No
     assert hall.offers() == []
     hall.world.run(60.0)
     assert len(hall.offers()) == 2
-    hall.world.notify(WASHER, Leave())
+    hall.world.notify(WASHER, DepartureRequested())
     hall.world.run(1.0)
     assert hall.offers() == []
 
@@ -219,7 +219,7 @@ def test_who_leaves_takes_back_what_it_promised_and_stops_what_it_does() -> None
     hall.arranged("promised")
     hall.ask("promised", ACCEPT)
     hall.arranged("offered")
-    hall.world.notify(WASHER, Leave())
+    hall.world.notify(WASHER, DepartureRequested())
     hall.until("at work", State.FAILED)
     hall.until("promised", State.FAILED)
     hall.until("offered", State.ENDED)
@@ -241,7 +241,7 @@ def test_who_leaves_while_it_undoes_something_says_where_things_are() -> None:
     hall.until("s1", State.COMPLETED)
     hall.ask("s1", frp.Compensate(situation="Jar1 isOn Table2"))
     hall.world.run(5.0)
-    hall.world.notify(WASHER, Leave())
+    hall.world.notify(WASHER, DepartureRequested())
     hall.until("s1", State.STRANDED)
     stranded = hall.last_word("s1")
     assert isinstance(stranded, frp.Stranded)
@@ -250,7 +250,7 @@ def test_who_leaves_while_it_undoes_something_says_where_things_are() -> None:
 
 def test_who_left_takes_no_orders_until_it_is_back() -> None:
     hall = Hall()
-    hall.world.notify(WASHER, Leave())
+    hall.world.notify(WASHER, DepartureRequested())
     hall.ask("s1", ARRANGE)
     hall.until("s1", State.ENDED)
     assert hall.session("s1").reason == "Washer1 is leaving"
@@ -687,7 +687,7 @@ def test_values_survive_becoming_terms(value: bool | float | str) -> None:
 @given(st.text("abcXYZ019_", min_size=1), st.lists(st.text("abcXYZ019_", min_size=1), max_size=20))
 def test_the_page_behind_what_is_before_a_name_begins_with_it(name: str, others: list[str]) -> None:
     names = sorted({name, *others})
-    assert next(one for one in names if one > before(name)) == name
+    assert next(one for one in names if one > predecessor_name(name)) == name
 
 
 @given(
@@ -701,4 +701,4 @@ def test_the_calendar_against_trying_every_second(busy: list[Commitment], earlie
         return all(sum(a <= s < b for a, b in busy) < capacity for s in range(start, start + duration))
 
     plain = next(start for start in range(earliest, 100) if room(start))
-    assert free_from(busy, float(earliest), float(duration), capacity) == plain
+    assert first_free_time(busy, float(earliest), float(duration), capacity) == plain

@@ -28,9 +28,9 @@ from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.speech import CUT_OFF, REPORT_TIME
 from somrs.service_manager.participant.timers import (
     Activity,
+    DepartureRequested,
     Equipped,
     HeartbeatDue,
-    Leave,
     Observed,
     ReportDue,
     ReportWanted,
@@ -42,7 +42,6 @@ from somrs.service_manager.sdk.orders import (
     Advance,
     Answer,
     Capability,
-    Done,
     Failure,
     Order,
     Perform,
@@ -52,6 +51,7 @@ from somrs.service_manager.sdk.orders import (
     Refused,
     Report,
     Undo,
+    WorkDone,
 )
 from tests.support.lab import CLIENT, REPOSITORY, request
 
@@ -118,7 +118,7 @@ class Bench:
 
     def completed(self) -> list[Effect]:
         self.executing()
-        return self.did(Activity.PERFORM, Done())
+        return self.did(Activity.PERFORM, WorkDone())
 
     @property
     def state(self) -> State:
@@ -323,7 +323,7 @@ def test_an_execute_is_too_late_after_the_time_that_it_names(late: float, state:
 def test_what_was_done_is_reported_for_a_day() -> None:
     bench = Bench()
     bench.executing()
-    effects = bench.did(Activity.PERFORM, Done(situation="Jar1 isOn Washer1", outputs={"Water": 3.0}))
+    effects = bench.did(Activity.PERFORM, WorkDone(situation="Jar1 isOn Washer1", outputs={"Water": 3.0}))
     assert bodies(effects) == [frp.Completed(situation="Jar1 isOn Washer1", outputs={"Water": 3.0})]
     assert until(effects) == [NOW + REPORT_TIME]
     assert rest(effects) == [SetTimer(timers(HeartbeatDue), None)]
@@ -376,18 +376,18 @@ def test_what_is_stopped_reports_what_is_known_to_hold() -> None:
     [halt] = bench.did(Activity.PERFORM, None)
     assert isinstance(halt, Ask)
     assert halt.question == bench.wanted(Activity.HALT)
-    assert bodies(bench.did(Activity.HALT, Done())) == [frp.Stopped(situation="Jar1 isHeldBy Washer1")]
+    assert bodies(bench.did(Activity.HALT, WorkDone())) == [frp.Stopped(situation="Jar1 isHeldBy Washer1")]
 
 
 def test_what_is_undone_is_undone_to_what_is_wanted_now() -> None:
     bench = Bench()
     bench.executing()
-    bench.did(Activity.PERFORM, Done(situation="Jar1 isOn Washer1"))
+    bench.did(Activity.PERFORM, WorkDone(situation="Jar1 isOn Washer1"))
     assert bench.ask(frp.Compensate(situation="Jar1 isOn Table1")) == [
         SetTimer(timers(HeartbeatDue), NOW + 5.0),
         Ask(bench.wanted(Activity.UNDO), Undo(order(), "Jar1 isOn Table1")),
     ]
-    assert bodies(bench.did(Activity.UNDO, Done())) == [frp.Compensated(situation="Jar1 isOn Table1")]
+    assert bodies(bench.did(Activity.UNDO, WorkDone())) == [frp.Compensated(situation="Jar1 isOn Table1")]
 
 
 def test_what_fails_and_then_cannot_be_undone_says_both() -> None:
@@ -396,7 +396,7 @@ def test_what_fails_and_then_cannot_be_undone_says_both() -> None:
     assert bodies(bench.did(Activity.PERFORM, Failure("the pump is dry"))) == [frp.Failed(description="the pump is dry")]
     bench.ask(frp.Compensate(situation="Jar1 isOn Table1"))
     bench.did(Activity.UNDO, AnswerLost())
-    assert bodies(bench.did(Activity.HALT, Done())) == [
+    assert bodies(bench.did(Activity.HALT, WorkDone())) == [
         frp.Stranded(description="the Service Manager of Washer1 was restarted while it worked")
     ]
 
@@ -419,7 +419,7 @@ def test_what_cannot_be_undone_is_left_to_others(participant: str, service_type:
     bench.did(Activity.QUOTE, Quoted(price=2.0, duration=60.0))
     bench.hear(bench.session.accept())
     bench.ask(EXECUTE)
-    bench.did(Activity.PERFORM, Done())
+    bench.did(Activity.PERFORM, WorkDone())
     effects = bench.ask(frp.Compensate(situation="Jar1 isOn Table1", begin_by=begin_by))
     assert bodies(effects) == [frp.Stranded(description=reason, tried=False)]
     assert rest(effects) == []
@@ -451,7 +451,7 @@ def test_what_is_over_does_not_care_whether_its_signs_of_life_arrived() -> None:
     bench = Bench()
     bench.executing()
     [progress] = [e for e in bench.did(Activity.PERFORM, Advance(fraction=0.5)) if isinstance(e, Send)]
-    bench.did(Activity.PERFORM, Done())
+    bench.did(Activity.PERFORM, WorkDone())
     assert bench.manager.handle(DeliveryFailed(progress.message, "r"), NOW) == []
 
 
@@ -502,7 +502,7 @@ def test_when_it_is_busy_and_with_what() -> None:
     assert not bench.manager.idle
     assert bench.manager.calendar(NOW + 90) == [(NOW + 80, NOW + 140)]
     assert bench.manager.calendar(NOW + 200) == [(NOW + 80, NOW + 200)], "what is overdue ends now"
-    bench.did(Activity.PERFORM, Done())
+    bench.did(Activity.PERFORM, WorkDone())
     assert (bench.manager.open, bench.manager.calendar(NOW + 90), bench.manager.idle) == ([], [], True)
 
 
@@ -524,7 +524,7 @@ def test_who_comes_up_elsewhere_says_its_last_word_from_there(address: str, agai
 
 def test_who_leaves_refuses_what_comes_until_it_starts_again() -> None:
     bench = Bench()
-    bench.manager.handle(Notified(Leave()), NOW)
+    bench.manager.handle(Notified(DepartureRequested()), NOW)
     assert bodies(bench.ask(ARRANGE)) == [frp.Refuse(reason="Washer1 is leaving")]
     bench.manager.handle(Started(ME), NOW)
     bench.session = bench.another("Washer1.WashObject#s2")
@@ -624,7 +624,7 @@ def test_what_the_device_left_is_told_to_the_repository_when_nobody_waits_to_hea
         bench.session.state = State.COMPLETED  # the coordinator has given it up
     bench.ask(frp.End(outcome=frp.Outcome.FAILED) if over else frp.Stop(reason="r"))
     bench.did(Activity.PERFORM, None)
-    effects = bench.did(Activity.HALT, Done(situation=left))
+    effects = bench.did(Activity.HALT, WorkDone(situation=left))
     assert reported(effects) == told
     assert [body for body in bodies(effects) if not isinstance(body, UpdateMap)] == ([] if over else [frp.Stopped(situation=left)])
     assert bench.manager.idle
@@ -635,9 +635,9 @@ def test_an_answer_to_what_the_device_does_not_do_now_changes_nothing() -> None:
     bench.executing()
     for activity in (Activity.UNDO, Activity.HALT):
         assert bench.did(activity, Failure("f")) == []
-    stranger = Answered(WorkWanted("t1", "nobody", Activity.PERFORM), Done())
+    stranger = Answered(WorkWanted("t1", "nobody", Activity.PERFORM), WorkDone())
     assert bench.manager.handle(stranger, NOW) == []
     assert (bench.state, bench.manager.idle) == (State.EXECUTING, False)
-    assert bodies(bench.did(Activity.PERFORM, Done())) == [frp.Completed(situation="")]
-    assert bench.did(Activity.PERFORM, Done()) == bench.manager.handle(stranger, NOW) == []
+    assert bodies(bench.did(Activity.PERFORM, WorkDone())) == [frp.Completed(situation="")]
+    assert bench.did(Activity.PERFORM, WorkDone()) == bench.manager.handle(stranger, NOW) == []
     assert (bench.state, bench.manager.idle) == (State.COMPLETED, True)

@@ -15,10 +15,10 @@ from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault, State
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.service_manager.participant import job as jobs_module
-from somrs.service_manager.participant.calendar import Commitment, free_from, laid_out
-from somrs.service_manager.participant.job import Job, Jobs, failure, interrupted
+from somrs.service_manager.participant.calendar import Commitment, first_free_time, resolve_overlaps
+from somrs.service_manager.participant.job import Job, Jobs, failure, interruption
 from somrs.service_manager.participant.map_reports import PATIENCE, MapReport, MapReports
-from somrs.service_manager.participant.speech import CUT_OFF, REPORT_TIME, say
+from somrs.service_manager.participant.speech import CUT_OFF, REPORT_TIME, send_message
 from somrs.service_manager.participant.timers import Activity, HeartbeatDue, ReportDue, StartDue, WorkWanted
 
 HERE, REPOSITORY = "http://here/washer", "http://here/repository"
@@ -53,7 +53,7 @@ def run(doing: Generator[Effect, None, T]) -> tuple[list[Effect], T]:
 def test_what_was_promised_for_the_same_time_is_kept_one_after_the_other(
     commitments: list[Commitment], capacity: int, kept: list[Commitment]
 ) -> None:
-    assert laid_out(commitments, capacity) == kept
+    assert resolve_overlaps(commitments, capacity) == kept
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_what_was_promised_for_the_same_time_is_kept_one_after_the_other(
 def test_the_first_time_with_room_for_it(
     commitments: list[Commitment], earliest: float, duration: float, capacity: int, start: float
 ) -> None:
-    assert free_from(commitments, earliest, duration, capacity) == start
+    assert first_free_time(commitments, earliest, duration, capacity) == start
 
 
 # Jobs
@@ -88,11 +88,11 @@ def job(participant: str = "Washer1.Wash#s1", state: State = State.EXECUTING) ->
 def test_a_job_wakes_up_once_for_each_timer_that_it_set() -> None:
     one = job()
     timer = HeartbeatDue("t1", "Washer1.Wash#s1")
-    assert run(one.wake(HeartbeatDue, None))[0] == []
-    assert run(one.wake(HeartbeatDue, 5.0))[0] == run(one.wake(HeartbeatDue, 5.0))[0] == [SetTimer(timer, 5.0)]
+    assert run(one.set_timer(HeartbeatDue, None))[0] == []
+    assert run(one.set_timer(HeartbeatDue, 5.0))[0] == run(one.set_timer(HeartbeatDue, 5.0))[0] == [SetTimer(timer, 5.0)]
     assert one.timers == {timer}
-    assert [run(one.wake(HeartbeatDue, None))[0] for _ in range(2)] == [[SetTimer(timer, None)], []]
-    assert (one.key, one.wanted(Activity.HALT)) == (("t1", "Washer1.Wash#s1"), WorkWanted("t1", "Washer1.Wash#s1", Activity.HALT))
+    assert [run(one.set_timer(HeartbeatDue, None))[0] for _ in range(2)] == [[SetTimer(timer, None)], []]
+    assert (one.key, one.question_for(Activity.HALT)) == (("t1", "Washer1.Wash#s1"), WorkWanted("t1", "Washer1.Wash#s1", Activity.HALT))
 
 
 def names(jobs: Iterable[Job]) -> list[str]:
@@ -103,17 +103,17 @@ def test_jobs_that_are_over_are_known_for_a_while(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(jobs_module, "REMEMBERED", 2)
     jobs = Jobs()
     for name in "abcd":
-        jobs.put(job(name))
-    assert (names(jobs), names(jobs.all())) == (["a", "b", "c", "d"], ["a", "b", "c", "d"])
+        jobs.store_job(job(name))
+    assert (names(jobs), names(jobs.all_jobs())) == (["a", "b", "c", "d"], ["a", "b", "c", "d"])
     for name in "bac":
-        jobs.put(job(name, State.ENDED))
-    assert (names(jobs), names(jobs.all())) == (["d"], ["a", "c", "d"])
-    assert [jobs.get("t1", name) is not None for name in ("a", "b", "d")] == [True, False, True]
-    assert (jobs.get(None, "a"), jobs.get("t1", None)) == (None, None)
+        jobs.store_job(job(name, State.ENDED))
+    assert (names(jobs), names(jobs.all_jobs())) == (["d"], ["a", "c", "d"])
+    assert [jobs.find_job("t1", name) is not None for name in ("a", "b", "d")] == [True, False, True]
+    assert (jobs.find_job(None, "a"), jobs.find_job("t1", None)) == (None, None)
     halting = job("d", State.ENDED)
     halting.activity = Activity.HALT
-    jobs.put(halting)
-    assert (names(jobs), jobs.get("t1", "d")) == (["d"], halting), "the device still does something for it"
+    jobs.store_job(halting)
+    assert (names(jobs), jobs.find_job("t1", "d")) == (["d"], halting), "the device still does something for it"
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_what_is_said_of_work_that_failed(activity: Activity, said: frp.Failed |
     ],
 )
 def test_what_is_said_of_work_that_was_interrupted(state: State, said: object) -> None:
-    assert interrupted(state, "r") == said
+    assert interruption(state, "r") == said
 
 
 @pytest.mark.parametrize(
@@ -155,17 +155,17 @@ def test_who_says_that_work_is_over_waits_for_nothing_any_more(
 ) -> None:
     one, jobs = job(state=state), Jobs()
     one.timers = {HeartbeatDue(*one.key), StartDue(*one.key)}
-    *woken, send = run(say(one, body, jobs, 7.0))[0]
+    *woken, send = run(send_message(one, body, jobs, 7.0))[0]
     assert isinstance(send, Send)
     assert (woken, send.message.body, send.expires_at) == ([SetTimer(kind(*one.key), None) for kind in timers], body, 7.0 + until)
-    assert names(jobs.all()) == ([] if isinstance(body, frp.Progress) else ["Washer1.Wash#s1"])
+    assert names(jobs.all_jobs()) == ([] if isinstance(body, frp.Progress) else ["Washer1.Wash#s1"])
 
 
 # Reports
 
 
 def report(number: int, now: float, situation: str, until: float, author: str = "Washer1") -> MapReport:
-    return MapReport(id=message_id(HERE, author, "report", number, now), author=author, situation=situation, until=until)
+    return MapReport(id=message_id(HERE, author, "report", number, now), author=author, situation=situation, expires_at=until)
 
 
 def sent(report: MapReport, until: float) -> list[Effect]:
@@ -187,9 +187,9 @@ def test_reports_are_made_one_after_the_other_once_the_device_is_there() -> None
     assert run(reports.start(3.0))[0] == [], "it is there already"
     assert run(reports.add("Washer1", "C", 5.0, 60.0))[0] == [], "another is on its way"
     assert [reports.is_pending(one) for one in (first.id, second.id, None)] == [True, False, False]
-    assert run(reports.again(12.0))[0] == sent(first, 12.0 + PATIENCE)
+    assert run(reports.resend(12.0))[0] == sent(first, 12.0 + PATIENCE)
     assert run(reports.answered(answer(Updated(version=1)), 13.0)) == ([SetTimer(ReportDue(), None), *sent(second, 21.0)], "")
-    assert run(reports.again(21.0))[0] == sent(third, 21.0 + PATIENCE), "the time of the one before is over"
+    assert run(reports.resend(21.0))[0] == sent(third, 21.0 + PATIENCE), "the time of the one before is over"
     assert run(reports.answered(answer(Updated(version=2)), 22.0)) == ([SetTimer(ReportDue(), None)], "")
     assert (reports.pending, reports.is_pending(third.id)) == ([], False)
     fourth = report(4, 30.0, "D", 90.0)

@@ -19,11 +19,10 @@ from somrs.ontology.types import AttributeType, Kind, ObjectType, Value
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Definitions, MapPage, QueryMap, ReadMap, Row, Rows
-from somrs.service_manager.sdk.device import Device, MapReader, Result, Service, Situation, Task, before, service
+from somrs.service_manager.sdk.device import Device, MapReader, Result, Service, Situation, Task, predecessor_name, service
 from somrs.service_manager.sdk.orders import (
     Advance,
     Capability,
-    Done,
     Failure,
     Halt,
     Order,
@@ -36,9 +35,10 @@ from somrs.service_manager.sdk.orders import (
     ServiceFailed,
     Undo,
     Work,
+    WorkDone,
     answer_of,
 )
-from somrs.service_manager.sdk.values import as_term, filled_in, money, python_value, seconds, term
+from somrs.service_manager.sdk.values import as_term, fill_in, money, python_value, seconds, term
 from somrs.service_manager.sdk.work import carry_out
 
 # Amounts and terms
@@ -119,10 +119,10 @@ def test_a_term_is_read() -> None:
 
 def test_a_formula_with_everything_in_its_place() -> None:
     formula = "?Object isOn ?Provider AND ?Object.Weight = ?Weight AND ?Object isIn ?Where"
-    assert filled_in(formula, "Robot1", {"Object": "Jar1"}) == parse("Jar1 isOn Robot1 AND Jar1.Weight = ?Weight AND Jar1 isIn ?Where")
-    filled = filled_in(formula, "Robot1", {"Object": "Jar1"}, {"Weight": 2, "Where": "Room1"})
+    assert fill_in(formula, "Robot1", {"Object": "Jar1"}) == parse("Jar1 isOn Robot1 AND Jar1.Weight = ?Weight AND Jar1 isIn ?Where")
+    filled = fill_in(formula, "Robot1", {"Object": "Jar1"}, {"Weight": 2, "Where": "Room1"})
     assert filled == parse("Jar1 isOn Robot1 AND Jar1.Weight = 2 AND Jar1 isIn Room1")
-    assert filled_in("?Provider isIn A", "Robot1", {"Provider": "Robot2"}) == parse("Robot1 isIn A")
+    assert fill_in("?Provider isIn A", "Robot1", {"Provider": "Robot2"}) == parse("Robot1 isIn A")
 
 
 # The map
@@ -147,7 +147,7 @@ def test_an_object_of_the_map(objects: tuple[Object, ...], found: Object | None)
     reader = told(MapPage(objects=objects, facts=(), version=1, more=False), asked)
     assert asyncio.run(reader.object("Jar1")) == found
     assert asked == [ReadMap(after="Jar0\ufffd")]
-    assert before("A") == "@\ufffd"
+    assert predecessor_name("A") == "@\ufffd"
 
 
 def test_what_holds_on_the_map() -> None:
@@ -364,14 +364,14 @@ def came_to(work: Work, device: Device | None = None) -> object:
     [
         (Quote(order()), Quoted(price=4.0, currency="EUR", duration=30.0)),
         (Quote(order("weigh")), Quoted(price=1.0, currency="PLN", duration=120.0)),
-        (Perform(order()), Done(situation="Jar1 isClean Washer1")),
-        (Perform(order(thing="Jar2")), Done(situation="Jar2 isOn Table1")),
-        (Perform(order(thing="Jar3")), Done(situation="Jar3 isOn Table1")),
-        (Perform(order("weigh", effect="?Object.Weight = ?Weight")), Done(situation="Jar1.Weight = 2", outputs={"Weight": 2})),
-        (Halt(order()), Done(situation="Jar1 isOn Floor1")),
-        (Halt(order("weigh")), Done()),
-        (Undo(order(), "Jar1 isOn Table1"), Done(situation="Jar1 isOn Table2")),
-        (Undo(order(thing="Jar2"), "Jar2 isOn Table1"), Done(situation="Jar2 isOn Table1")),
+        (Perform(order()), WorkDone(situation="Jar1 isClean Washer1")),
+        (Perform(order(thing="Jar2")), WorkDone(situation="Jar2 isOn Table1")),
+        (Perform(order(thing="Jar3")), WorkDone(situation="Jar3 isOn Table1")),
+        (Perform(order("weigh", effect="?Object.Weight = ?Weight")), WorkDone(situation="Jar1.Weight = 2", outputs={"Weight": 2})),
+        (Halt(order()), WorkDone(situation="Jar1 isOn Floor1")),
+        (Halt(order("weigh")), WorkDone()),
+        (Undo(order(), "Jar1 isOn Table1"), WorkDone(situation="Jar1 isOn Table2")),
+        (Undo(order(thing="Jar2"), "Jar2 isOn Table1"), WorkDone(situation="Jar2 isOn Table1")),
     ],
 )
 def test_what_work_comes_to(work: Work, answer: object) -> None:

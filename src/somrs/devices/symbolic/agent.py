@@ -8,7 +8,19 @@ from dataclasses import dataclass, field
 from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.ontology.objects import Change
 from somrs.ontology.services import ServiceType
-from somrs.service_manager.sdk.orders import Advance, Capability, Done, Halt, Order, Perform, Profile, Quote, Quoted, ServiceFailed, Undo
+from somrs.service_manager.sdk.orders import (
+    Advance,
+    Capability,
+    Halt,
+    Order,
+    Perform,
+    Profile,
+    Quote,
+    Quoted,
+    ServiceFailed,
+    Undo,
+    WorkDone,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +70,7 @@ class SymbolicAgent:
                 self.orders.append(order)
                 yield from self._perform(order)
             case Halt(order):
-                yield 0.0, Done(situation=self.world.said(order.effect, self.name, order.inputs))
+                yield 0.0, WorkDone(situation=self.world.said(order.effect, self.name, order.inputs))
             case Undo():
                 yield 0.0, ServiceFailed(f"{self.name} can only go on, not back")
             case _:
@@ -82,7 +94,7 @@ class SymbolicAgent:
         elif (refusal := self.world.perform(service, inputs, self.name)) is not None:
             yield 0.0, self._failed(order, refusal)
         else:
-            yield 0.0, Done(situation=self.world.said(order.effect, self.name, inputs))
+            yield 0.0, WorkDone(situation=self.world.said(order.effect, self.name, inputs))
 
     def _duration(self, cost: float) -> float:
         return self.seconds if self.seconds is not None else cost or 1.0

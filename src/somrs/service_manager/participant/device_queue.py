@@ -12,12 +12,12 @@ from somrs.protocol.frp.session import service_of
 from somrs.protocol.frp.states import WORKING
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
-from somrs.service_manager.participant.job import Job, Verdict, failure, interrupted
-from somrs.service_manager.participant.map_reports import LEFT_TIME
-from somrs.service_manager.participant.speech import say
+from somrs.service_manager.participant.job import Job, Verdict, failure, interruption
+from somrs.service_manager.participant.map_reports import LEFTOVER_REPORT_TIME
+from somrs.service_manager.participant.speech import send_message
 from somrs.service_manager.participant.state import ServiceManagerState
 from somrs.service_manager.participant.timers import Activity, WorkWanted
-from somrs.service_manager.sdk.orders import Advance, Answer, Done, Failure, Halt, Perform, Undo
+from somrs.service_manager.sdk.orders import Advance, Answer, Failure, Halt, Perform, Undo, WorkDone
 
 
 class DeviceWork:
@@ -41,20 +41,20 @@ class DeviceWork:
         """Let those that wait begin, as far as the device has room, in the order in which they were told to."""
         queue = self._queue
         while queue.waiting and len(queue.at_work) < self._state.profile.capacity:
-            job = self._jobs.get(*queue.waiting.pop(0))
+            job = self._jobs.find_job(*queue.waiting.pop(0))
             assert job is not None, "whoever waits is known"
-            job.waiting, job.began = False, now
+            job.waiting, job.started_at = False, now
             assert job.order is not None, "only what was arranged is executed"
-            undone = job.session.received_messages.get("Compensate")
-            if undone is not None and isinstance(undone.body, frp.Compensate):
-                yield from self._do(job, Activity.UNDO, Undo(job.order, undone.body.situation))
+            compensate_message = job.session.received_messages.get("Compensate")
+            if compensate_message is not None and isinstance(compensate_message.body, frp.Compensate):
+                yield from self._start_activity(job, Activity.UNDO, Undo(job.order, compensate_message.body.situation))
             else:
-                yield from self._do(job, Activity.PERFORM, Perform(job.order))
+                yield from self._start_activity(job, Activity.PERFORM, Perform(job.order))
 
-    def _do(self, job: Job, activity: Activity, work: Perform | Halt | Undo) -> Effects:
+    def _start_activity(self, job: Job, activity: Activity, work: Perform | Halt | Undo) -> Effects:
         job.activity = activity
         self._queue.at_work.append(job.key)
-        yield Ask(job.wanted(activity), work)
+        yield Ask(job.question_for(activity), work)
 
     def interrupt(self, job: Job, verdict: Verdict | None, now: float) -> Effects:
         """Have the device stop what it does for the job, and report the verdict then (None: there is nobody to report to)."""
@@ -66,7 +66,7 @@ class DeviceWork:
             self._queue.waiting.remove(job.key)
             yield from self._conclude(job, now)
         elif job.activity in (Activity.PERFORM, Activity.UNDO):
-            yield Withdraw(job.wanted(job.activity))
+            yield Withdraw(job.question_for(job.activity))
         elif job.activity is not Activity.HALT:
             yield from self._conclude(job, now)
 
@@ -74,14 +74,14 @@ class DeviceWork:
         """The process was started again. What waits does not begin: its time may be over, and its step another's by now."""
         for job in self._state.waiting():
             if job.session.state in WORKING:
-                yield from self.interrupt(job, self._restart(job), now)
+                yield from self.interrupt(job, self._restart_verdict(job), now)
 
-    def _restart(self, job: Job) -> Verdict:
-        return interrupted(job.session.state, f"the Service Manager of {self._state.profile.name} was restarted while it worked")
+    def _restart_verdict(self, job: Job) -> Verdict:
+        return interruption(job.session.state, f"the Service Manager of {self._state.profile.name} was restarted while it worked")
 
     def answered(self, question: WorkWanted, value: Answer, now: float) -> Effects:
         """The device got further with what it was asked to do, or came to an end of it."""
-        job = self._jobs.get(question.transaction, question.participant)
+        job = self._jobs.find_job(question.transaction, question.participant)
         if job is None or job.activity is not question.activity or job.key not in self._queue.at_work:
             return
         if isinstance(value, Advance):
@@ -90,33 +90,33 @@ class DeviceWork:
         job.activity = None
         self._queue.at_work.remove(job.key)
         if question.activity is Activity.HALT:
-            if isinstance(value, Done) and value.situation is not None:
+            if isinstance(value, WorkDone) and value.situation is not None:
                 job.situation = value.situation
                 if job.session.state is State.ENDED:
-                    yield from self._leave_word(job, value.situation, now)
+                    yield from self._report_to_map(job, value.situation, now)
             yield from self._conclude(job, now)
         else:
-            yield from self._came_to(job, question.activity, value, now)
-        self._jobs.put(job)
+            yield from self._finish_activity(job, question.activity, value, now)
+        self._jobs.store_job(job)
         yield from self._begin(now)
 
-    def _leave_word(self, job: Job, situation: str, now: float) -> Effects:
+    def _report_to_map(self, job: Job, situation: str, now: float) -> Effects:
         """Nobody waits to hear of it any more."""
-        yield from self._state.reports.add(service_of(job.session.participant), situation, now, LEFT_TIME)
+        yield from self._state.reports.add(service_of(job.session.participant), situation, now, LEFTOVER_REPORT_TIME)
 
     def _advance(self, job: Job, value: Advance, now: float) -> Effects:
         job.fraction = value.fraction
         job.situation = value.situation or job.situation
         if job.session.state in WORKING:
             progress = frp.Progress(fraction=value.fraction, situation=value.situation, note=value.note)
-            yield from say(job, progress, self._jobs, now)
+            yield from send_message(job, progress, self._jobs, now)
 
-    def _came_to(self, job: Job, activity: Activity, value: Answer, now: float) -> Effects:
+    def _finish_activity(self, job: Job, activity: Activity, value: Answer, now: float) -> Effects:
         """The service, or its undoing, came to an end: it is done, it failed, it was interrupted, or its code is broken."""
-        if isinstance(value, Done):
+        if isinstance(value, WorkDone):
             job.fraction, job.situation = 1.0, value.situation or job.situation
             if job.session.state in WORKING:
-                yield from say(job, _done(job, activity, value), self._jobs, now)
+                yield from send_message(job, _completion_report(job, activity, value), self._jobs, now)
             return
         if isinstance(value, Failure):
             job.situation = value.situation or job.situation
@@ -124,22 +124,22 @@ class DeviceWork:
             yield from self._conclude(job, now)
             return
         if job.verdict is None and isinstance(value, AnswerLost) and job.session.state in WORKING:
-            job.verdict = self._restart(job)
+            job.verdict = self._restart_verdict(job)
         elif job.verdict is None:
             job.verdict = failure(activity, str(value), job.situation)
         assert job.order is not None, "only what was arranged is executed"
-        yield from self._do(job, Activity.HALT, Halt(job.order))
+        yield from self._start_activity(job, Activity.HALT, Halt(job.order))
 
     def _conclude(self, job: Job, now: float) -> Effects:
         """Report the verdict, with what is known by now."""
         if job.verdict is not None and job.session.state in WORKING:
-            yield from say(job, structs.replace(job.verdict, situation=job.situation), self._jobs, now)
+            yield from send_message(job, structs.replace(job.verdict, situation=job.situation), self._jobs, now)
         job.verdict = None
 
 
-def _done(job: Job, activity: Activity, value: Done) -> frp.Completed | frp.Compensated:
+def _completion_report(job: Job, activity: Activity, value: WorkDone) -> frp.Completed | frp.Compensated:
     if activity is Activity.PERFORM:
         return frp.Completed(situation=job.situation or "", outputs=value.outputs)
-    wanted = job.session.received_messages["Compensate"].body
-    assert isinstance(wanted, frp.Compensate), "only what was told to is undone"
-    return frp.Compensated(situation=job.situation or wanted.situation)
+    compensate = job.session.received_messages["Compensate"].body
+    assert isinstance(compensate, frp.Compensate), "only what was told to is undone"
+    return frp.Compensated(situation=job.situation or compensate.situation)

@@ -30,7 +30,7 @@ class Job(Struct, kw_only=True):
     order: Order | None = None
     activity: Activity | None = None
     waiting: bool = False
-    began: float | None = None
+    started_at: float | None = field(default=None, name="began")
     fraction: float = 0.0
     situation: str | None = None
     timers: set[ParticipantTimer] = field(default_factory=set)
@@ -42,21 +42,21 @@ class Job(Struct, kw_only=True):
     def key(self) -> Key:
         return self.session.transaction, self.session.participant
 
-    def wanted(self, activity: Activity) -> WorkWanted:
+    def question_for(self, activity: Activity) -> WorkWanted:
         return WorkWanted(*self.key, activity)
 
-    def wake(self, kind: type[ParticipantTimer], at: float | None) -> Effects:
+    def set_timer(self, kind: type[ParticipantTimer], fire_time: float | None) -> Effects:
         """Set a timer of that kind, or take it away."""
-        if at is None and not self.timers:
+        if fire_time is None and not self.timers:
             return
         timer = kind(*self.key)
-        if at is not None:
+        if fire_time is not None:
             self.timers.add(timer)
         elif timer in self.timers:
             self.timers.remove(timer)
         else:
             return
-        yield SetTimer(timer, at)
+        yield SetTimer(timer, fire_time)
 
 
 class Jobs(Struct):
@@ -64,29 +64,29 @@ class Jobs(Struct):
     messages."""
 
     live: dict[Key, Job] = field(default_factory=dict)
-    over: dict[Key, Job] = field(default_factory=dict)
+    ended: dict[Key, Job] = field(default_factory=dict, name="over")
 
     def __iter__(self) -> Iterator[Job]:
         return iter([*self.live.values()])
 
-    def all(self) -> Iterator[Job]:
+    def all_jobs(self) -> Iterator[Job]:
         """Those that are over, too."""
-        return iter([*self.over.values(), *self.live.values()])
+        return iter([*self.ended.values(), *self.live.values()])
 
-    def get(self, transaction: str | None, participant: str | None) -> Job | None:
+    def find_job(self, transaction: str | None, participant: str | None) -> Job | None:
         key = (transaction or "", participant or "")
-        return self.live.get(key) or self.over.get(key)
+        return self.live.get(key) or self.ended.get(key)
 
-    def put(self, job: Job) -> None:
+    def store_job(self, job: Job) -> None:
         """Know the job as it is now."""
         key = job.key
         if job.session.state is not State.ENDED or job.activity is not None:
             self.live[key] = job
             return
         self.live.pop(key, None)
-        self.over[key] = job
-        if len(self.over) > REMEMBERED:
-            del self.over[next(iter(self.over))]
+        self.ended[key] = job
+        if len(self.ended) > REMEMBERED:
+            del self.ended[next(iter(self.ended))]
 
 
 def failure(activity: Activity, description: str, situation: str | None) -> frp.Failed | frp.Stranded:
@@ -95,7 +95,7 @@ def failure(activity: Activity, description: str, situation: str | None) -> frp.
     return frp.Failed(description=description, situation=situation)
 
 
-def interrupted(state: State, reason: str) -> Verdict:
+def interruption(state: State, reason: str) -> Verdict:
     """What is reported of work that was brought to a stop in this state, for this reason."""
     kind = RESUMES[state]
     if kind is frp.Stopped:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from somrs.entish.parse import nearest
 from somrs.kernel.component import Ask, Effects, Send, SetTimer
@@ -28,14 +28,14 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.service_manager.participant.timers import JoiningDue, ReportWanted
-from somrs.service_manager.sdk.device import before
+from somrs.service_manager.sdk.device import predecessor_name
 from somrs.service_manager.sdk.orders import Capability, Profile, Report
 
 PATIENCE = 5.0
 """Seconds after which a request without an answer is made anew."""
 
 
-class Step(StrEnum):
+class JoinStep(StrEnum):
     """What comes next; in this order."""
 
     DEFINE = "bring new definitions"
@@ -44,7 +44,7 @@ class Step(StrEnum):
     ADD = "put it there"
     PUBLISH = "offer the services"
     RENEW = "renew the lease"
-    LEFT = "it has left"
+    DEPARTED = "it has left"
 
 
 class Joining(Struct, kw_only=True):
@@ -56,114 +56,116 @@ class Joining(Struct, kw_only=True):
     registry: str
     address: str = ""
     incarnation: float = 0.0
-    asked: int = 0
-    waits_for: str = ""
-    after: int = 0
+    request_count: int = field(default=0, name="asked")
+    pending_request: str = field(default="", name="waits_for")
+    ontology_offset: int = field(default=0, name="after")
     types: dict[str, ServiceType] = {}
-    seen: set[str] = set()
+    seen_names: set[str] = field(default=set(), name="seen")
     object_type: str = ""
-    step: Step = Step.DEFINE
+    step: JoinStep = JoinStep.DEFINE
     joined: bool = False
 
     def start(self, address: str, now: float) -> Effects:
         """Begin, whatever was done before."""
         profile = self.profile
-        self.address, self.incarnation, self.joined, self.after = address, now, False, 0
-        self.types = {one.type_name: one.type for one in profile.capabilities if isinstance(one.type, ServiceType)}
-        self.seen, self.object_type = set(), profile.type
-        yield from self._go(Step.DEFINE if any(profile.definitions.all_definitions()) else Step.READ, now)
+        self.address, self.incarnation, self.joined, self.ontology_offset = address, now, False, 0
+        self.types = {
+            capability.type_name: capability.type for capability in profile.capabilities if isinstance(capability.type, ServiceType)
+        }
+        self.seen_names, self.object_type = set(), profile.type
+        yield from self._take_step(JoinStep.DEFINE if any(profile.definitions.all_definitions()) else JoinStep.READ, now)
 
-    def leave(self, now: float) -> Effects:
-        self.step = Step.LEFT
+    def depart(self, now: float) -> Effects:
+        self.step = JoinStep.DEPARTED
         yield SetTimer(JoiningDue(), None)
         yield self._ask(self.registry, Retract(provider=self.profile.name), now)
 
-    def ring(self, now: float) -> Effects:
+    def timer_fired(self, now: float) -> Effects:
         """No answer came, or the lease is to be renewed. A device without an answer to its renewal offers everything anew."""
-        if self.step is Step.RENEW:
-            yield from self._go(Step.RENEW if not self.waits_for else Step.PUBLISH, now)
+        if self.step is JoinStep.RENEW:
+            yield from self._take_step(JoinStep.RENEW if not self.pending_request else JoinStep.PUBLISH, now)
         else:
-            yield from self._go(Step.LOOK if self.step is Step.ADD else self.step, now)
+            yield from self._take_step(JoinStep.LOOK if self.step is JoinStep.ADD else self.step, now)
 
     def receive(self, message: Message, now: float) -> Effects:
         """An answer; one to an earlier request than the last is out of date."""
-        if message.header.relates_to != self.waits_for or self.step is Step.LEFT:
+        if message.header.relates_to != self.pending_request or self.step is JoinStep.DEPARTED:
             return
-        self.waits_for = ""
+        self.pending_request = ""
         match message.body:
             case Defined():
-                yield from self._go(Step.READ, now)
+                yield from self._take_step(JoinStep.READ, now)
             case OntologyPage() as page:
-                yield from self._read(page, now)
+                yield from self._collect_types(page, now)
             case MapPage() as page:
                 if page.objects and page.objects[0].name == self.profile.name:
                     self.object_type = page.objects[0].type
-                    yield from self._go(Step.PUBLISH, now)
+                    yield from self._take_step(JoinStep.PUBLISH, now)
                 else:
-                    yield from self._go(Step.ADD, now)
+                    yield from self._take_step(JoinStep.ADD, now)
             case Updated():
-                yield from self._go(Step.PUBLISH, now)
-            case Published(renew_within=within):
-                yield SetTimer(JoiningDue(), now + within * 0.7)
+                yield from self._take_step(JoinStep.PUBLISH, now)
+            case Published(renew_within=renew_within):
+                yield SetTimer(JoiningDue(), now + renew_within * 0.7)
                 if not self.joined:
                     self.joined = True
                     names = ", ".join(offer.service for offer in self._offers())
                     yield Ask(ReportWanted(), Report(f"{self.profile.name} offers {names}", joined=True))
-                self.step = Step.RENEW
+                self.step = JoinStep.RENEW
             case Rejected(problems=problems):
-                yield from self._trouble("\n".join(problems))
-            case Fault() if self.step is Step.RENEW:
-                yield from self._go(Step.PUBLISH, now)
+                yield from self._report_problem("\n".join(problems))
+            case Fault() if self.step is JoinStep.RENEW:
+                yield from self._take_step(JoinStep.PUBLISH, now)
             case Fault(text=text):
-                yield from self._trouble(text)
+                yield from self._report_problem(text)
 
-    def _read(self, page: OntologyPage, now: float) -> Effects:
-        wanted = {capability.type_name for capability in self.profile.capabilities}
-        known = {one.name: one for one in page.definitions.services}
-        self.types = {**{name: one for name, one in known.items() if name in wanted}, **self.types}
-        self.seen |= set(known)
+    def _collect_types(self, page: OntologyPage, now: float) -> Effects:
+        needed_types = {capability.type_name for capability in self.profile.capabilities}
+        defined_types = {service_type.name: service_type for service_type in page.definitions.services}
+        self.types = {**{name: service_type for name, service_type in defined_types.items() if name in needed_types}, **self.types}
+        self.seen_names |= set(defined_types)
         if page.more:
-            self.after = page.next
-            yield from self._go(Step.READ, now)
+            self.ontology_offset = page.next
+            yield from self._take_step(JoinStep.READ, now)
             return
-        self.after = 0
-        if missing := sorted(wanted - set(self.types)):
-            hints = [f"the common ontology has no service type {name}. {nearest(name, self.seen)}".rstrip() for name in missing]
-            yield from self._trouble("\n".join([*hints, "name one that it has, or give @service a ServiceType"]))
+        self.ontology_offset = 0
+        if missing := sorted(needed_types - set(self.types)):
+            hints = [f"the common ontology has no service type {name}. {nearest(name, self.seen_names)}".rstrip() for name in missing]
+            yield from self._report_problem("\n".join([*hints, "name one that it has, or give @service a ServiceType"]))
         else:
-            yield from self._go(Step.LOOK, now)
+            yield from self._take_step(JoinStep.LOOK, now)
 
-    def _go(self, step: Step, now: float) -> Effects:
+    def _take_step(self, step: JoinStep, now: float) -> Effects:
         """Take a step: make its request, and look after it when no answer comes."""
         profile = self.profile
-        if step is Step.READ and all(capability.type_name in self.types for capability in profile.capabilities):
-            step = Step.LOOK
+        if step is JoinStep.READ and all(capability.type_name in self.types for capability in profile.capabilities):
+            step = JoinStep.LOOK
         self.step = step
-        to: str
+        recipient: str
         body: Body
         match step:
-            case Step.DEFINE:
-                to, body = self.repository, Define(definitions=profile.definitions, author=profile.name)
-            case Step.READ:
-                to, body = self.repository, ReadOntology(after=self.after)
-            case Step.LOOK:
-                to, body = self.repository, ReadMap(after=before(profile.name))
-            case Step.ADD:
-                added = ObjectAdded(Object(name=profile.name, type=profile.type, values=profile.values))
-                to, body = self.repository, UpdateMap(changes=(added,), situation=profile.situation, author=profile.name)
-            case Step.PUBLISH:
-                to, body = self.registry, Publish(provider=profile.name, offers=self._offers(), lease=profile.lease)
-            case Step.RENEW:
-                to, body = self.registry, Renew(provider=profile.name, lease=profile.lease)
-            case Step.LEFT:
+            case JoinStep.DEFINE:
+                recipient, body = self.repository, Define(definitions=profile.definitions, author=profile.name)
+            case JoinStep.READ:
+                recipient, body = self.repository, ReadOntology(after=self.ontology_offset)
+            case JoinStep.LOOK:
+                recipient, body = self.repository, ReadMap(after=predecessor_name(profile.name))
+            case JoinStep.ADD:
+                addition = ObjectAdded(Object(name=profile.name, type=profile.type, values=profile.values))
+                recipient, body = self.repository, UpdateMap(changes=(addition,), situation=profile.situation, author=profile.name)
+            case JoinStep.PUBLISH:
+                recipient, body = self.registry, Publish(provider=profile.name, offers=self._offers(), lease=profile.lease)
+            case JoinStep.RENEW:
+                recipient, body = self.registry, Renew(provider=profile.name, lease=profile.lease)
+            case JoinStep.DEPARTED:
                 return
-        yield self._ask(to, body, now)
+        yield self._ask(recipient, body, now)
         yield SetTimer(JoiningDue(), now + PATIENCE)
 
-    def _ask(self, to: str, body: Body, now: float) -> Send:
-        self.asked += 1
-        self.waits_for = message_id(self.address, self.incarnation, self.asked)
-        header = Header(sender=self.address, recipient=to, message_id=self.waits_for, reply_to=self.address)
+    def _ask(self, recipient: str, body: Body, now: float) -> Send:
+        self.request_count += 1
+        self.pending_request = message_id(self.address, self.incarnation, self.request_count)
+        header = Header(sender=self.address, recipient=recipient, message_id=self.pending_request, reply_to=self.address)
         return Send(Message(header=header, body=body), now + PATIENCE)
 
     def _offers(self) -> tuple[Offer, ...]:
@@ -179,6 +181,6 @@ class Joining(Struct, kw_only=True):
             attributes={**capability.attributes, **({CAPACITY_ATTRIBUTE: self.profile.capacity} if self.profile.capacity != 1 else {})},
         )
 
-    def _trouble(self, text: str) -> Effects:
+    def _report_problem(self, text: str) -> Effects:
         yield SetTimer(JoiningDue(), None)
         yield Ask(ReportWanted(), Report(f"{self.profile.name} cannot join: {text}", joined=False))

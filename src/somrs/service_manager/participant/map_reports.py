@@ -6,7 +6,7 @@ they were made.
 
 from __future__ import annotations
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from somrs.kernel.component import Effects, EffectsReturning, Send, SetTimer
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -17,10 +17,10 @@ from somrs.service_manager.participant.timers import ReportDue
 PATIENCE = 10.0
 """Seconds after which a report without an answer is sent again."""
 
-LEFT_TIME = 60.0
+LEFTOVER_REPORT_TIME = 60.0
 """Seconds for which the Repository is told what a service left; later than that, others may know better."""
 
-OBSERVED_TIME = 86_400.0
+OBSERVATION_REPORT_TIME = 86_400.0
 """Seconds for which it is told what a device noticed: nobody else may know."""
 
 
@@ -30,7 +30,7 @@ class MapReport(Struct, frozen=True, kw_only=True):
     id: str
     author: str
     situation: str
-    until: float
+    expires_at: float = field(name="until")
 
 
 class MapReports(Struct, kw_only=True):
@@ -46,7 +46,7 @@ class MapReports(Struct, kw_only=True):
         """Have it on the map that the situation holds."""
         self.count += 1
         id = message_id(self.address, author, "report", self.count, now)
-        self.pending.append(MapReport(id=id, author=author, situation=situation, until=now + seconds))
+        self.pending.append(MapReport(id=id, author=author, situation=situation, expires_at=now + seconds))
         if self.ready and len(self.pending) == 1:
             yield from self._send(now)
 
@@ -72,16 +72,16 @@ class MapReports(Struct, kw_only=True):
                 return f"the Repository does not take {report.situation} from {report.author}: {text}"
         return ""
 
-    def again(self, now: float) -> Effects:
+    def resend(self, now: float) -> Effects:
         """No answer came, or nobody could be reached."""
         yield from self._send(now)
 
     def _send(self, now: float) -> Effects:
-        self.pending = [report for report in self.pending if report.until > now]
+        self.pending = [report for report in self.pending if report.expires_at > now]
         if not self.pending:
             return
         report = self.pending[0]
         header = Header(sender=self.address, recipient=self.repository, message_id=report.id, reply_to=self.address)
-        until = min(now + PATIENCE, report.until)
-        yield Send(Message(header=header, body=UpdateMap(situation=report.situation, author=report.author)), until)
-        yield SetTimer(ReportDue(), until + PATIENCE / 2)
+        expires_at = min(now + PATIENCE, report.expires_at)
+        yield Send(Message(header=header, body=UpdateMap(situation=report.situation, author=report.author)), expires_at)
+        yield SetTimer(ReportDue(), expires_at + PATIENCE / 2)

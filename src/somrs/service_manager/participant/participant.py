@@ -18,19 +18,19 @@ from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT, WORKING
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.messages.frp import State
-from somrs.service_manager.participant.calendar import Commitment, free_from, laid_out
+from somrs.service_manager.participant.calendar import Commitment, first_free_time, resolve_overlaps
 from somrs.service_manager.participant.device_queue import DeviceWork
-from somrs.service_manager.participant.job import Job, interrupted
-from somrs.service_manager.participant.map_reports import OBSERVED_TIME
-from somrs.service_manager.participant.speech import REPORT_TIME, say
+from somrs.service_manager.participant.job import Job, interruption
+from somrs.service_manager.participant.map_reports import OBSERVATION_REPORT_TIME
+from somrs.service_manager.participant.speech import REPORT_TIME, send_message
 from somrs.service_manager.participant.state import ServiceManagerState
 from somrs.service_manager.participant.timers import (
     Activity,
-    Asked,
+    DepartureRequested,
     Equipped,
     HeartbeatDue,
     JoiningDue,
-    Leave,
+    NodeTask,
     Notice,
     Observed,
     Question,
@@ -55,7 +55,7 @@ from somrs.service_manager.sdk.orders import (
     Undo,
     answer_of,
 )
-from somrs.service_manager.sdk.values import filled_in
+from somrs.service_manager.sdk.values import fill_in
 
 _COMMITTED = WORKING | {State.COMMITTED}
 _PROTOCOL = frozenset((*TO_PARTICIPANT, *TO_COORDINATOR))
@@ -70,9 +70,9 @@ class ServiceManager:
     @classmethod
     def restored(cls, state: ServiceManagerState) -> Self:
         """The Service Manager that has this state."""
-        made = cls.__new__(cls)
-        made._adopt(state)
-        return made
+        manager = cls.__new__(cls)
+        manager._adopt(state)
+        return manager
 
     def _adopt(self, state: ServiceManagerState) -> None:
         self.state = state
@@ -98,7 +98,7 @@ class ServiceManager:
         return self._work.idle
 
     def state_of(self, transaction: str, participant: str) -> State:
-        job = self._jobs.get(transaction, participant)
+        job = self._jobs.find_job(transaction, participant)
         return job.session.state if job is not None else State.NEW
 
     def calendar(self, now: float) -> list[Commitment]:
@@ -107,7 +107,7 @@ class ServiceManager:
         for job in self._jobs:
             if job.session.state not in _COMMITTED or (terms := job.session.terms) is None:
                 continue
-            start = job.began if job.began is not None else max(terms.start_from or now, now)
+            start = job.started_at if job.started_at is not None else max(terms.start_from or now, now)
             busy.append((start, max(start + terms.duration, now)))
         return busy
 
@@ -122,11 +122,11 @@ class ServiceManager:
             case Received(message):
                 yield from self._received(message, now)
             case TimerFired(timer):
-                yield from self._ring(timer, now)  # type: ignore[arg-type]  # only its own timers ring
+                yield from self._timer_fired(timer, now)  # type: ignore[arg-type]  # only its own timers ring
             case Answered(WorkWanted() as question, value):
                 yield from self._answered(question, value, now)
             case DeliveryFailed(message):
-                yield from self._undelivered(message, now)
+                yield from self._delivery_failed(message, now)
             case Notified(notice):
                 yield from self._notified(notice, now)  # type: ignore[arg-type]  # its program tells it nothing else
 
@@ -135,9 +135,9 @@ class ServiceManager:
     def _received(self, message: Message, now: float) -> Effects:
         kind = type(message.body)
         if (kind is frp.Fault and message.header.participant is None) or kind not in _PROTOCOL:
-            yield from self._directory(message, now)
+            yield from self._directory_answered(message, now)
             return
-        job = self._jobs.get(message.header.transaction, message.header.participant)
+        job = self._jobs.find_job(message.header.transaction, message.header.participant)
         if job is None:
             try:
                 job = Job(session=ParticipantSession.from_message(message, self.address))
@@ -145,15 +145,15 @@ class ServiceManager:
                 if kind is not frp.Fault:
                     yield Send(reply(message, frp.Fault(code=NOT_ALLOWED, text=error.text), self.address))
                 return
-        terms, late = job.session.terms, _late(message, now)
+        terms, late = job.session.terms, _lateness_reason(message, now)
         if job.session.state is State.OFFERED and terms and terms.valid_until is not None and terms.valid_until <= now:
-            yield from self._say(job, frp.Refuse(reason="the terms expired"), now)
+            yield from self._send_message(job, frp.Refuse(reason="the terms expired"), now)
         elif late and kind is frp.Execute and job.session.state in (State.OFFERED, State.COMMITTED):
             offered = job.session.state is State.OFFERED
-            yield from self._say(job, frp.Refuse(reason=late) if offered else frp.Failed(description=late, tried=False), now)
+            yield from self._send_message(job, frp.Refuse(reason=late) if offered else frp.Failed(description=late, tried=False), now)
             return
-        heard = job.session.receive(message)
-        if heard.moved:
+        transition = job.session.receive(message)
+        if transition.moved:
             if isinstance(message.body, frp.Execute) and job.order is not None:
                 job.order = structs.replace(
                     job.order,
@@ -162,13 +162,13 @@ class ServiceManager:
                 )
             if isinstance(message.body, frp.Compensate):
                 job.situation = None  # others may have gone on from what it left
-            self._jobs.put(job)
-        for answer in heard.answers:
+            self._jobs.store_job(job)
+        for answer in transition.answers:
             yield Send(answer, now + REPORT_TIME if answer.header.recipient != ANONYMOUS else None)
-        if heard.moved:
-            yield from self._moved(job, message, heard.state_before, now)
+        if transition.moved:
+            yield from self._state_changed(job, message, transition.state_before, now)
 
-    def _directory(self, message: Message, now: float) -> Effects:
+    def _directory_answered(self, message: Message, now: float) -> Effects:
         """The Repository, or the Registry, answers."""
         if self._reports.is_pending(message.header.relates_to):
             trouble = yield from self._reports.answered(message, now)
@@ -179,27 +179,27 @@ class ServiceManager:
         if self._joining.joined:
             yield from self._reports.start(now)
 
-    def _moved(self, job: Job, message: Message, before: State, now: float) -> Effects:
+    def _state_changed(self, job: Job, message: Message, old_state: State, now: float) -> Effects:
         match job.session.state:
             case State.ARRANGING:
                 yield from self._arrange(job, now)
             case State.COMMITTED:
-                yield from job.wake(TermsDue, None)
+                yield from job.set_timer(TermsDue, None)
                 if job.session.terms is not None:
-                    yield from job.wake(StartDue, job.session.terms.start_until)
+                    yield from job.set_timer(StartDue, job.session.terms.start_until)
             case State.EXECUTING:
-                yield from job.wake(TermsDue, None)
-                yield from job.wake(StartDue, None)
-                yield from job.wake(HeartbeatDue, now + self.profile.heartbeat)
+                yield from job.set_timer(TermsDue, None)
+                yield from job.set_timer(StartDue, None)
+                yield from job.set_timer(HeartbeatDue, now + self.profile.heartbeat)
                 yield from self._work.enqueue(job, now)
             case State.STOPPING:
                 yield from self._work.interrupt(job, frp.Stopped(situation=job.situation), now)
             case State.COMPENSATING:
-                yield from self._compensate(job, _late(message, now), now)
+                yield from self._compensate(job, _lateness_reason(message, now), now)
             case State.ENDED:
                 for kind in (TermsDue, StartDue, HeartbeatDue):
-                    yield from job.wake(kind, None)
-                if before in WORKING:
+                    yield from job.set_timer(kind, None)
+                if old_state in WORKING:
                     yield from self._work.interrupt(job, None, now)
 
     def _arrange(self, job: Job, now: float) -> Effects:
@@ -207,9 +207,9 @@ class ServiceManager:
         assert arrange is not None, "a session becomes Arranging by an Arrange"
         capability = self._capability(job, arrange)
         if self.state.leaving or capability is None:
-            offered = ", ".join(one.type_name for one in self.profile.capabilities)
+            offered = ", ".join(candidate.type_name for candidate in self.profile.capabilities)
             reason = "is leaving" if self.state.leaving else f"offers {offered}, and not {arrange.service_type}"
-            yield from self._say(job, frp.Refuse(reason=f"{self.profile.name} {reason}"), now)
+            yield from self._send_message(job, frp.Refuse(reason=f"{self.profile.name} {reason}"), now)
             return
         job.order = Order(
             transaction=job.session.transaction,
@@ -222,21 +222,25 @@ class ServiceManager:
             latest_finish=arrange.latest_finish,
         )
         job.activity = Activity.QUOTE
-        yield Ask(job.wanted(Activity.QUOTE), Quote(job.order))
+        yield Ask(job.question_for(Activity.QUOTE), Quote(job.order))
 
     def _capability(self, job: Job, arrange: frp.Arrange) -> Capability | None:
         """The service that the participant is one of, or else one of the type."""
         named, profile = service_of(job.session.participant), self.profile
-        of_type = [one for one in profile.capabilities if one.type_name == arrange.service_type]
-        return next((one for one in profile.capabilities if profile.service(one) == named), of_type[0] if of_type else None)
+        of_type = [candidate for candidate in profile.capabilities if candidate.type_name == arrange.service_type]
+        return next(
+            (candidate for candidate in profile.capabilities if profile.service(candidate) == named), of_type[0] if of_type else None
+        )
 
     def _compensate(self, job: Job, late: str, now: float) -> Effects:
-        capability = next((one for one in self.profile.capabilities if job.order and one.method == job.order.method), None)
+        capability = next(
+            (candidate for candidate in self.profile.capabilities if job.order and candidate.method == job.order.method), None
+        )
         if late or capability is None or not capability.undoable:
             text = late or f"{self.profile.name} cannot undo {capability.type_name if capability else 'what it does not know'}"
-            yield from self._say(job, frp.Stranded(description=text, tried=False), now)
+            yield from self._send_message(job, frp.Stranded(description=text, tried=False), now)
             return
-        yield from job.wake(HeartbeatDue, now + self.profile.heartbeat)
+        yield from job.set_timer(HeartbeatDue, now + self.profile.heartbeat)
         yield from self._work.enqueue(job, now)
 
     def _answered(self, question: WorkWanted, value: object, now: float) -> Effects:
@@ -248,11 +252,11 @@ class ServiceManager:
             yield from self._quoted(question, answer, now)
 
     def _quoted(self, question: WorkWanted, value: Answer, now: float) -> Effects:
-        job = self._jobs.get(question.transaction, question.participant)
+        job = self._jobs.find_job(question.transaction, question.participant)
         if job is None or job.activity is not Activity.QUOTE:
             return
         job.activity = None
-        self._jobs.put(job)
+        self._jobs.store_job(job)
         if job.session.state is not State.ARRANGING:
             return
         answer: ParticipantBody
@@ -260,42 +264,46 @@ class ServiceManager:
             answer = self._terms(job, value, now) if isinstance(value, Quoted) else frp.Refuse(reason=_refusal(value))
         except FormulaError as error:
             answer = frp.Refuse(reason=str(error))
-        yield from self._say(job, answer, now)
+        yield from self._send_message(job, answer, now)
         if isinstance(answer, frp.Terms):
-            yield from job.wake(TermsDue, answer.valid_until)
+            yield from job.set_timer(TermsDue, answer.valid_until)
 
     def _terms(self, job: Job, quoted: Quoted, now: float) -> frp.Terms | frp.Refuse:
         assert job.order is not None, "a quote is for an order"
         order = job.order
         capacity = self.profile.capacity
-        start = free_from(laid_out(self.calendar(now), capacity), max(now, order.earliest_start or now), quoted.duration, capacity)
-        until = None if order.latest_finish is None else order.latest_finish - quoted.duration
-        if until is not None and start > until:
-            return frp.Refuse(reason=f"{self.profile.name} could be done {start - until:.0f} s after the latest finish at the earliest")
+        start = first_free_time(
+            resolve_overlaps(self.calendar(now), capacity), max(now, order.earliest_start or now), quoted.duration, capacity
+        )
+        latest_start = None if order.latest_finish is None else order.latest_finish - quoted.duration
+        if latest_start is not None and start > latest_start:
+            return frp.Refuse(
+                reason=f"{self.profile.name} could be done {start - latest_start:.0f} s after the latest finish at the earliest"
+            )
         return frp.Terms(
-            effect=str(filled_in(order.effect, self.profile.name, order.inputs)),
+            effect=str(fill_in(order.effect, self.profile.name, order.inputs)),
             precondition=order.precondition,
             price=quoted.price,
             currency=quoted.currency,
             duration=quoted.duration,
             start_from=start,
-            start_until=until,
+            start_until=latest_start,
             valid_until=now + self.profile.valid_for,
         )
 
-    def _say(self, job: Job, body: ParticipantBody, now: float) -> Effects:
-        yield from say(job, body, self._jobs, now)
+    def _send_message(self, job: Job, body: ParticipantBody, now: float) -> Effects:
+        yield from send_message(job, body, self._jobs, now)
 
     # What comes besides messages
 
-    def _ring(self, timer: Timer, now: float) -> Effects:
+    def _timer_fired(self, timer: Timer, now: float) -> Effects:
         match timer:
             case JoiningDue():
-                yield from self._joining.ring(now)
+                yield from self._joining.timer_fired(now)
             case ReportDue():
-                yield from self._reports.again(now)
+                yield from self._reports.resend(now)
             case TermsDue(transaction, participant) | StartDue(transaction, participant) | HeartbeatDue(transaction, participant):
-                if (job := self._jobs.get(transaction, participant)) is not None:
+                if (job := self._jobs.find_job(transaction, participant)) is not None:
                     job.timers.discard(timer)
                     yield from self._due(job, timer, now)
 
@@ -304,25 +312,25 @@ class ServiceManager:
         match timer:
             case HeartbeatDue() if state in WORKING:
                 note = "waits for its turn" if job.waiting else ""
-                yield from self._say(job, frp.Progress(fraction=job.fraction, note=note), now)
-                yield from job.wake(HeartbeatDue, now + self.profile.heartbeat)
+                yield from self._send_message(job, frp.Progress(fraction=job.fraction, note=note), now)
+                yield from job.set_timer(HeartbeatDue, now + self.profile.heartbeat)
             case TermsDue() if state is State.OFFERED:
-                yield from self._say(job, frp.Refuse(reason="the terms expired"), now)
+                yield from self._send_message(job, frp.Refuse(reason="the terms expired"), now)
             case StartDue() if state is State.COMMITTED:
-                yield from self._say(job, frp.Failed(description="it was not told to start in time", tried=False), now)
+                yield from self._send_message(job, frp.Failed(description="it was not told to start in time", tried=False), now)
 
-    def _undelivered(self, message: Message, now: float) -> Effects:
+    def _delivery_failed(self, message: Message, now: float) -> Effects:
         """Signs of life do not get through: stop."""
         if self._reports.is_pending(message.header.message_id):
-            yield from self._reports.again(now)
+            yield from self._reports.resend(now)
             return
-        job = self._jobs.get(message.header.transaction, message.header.participant)
+        job = self._jobs.find_job(message.header.transaction, message.header.participant)
         if job is not None and isinstance(message.body, frp.Progress):
             yield from self._cut_off(job, "nobody could be told how the work goes, so it was stopped", now)
 
     def _cut_off(self, job: Job, reason: str, now: float) -> Effects:
         if (state := job.session.state) in (State.EXECUTING, State.COMPENSATING):
-            yield from self._work.interrupt(job, interrupted(state, reason), now)
+            yield from self._work.interrupt(job, interruption(state, reason), now)
 
     def _notified(self, notice: Notice, now: float) -> Effects:
         match notice:
@@ -330,9 +338,9 @@ class ServiceManager:
                 joining = self._joining
                 joining.profile, joining.repository, joining.registry = profile, repository, registry
             case Observed(situation):
-                yield from self._reports.add(self.profile.name, situation, now, OBSERVED_TIME)
-            case Leave():
-                yield from self._leave(now)
+                yield from self._reports.add(self.profile.name, situation, now, OBSERVATION_REPORT_TIME)
+            case DepartureRequested():
+                yield from self._depart(now)
 
     # Coming and going
 
@@ -342,22 +350,22 @@ class ServiceManager:
         self._reports.address, self._reports.repository, self._reports.ready = address, self._joining.repository, False
         yield from self._joining.start(address, now)
         yield from self._work.restarted(now)
-        for job in self._jobs.all() if moved else ():
+        for job in self._jobs.all_jobs() if moved else ():
             job.session.me = address
             for message in job.session.last_report():  # by which the others know where it is now
                 yield Send(message, now + REPORT_TIME)
 
-    def _leave(self, now: float) -> Effects:
+    def _depart(self, now: float) -> Effects:
         """Withdraw offers and commitments, and stop what runs."""
         self.state.leaving = True
-        yield from self._joining.leave(now)
+        yield from self._joining.depart(now)
         reason = f"{self.profile.name} is leaving"
         for job in self._jobs:
             match job.session.state:
                 case State.ARRANGING | State.OFFERED:
-                    yield from self._say(job, frp.Refuse(reason=reason), now)
+                    yield from self._send_message(job, frp.Refuse(reason=reason), now)
                 case State.COMMITTED:
-                    yield from self._say(job, frp.Failed(description=reason, tried=False), now)
+                    yield from self._send_message(job, frp.Failed(description=reason, tried=False), now)
                 case _:
                     yield from self._cut_off(job, reason, now)
 
@@ -366,7 +374,7 @@ def _refusal(answer: Answer) -> str:
     return answer.reason if isinstance(answer, Refused) else str(answer)
 
 
-def _late(message: Message, now: float) -> str:
+def _lateness_reason(message: Message, now: float) -> str:
     """Why an order must not be obeyed any more, in words; empty when it came in time."""
     body = message.body
     if not isinstance(body, frp.Execute | frp.Compensate) or body.begin_by is None or now <= body.begin_by:
@@ -383,7 +391,7 @@ SCHEMA = Schema(
     state=ServiceManagerState,
     timers=Timer,
     questions=Question,
-    tasks=Asked,
+    tasks=NodeTask,
     answers=Answer,
     notices=Notice,
     restore=ServiceManager.restored,

@@ -18,15 +18,15 @@ REPORT_TIME = 86_400.0
 """Seconds for which a report is sent again; a Task Manager that is down has this long to come back."""
 
 
-def say(job: Job, body: ParticipantBody, jobs: Jobs, now: float) -> Effects:
+def send_message(job: Job, body: ParticipantBody, jobs: Jobs, now: float) -> Effects:
     """Send a message of the job's own accord."""
     message = job.session.send(body)
     if isinstance(body, frp.Progress):
         yield Send(message, now + CUT_OFF)
         return
     if job.session.state not in WORKING:
-        yield from job.wake(HeartbeatDue, None)
+        yield from job.set_timer(HeartbeatDue, None)
     if job.session.state is State.FAILED:
-        yield from job.wake(StartDue, None)
-    jobs.put(job)
+        yield from job.set_timer(StartDue, None)
+    jobs.store_job(job)
     yield Send(message, now + REPORT_TIME)

@@ -34,4 +34,4 @@ class ServiceManagerState(Struct, kw_only=True):
 
     def waiting(self) -> list[Job]:
         """The participants that wait for the device."""
-        return [job for key in self.queue.waiting if (job := self.jobs.get(*key)) is not None]
+        return [job for key in self.queue.waiting if (job := self.jobs.find_job(*key)) is not None]

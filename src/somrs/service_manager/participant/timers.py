@@ -64,7 +64,7 @@ class ReportWanted(Struct, frozen=True, tag=True):
 
 
 Question = WorkWanted | ReportWanted
-Asked = Quote | Perform | Halt | Undo | Report
+NodeTask = Quote | Perform | Halt | Undo | Report
 
 
 class Equipped(Struct, frozen=True, tag=True):
@@ -81,8 +81,8 @@ class Observed(Struct, frozen=True, tag=True):
     situation: str
 
 
-class Leave(Struct, frozen=True, tag=True):
+class DepartureRequested(Struct, frozen=True, tag="Leave"):
     """The device is to take its leave."""
 
 
-Notice = Equipped | Observed | Leave
+Notice = Equipped | Observed | DepartureRequested

@@ -37,7 +37,7 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Rows, by_kind
 from somrs.service_manager.sdk.orders import Advance, Capability, Order, Profile
-from somrs.service_manager.sdk.values import filled_in, money, python_value, seconds
+from somrs.service_manager.sdk.values import fill_in, money, python_value, seconds
 
 Situation = str | Formula | None
 """What holds now, in Entish. None, from a service that worked: the effect, as it was arranged."""
@@ -54,12 +54,12 @@ Ask = Callable[[Body], Awaitable[Body]]
 """Asks the Repository."""
 
 # What the decorated functions are called with besides the device itself, whose class differs from author to author.
-Performs = Callable[[Any, "Task"], Awaitable["Situation | Result"]]
-Stops = Callable[[Any, "Task"], Awaitable[Situation]]
-Undoes = Callable[[Any, "Task", Formula], Awaitable[Situation]]
+PerformFunction = Callable[[Any, "Task"], Awaitable["Situation | Result"]]
+StopFunction = Callable[[Any, "Task"], Awaitable[Situation]]
+UndoFunction = Callable[[Any, "Task", Formula], Awaitable[Situation]]
 Amount = float | str
 Amounts = Amount | Callable[[Any, "Task"], Amount | Awaitable[Amount]]
-Able = Callable[[Any, "Task"], Awaitable[None] | None]
+AbilityCheck = Callable[[Any, "Task"], Awaitable[None] | None]
 
 
 class MapReader:
@@ -70,7 +70,7 @@ class MapReader:
 
     async def object(self, name: str) -> Object | None:
         """The object with the values that were given for it; None when there is no such object."""
-        page = await self._answer(ReadMap(after=before(name)))
+        page = await self._answer(ReadMap(after=predecessor_name(name)))
         if not isinstance(page, MapPage):
             raise RemoteError(f"the Repository answered ReadMap with {type(page).__name__}")
         return page.objects[0] if page.objects and page.objects[0].name == name else None
@@ -92,7 +92,7 @@ class MapReader:
         return answer
 
 
-def before(name: str) -> str:
+def predecessor_name(name: str) -> str:
     """A text that comes just before the name in the order of names, so that the page behind it begins with the name."""
     return f"{name[:-1]}{chr(ord(name[-1]) - 1)}\ufffd"
 
@@ -104,8 +104,8 @@ class Task:
         self.order = order
         self.inputs: Mapping[str, Value] = {name: python_value(text) for name, text in order.inputs.items()}
         """By name: numbers, texts and truths as Python has them, objects by their names on the map."""
-        self.effect: Formula = filled_in(order.effect, provider, order.inputs)
-        self.precondition: Formula | None = filled_in(order.precondition, provider, order.inputs) if order.precondition else None
+        self.effect: Formula = fill_in(order.effect, provider, order.inputs)
+        self.precondition: Formula | None = fill_in(order.precondition, provider, order.inputs) if order.precondition else None
         self.map = MapReader(ask)
         self._report = report
 
@@ -117,10 +117,12 @@ class Task:
 class Service:
     """A service of a class of devices: what `@service` makes of a method."""
 
-    def __init__(self, performs: Performs, type: ServiceType | str, price: Amounts, duration: Amounts, able: Able | None) -> None:
+    def __init__(
+        self, performs: PerformFunction, type: ServiceType | str, price: Amounts, duration: Amounts, able: AbilityCheck | None
+    ) -> None:
         self.performs, self.type, self.price, self.duration, self.able = performs, type, price, duration, able
-        self.stops: Stops | None = None
-        self.undoes: Undoes | None = None
+        self.stops: StopFunction | None = None
+        self.undoes: UndoFunction | None = None
         self.name = performs.__name__
         for amount, read in ((price, money), (duration, seconds)):
             if not callable(amount):
@@ -134,12 +136,12 @@ class Service:
     def __get__(self, device: object, owner: type) -> Any:
         return self if device is None else self.performs.__get__(device, owner)
 
-    def stopping(self, stops: Stops) -> Stops:
+    def stopping(self, stops: StopFunction) -> StopFunction:
         """Decorates what to do when the service is interrupted: reach a safe state, and say what holds then."""
         self.stops = stops
         return stops
 
-    def compensation(self, undoes: Undoes) -> Undoes:
+    def compensation(self, undoes: UndoFunction) -> UndoFunction:
         """Decorates what to do to undo the service: restore the situation given, or an equivalent one."""
         self.undoes = undoes
         return undoes
@@ -159,7 +161,9 @@ class Service:
         )
 
 
-def service(type: ServiceType | str, *, price: Amounts = 0.0, duration: Amounts, able: Able | None = None) -> Callable[[Performs], Service]:
+def service(
+    type: ServiceType | str, *, price: Amounts = 0.0, duration: Amounts, able: AbilityCheck | None = None
+) -> Callable[[PerformFunction], Service]:
     """Makes a method a service of the type (or of the type of that name in the common ontology).
 
     `price` and `duration` are amounts, or functions of the device and the task; `able` may raise Refusal.
@@ -167,7 +171,7 @@ def service(type: ServiceType | str, *, price: Amounts = 0.0, duration: Amounts,
     return lambda performs: Service(performs, type, price, duration, able)
 
 
-def _well_made(definition: Definition, owner: type[object]) -> Definition:
+def _check_definition(definition: Definition, owner: type[object]) -> Definition:
     """The definition with every value of the kind that it has to be: Structs do not check what they are made of."""
     try:
         return msgspec.convert(msgspec.to_builtins(definition), type=type(definition))
@@ -176,7 +180,7 @@ def _well_made(definition: Definition, owner: type[object]) -> Definition:
         raise DeviceError(f"{owner.__name__} brings {type(definition).__name__} {name}, which is not well made: {error}") from None
 
 
-def _unheard(situation: str) -> None:
+def _ignore_observation(situation: str) -> None:
     """Nobody runs the device."""
 
 
@@ -209,7 +213,7 @@ class Device:
     def __init__(self, name: str, simulator: str | None = None) -> None:
         self.name, self.simulator = name, simulator
 
-    observer: Callable[[str], None] = staticmethod(_unheard)
+    observer: Callable[[str], None] = staticmethod(_ignore_observation)
     """Hears what the device observed: its program sees to that."""
 
     def observed(self, situation: str | Formula) -> None:
@@ -241,13 +245,13 @@ class Device:
                 raise DeviceError(
                     f"{cls.__name__}.{name} is a service, but every device has a {name} of its own: call the service something else"
                 )
-        brought = [*cls.types, *([kind] if isinstance(kind, ObjectType) else [])]
-        brought += [s.type for s in services.values() if isinstance(s.type, ServiceType)]
+        definitions = [*cls.types, *([kind] if isinstance(kind, ObjectType) else [])]
+        definitions += [s.type for s in services.values() if isinstance(s.type, ServiceType)]
         return Profile(
             name=self.name,
             type=kind if isinstance(kind, str) else kind.name,
-            capabilities=tuple(one.capability(self.attributes) for one in services.values()),
-            definitions=by_kind({repr(definition): _well_made(definition, cls) for definition in brought}.values()),
+            capabilities=tuple(offered_service.capability(self.attributes) for offered_service in services.values()),
+            definitions=by_kind({repr(definition): _check_definition(definition, cls) for definition in definitions}.values()),
             values=dict(self.values),
             situation=self.situation,
             capacity=self.capacity,
@@ -259,10 +263,10 @@ class Device:
 
 @functools.cache
 def _services(kind: type[Device]) -> Mapping[str, Service]:
-    found: dict[str, Service] = {}
+    services_by_name: dict[str, Service] = {}
     for owner in reversed(kind.__mro__):
         for name, value in vars(owner).items():
-            found.pop(name, None)
+            services_by_name.pop(name, None)
             if isinstance(value, Service):
-                found[name] = value
-    return MappingProxyType(found)
+                services_by_name[name] = value
+    return MappingProxyType(services_by_name)

@@ -115,7 +115,7 @@ class Advance(PartialAnswer, frozen=True, kw_only=True, tag=True):
     note: str = ""
 
 
-class Done(Struct, frozen=True, kw_only=True, tag=True):
+class WorkDone(Struct, frozen=True, kw_only=True, tag="Done"):
     """The work is done. `situation` None: what was to be brought about, or, of a Halt, nothing that is known."""
 
     situation: str | None = None
@@ -129,7 +129,7 @@ class Failure(Struct, frozen=True, tag=True):
     situation: str | None = None
 
 
-Answer = Quoted | Refused | Advance | Done | Failure | ErrorAnswer | AnswerLost | None
+Answer = Quoted | Refused | Advance | WorkDone | Failure | ErrorAnswer | AnswerLost | None
 
 
 class Refusal(SomrsError):

@@ -32,8 +32,8 @@ def python_value(text: str) -> Value:
             return value
         case Text(value) | Truth(value):
             return value
-        case other:
-            return str(other)
+        case other_term:
+            return str(other_term)
 
 
 def as_term(value: Value) -> Term:
@@ -45,15 +45,15 @@ def as_term(value: Value) -> Term:
     return Name(value) if _NAME.fullmatch(value) and value not in _KEYWORDS else Text(value)
 
 
-def filled_in(formula: str, provider: str, inputs: Mapping[str, str], outputs: Mapping[str, Value] | None = None) -> Formula:
+def fill_in(formula: str, provider: str, inputs: Mapping[str, str], outputs: Mapping[str, Value] | None = None) -> Formula:
     """The formula with its inputs, its outputs and `?Provider` in their places."""
     if outputs:
-        return substitute(_filled_in(formula, provider, tuple(inputs.items())), {name: as_term(value) for name, value in outputs.items()})
-    return _filled_in(formula, provider, tuple(inputs.items()))
+        return substitute(_fill_in(formula, provider, tuple(inputs.items())), {name: as_term(value) for name, value in outputs.items()})
+    return _fill_in(formula, provider, tuple(inputs.items()))
 
 
 @lru_cache(maxsize=1024)
-def _filled_in(formula: str, provider: str, inputs: tuple[tuple[str, str], ...]) -> Formula:
+def _fill_in(formula: str, provider: str, inputs: tuple[tuple[str, str], ...]) -> Formula:
     """The same order is looked at several times: for a quote, for the terms, for the work."""
     return substitute(parse(formula), {name: term(text) for name, text in inputs} | {PROVIDER: Name(provider)})
 
@@ -72,10 +72,10 @@ def seconds(amount: float | str) -> float:
     return number * _SECONDS[unit]
 
 
-def _read(amount: float | str, what: str, example: str) -> tuple[float, str]:
+def _read(amount: float | str, quantity: str, example: str) -> tuple[float, str]:
     if isinstance(amount, float | int) and not isinstance(amount, bool):
         return float(amount), ""
-    found = _AMOUNT.fullmatch(amount) if isinstance(amount, str) else None
-    if found is None:
-        raise DeviceError(f"{amount!r} is not {what}: write a number, or for example {example}")
-    return float(found[1]), found[2]
+    match = _AMOUNT.fullmatch(amount) if isinstance(amount, str) else None
+    if match is None:
+        raise DeviceError(f"{amount!r} is not {quantity}: write a number, or for example {example}")
+    return float(match[1]), match[2]

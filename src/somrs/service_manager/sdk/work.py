@@ -9,9 +9,9 @@ from collections.abc import Callable
 from somrs.entish.formula import variables
 from somrs.entish.parse import parse
 from somrs.errors import DeviceError
-from somrs.service_manager.sdk.device import Able, Amount, Amounts, Ask, Device, Result, Service, Situation, Task
-from somrs.service_manager.sdk.orders import Done, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, Work
-from somrs.service_manager.sdk.values import filled_in, money, seconds
+from somrs.service_manager.sdk.device import AbilityCheck, Amount, Amounts, Ask, Device, Result, Service, Situation, Task
+from somrs.service_manager.sdk.orders import Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, Work, WorkDone
+from somrs.service_manager.sdk.values import fill_in, money, seconds
 
 log = logging.getLogger(__name__)
 
@@ -25,13 +25,13 @@ async def carry_out(device: Device, work: Work, ask: Ask, report: Callable[[obje
             case Quote():
                 return await _quote(device, service, task)
             case Perform(order):
-                return _done(device, order, await service.performs(device, task), service)
+                return _work_done(device, order, await service.performs(device, task), service)
             case Halt():
-                return Done(situation=_read(await service.stops(device, task), service) if service.stops else None)
+                return WorkDone(situation=_read(await service.stops(device, task), service) if service.stops else None)
             case Undo(_, situation):
                 if service.undoes is None:
                     raise ServiceFailed(f"{device.name} cannot undo {service.name}")
-                return Done(situation=_read(await service.undoes(device, task, parse(situation)), service) or situation)
+                return WorkDone(situation=_read(await service.undoes(device, task, parse(situation)), service) or situation)
     except (Refusal, ServiceFailed):
         raise
     except Exception:  # an author's mistake may be anything; it is logged with its trace, and becomes the service's failure
@@ -41,7 +41,7 @@ async def carry_out(device: Device, work: Work, ask: Ask, report: Callable[[obje
 
 async def _quote(device: Device, service: Service, task: Task) -> Quoted:
     if service.able is not None:
-        await _settled(service.able, device, task)
+        await _check_ability(service.able, device, task)
     price, currency = money(await _amount(service.price, device, task))
     return Quoted(price=price, currency=currency, duration=seconds(await _amount(service.duration, device, task)))
 
@@ -53,23 +53,23 @@ async def _amount(amount: Amounts, device: Device, task: Task) -> Amount:
     return await value if inspect.isawaitable(value) else value
 
 
-async def _settled(able: Able, device: Device, task: Task) -> None:
+async def _check_ability(able: AbilityCheck, device: Device, task: Task) -> None:
     waiting = able(device, task)
     if inspect.isawaitable(waiting):
         await waiting
 
 
-def _done(device: Device, order: Order, came: Situation | Result, service: Service) -> Done:
+def _work_done(device: Device, order: Order, returned: Situation | Result, service: Service) -> WorkDone:
     """What the service returned; its effect, where it says nothing else."""
-    result = came if isinstance(came, Result) else Result(outputs={}, situation=came)
+    result = returned if isinstance(returned, Result) else Result(outputs={}, situation=returned)
     situation = _read(result.situation, service)
     if situation is None:
-        effect = filled_in(order.effect, device.name, order.inputs, result.outputs)
+        effect = fill_in(order.effect, device.name, order.inputs, result.outputs)
         if unknown := variables(effect):
             named = ", ".join(f"?{name}" for name in unknown)
             raise DeviceError(f"{service.name} has to return the situation, because its effect leaves {named} open: {effect}")
         situation = str(effect)
-    return Done(situation=situation, outputs=result.outputs)
+    return WorkDone(situation=situation, outputs=result.outputs)
 
 
 def _read(situation: Situation, service: Service) -> str | None:

@@ -21,7 +21,7 @@ from somrs.protocol.messages.clients import Policy
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import Outcome
 from somrs.runtime.virtual import Work
-from somrs.service_manager.sdk.orders import Capability, Done, Order, Profile
+from somrs.service_manager.sdk.orders import Capability, Order, Profile, WorkDone
 from tests.support.relay import carried, maps_of
 from tests.support.relay import problem as relay
 from tests.support.virtual_system import SITE, Robot, VirtualSystem
@@ -138,7 +138,7 @@ def system(*robots: Robot) -> Grippers:
 
 def gripper(name: str, seconds: float = 10.0, price: float = 1.0, refuses: str = "") -> Robot:
     def works(order: Order) -> Work:
-        yield seconds, Done(situation=order.effect)
+        yield seconds, WorkDone(situation=order.effect)
 
     return Robot(name, price, seconds, works=works, refuses=refuses)
 
