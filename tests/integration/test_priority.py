@@ -207,16 +207,16 @@ names = st.sampled_from("abcdef")
 def test_reservations_keep_those_who_wait_by_priority_and_then_as_they_came(entered: list[tuple[str, int]], gone: set[str]) -> None:
     reservations, called = Reservations(), list[str]()
     for task, priority in entered:
-        reservations.enter(task, "", priority)
+        reservations.add_task(task, "", priority)
     reservations.hold("holder", Reservation(changes=frozenset("x")))
     for task, _ in reversed(entered):
         reservations.wait(task, Reservation(changes=frozenset("x")))
     for task in gone:
-        reservations.leave(task)
+        reservations.remove_task(task)
     left = [task for task, _ in sorted(entered, key=lambda one: -one[1]) if task not in gone]
     for expected in left:
-        reservations.leave(called[-1] if called else "holder")
-        called += reservations.called()
+        reservations.remove_task(called[-1] if called else "holder")
+        called += reservations.admit_waiting()
         assert called[-1] == expected
     assert called == left
 
@@ -233,17 +233,17 @@ class Bench:
         self.log: list[str] = []
 
     def proceed(self, task: str) -> None:
-        if task in self.ready and self.queues.takes(self.offer, task, (-self.ready[task], 0, 0, task), self.still):
+        if task in self.ready and self.queues.request_turn(self.offer, task, (-self.ready[task], 0, 0, task), self.still):
             del self.ready[task]
             self.working.add(task)
             self.log.append(task)
-            self.queues.begins("Robot1", AtWork(task, "participant"))
+            self.queues.add_work("Robot1", AtWork(task, "participant"))
 
     def still(self, work: AtWork) -> bool:
         return work.transaction in self.working
 
     def wake(self) -> None:
-        for task in self.queues.called(self.still):
+        for task in self.queues.admit_waiting(self.still):
             self.proceed(task)
 
 

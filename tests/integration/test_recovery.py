@@ -15,7 +15,7 @@ from somrs.protocol.messages.knowledge import MapChanged, UpdateMap
 from somrs.protocol.messages.records import TaskRecord
 from somrs.runtime.virtual import LATENCY, Work
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, ServiceFailed, WorkDone
-from somrs.task_manager.execution.execution_log import undone
+from somrs.task_manager.execution.execution_log import situation_to_restore
 from tests.support.virtual_system import Robot, Script, VirtualSystem, done
 
 WISH = "Jar002 isOn Platform001"
@@ -543,4 +543,4 @@ def test_what_is_so_already_is_what_undoing_a_step_for_it_restores() -> None:
         inputs={"Object": Name("Jar002"), "Destination": Name("Cupboard001")},
         effect=parse("Jar002 isOn Cupboard001"),
     )
-    assert str(undone(step, system.map, system.repository.contents.ontology)) == "Jar002 isOn Cupboard001"
+    assert str(situation_to_restore(step, system.map, system.repository.contents.ontology)) == "Jar002 isOn Cupboard001"

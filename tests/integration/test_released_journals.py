@@ -64,7 +64,7 @@ def test_tasks_that_were_under_way_go_on(release: Path, packed: Path, tmp_path: 
     done = [work for task in tasks.values() for work in task.log if work.state is State.COMPLETED]
     assert done
     assert all(work.goal is GoalKind.TASK for work in done)
-    undoing = [execution.kind for task in tasks.values() for execution in task.aside]
+    undoing = [execution.kind for task in tasks.values() for execution in task.side_goals]
     compensated = [work for task in tasks.values() for work in task.log if work.state is State.COMPENSATING]
     assert undoing or compensated, "a task was being undone"
     effects = journaled.handle(journaled.make_entry(Started(journal.address), journaled.time))

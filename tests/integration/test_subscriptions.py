@@ -30,7 +30,7 @@ from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Advance, Order, WorkDone
 from somrs.task_manager.manager import REMEMBERED, SCHEMA, TaskManager
 from somrs.task_manager.state import TaskManagerState
-from somrs.task_manager.subscriptions import SubscriptionsOf
+from somrs.task_manager.subscriptions import TaskSubscriptions
 from somrs.task_manager.transaction.transaction import Transaction
 from tests.integration.test_task_manager import WISH, breaks
 from tests.support.examples import examples
@@ -120,8 +120,8 @@ def test_nobody_waits_for_what_is_there(only: str, silent: bool) -> None:
     def look(address: str, event: Input) -> None:
         if address == "tm" and systems:
             state = systems[0].manager.state
-            known = SubscriptionsOf(state.subscriptions, state.tasks)
-            assert not [each for each in state.subscriptions.watchers.values() if known.has_news(each.wanted)], event
+            known = TaskSubscriptions(state.subscriptions, state.tasks)
+            assert not [each for each in state.subscriptions.watchers.values() if known.has_news(each.query)], event
 
     robots = (Robot("Robot1", 10, 60, works=breaks), Robot("Robot2", 25, 30)) if not silent else (Robot("Robot1", 10, 600),)
     system = VirtualSystem(*robots, watch=look)
@@ -165,7 +165,7 @@ def test_a_thousand_messages_come_in_pages_that_fit_the_wire() -> None:
 
     system = VirtualSystem(Robot("Robot1", 10, 1200, works=works))
     task = system.submit(WISH)
-    assert system.world.run(1190, lambda: system.manager.state.tasks[task].passed > 1100)
+    assert system.world.run(1190, lambda: system.manager.state.tasks[task].message_count > 1100)
     found: list[MessageView] = []
     more = True
     while more:

@@ -19,7 +19,7 @@ from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.reservations import Reservations
-from somrs.task_manager.transaction.participant_events import GoesOn, ParticipantEvents
+from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
 from tests.support.paths import ROOT
 from verification.fault_runs.draw import draw
 from verification.fault_runs.hands import DeviceManager
@@ -206,7 +206,7 @@ def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: p
 
     def forgetful(
         self: ParticipantEvents, member: Member, situation: str | None, trouble: str | None, now: float
-    ) -> EffectsReturning[GoesOn]:
+    ) -> EffectsReturning[GoalAction]:
         return (yield from reported(self, member, None, trouble, now))
 
     monkeypatch.setattr(ParticipantEvents, "_reported", forgetful)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from somrs.protocol.frp.states import WORKING, MessageType
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.execution.participants import IDLE
+from somrs.task_manager.execution.participants import UNREACHED_STATES
 from verification.model_check.coordinator import Coordinator, Coordinators, Phase
 from verification.model_check.futures import Futures
 from verification.model_check.media import EMPTY, Arrival, Channel, Event, Medium, members
@@ -261,7 +261,7 @@ class Link:
                 if not (self.model.cut_off and participant.moving):
                     gives_up.append(self._act(("", Fair.NO, True), step.after, p, "tm", step))
             elif step.joint == "again":
-                if participant.session.state in IDLE.get(coordinator.session.state, ()):
+                if participant.session.state in UNREACHED_STATES.get(coordinator.session.state, ()):
                     acts.append(self._act(("", Fair.YES, True), step.after, p, "tm", step))
             else:
                 query = step.what == "says Query"

@@ -12,7 +12,7 @@ from somrs.kernel.replica import Replica
 from somrs.ontology.check import check as check_formula
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.orders import BLANK, Blank, Template, fill_blanks, fill_formula
-from somrs.task_manager.context import wrong_with
+from somrs.task_manager.context import find_task_error
 
 VALUES = ("number", "text", "truth")
 """What a blank can be besides an object of a type."""
@@ -49,7 +49,7 @@ def check(task: Submit, blanks: tuple[Blank, ...], replica: Replica) -> None:
     for formula in (task.effect, task.precondition):
         if formula is not None:
             _check_formula(formula, examples, replica)
-    if (wrong := wrong_with(fill_blanks(task, examples), replica)) is not None:
+    if (wrong := find_task_error(fill_blanks(task, examples), replica)) is not None:
         raise UsageError(wrong)
 
 

@@ -42,11 +42,11 @@ class Quotes(Struct, kw_only=True):
     prices: dict[str, float] = {}
     durations: dict[str, float] = {}
 
-    def given(self, service: str, price: float, duration: float) -> None:
+    def record_quote(self, service: str, price: float, duration: float) -> None:
         """A service gave its terms."""
         self.prices[service], self.durations[service] = price, duration
 
-    def last(self, offer: Offer) -> tuple[float, float] | None:
+    def last_quote(self, offer: Offer) -> tuple[float, float] | None:
         """The price and the duration that a service asked last, or says that it always asks, if both are known."""
         price = self.prices.get(offer.service, offer.attributes.get(PRICE))
         duration = self.durations.get(offer.service, offer.attributes.get(DURATION))
@@ -55,7 +55,7 @@ class Quotes(Struct, kw_only=True):
         return None
 
 
-class Context:
+class TaskManagerContext:
     """What a transaction needs to know of the world around it. It has no state of its own: it leads to that of the Task Manager."""
 
     def __init__(
@@ -80,7 +80,7 @@ class Context:
         """Whether a participant's device does yet what it was told to begin."""
 
 
-def problem(
+def planning_problem(
     task: Submit,
     replica: Replica,
     offers: Iterable[Offer],
@@ -107,8 +107,10 @@ def problem(
         precondition=check(task.precondition, replica.ontology, replica.map) if task.precondition else None,
         excluded=avoided.union(replica.map.with_value(UNKNOWN, True)),
         services=tuple(
-            AvailableService(service_type=types[name], providers=tuple(sorted(found)), prices=tuple(sorted(prices.get(name, {}).items())))
-            for name, found in sorted(providers.items())
+            AvailableService(
+                service_type=types[name], providers=tuple(sorted(provider_names)), prices=tuple(sorted(prices.get(name, {}).items()))
+            )
+            for name, provider_names in sorted(providers.items())
         ),
         hurry=task.policy is Policy.TIME,
     )
@@ -125,7 +127,7 @@ def known_to_hold(formula: Formula, replica: Replica) -> bool:
         return False
 
 
-def wrong_with(task: Submit, replica: Replica) -> str | None:
+def find_task_error(task: Submit, replica: Replica) -> str | None:
     """What is wrong with a task as its client stated it, if anything."""
     if task.deadline is not None and not (0 < task.deadline < math.inf):
         return f"a deadline is a number of seconds from now, and {task.deadline:g} is none; leave it out if there is none"
@@ -134,7 +136,7 @@ def wrong_with(task: Submit, replica: Replica) -> str | None:
     if abs(task.priority) > MOST_PRIORITY:
         return f"a priority is a whole number from -{MOST_PRIORITY} to {MOST_PRIORITY}, and {task.priority} is none of them"
     try:
-        problem(task, replica, [])
+        planning_problem(task, replica, [])
         for handler in task.handlers:
             _check_handler(handler, replica)
     except FormulaError as error:
@@ -144,11 +146,11 @@ def wrong_with(task: Submit, replica: Replica) -> str | None:
 
 def _check_handler(handler: Handler, replica: Replica) -> None:
     """Raises FormulaError. The variables are those of the steps that it is for, where that can be known."""
-    known = replica.ontology.services
-    if handler.service_type is not None and handler.service_type not in known:
-        hint = nearest(handler.service_type, known) or "leave it out, and it is for every step"
+    service_types = replica.ontology.services
+    if handler.service_type is not None and handler.service_type not in service_types:
+        hint = nearest(handler.service_type, service_types) or "leave it out, and it is for every step"
         raise FormulaError(handler.service_type, 0, f"there is no service type {handler.service_type}", hint)
-    service_type = known.get(handler.service_type or "")
+    service_type = service_types.get(handler.service_type or "")
     inputs = {parameter.name: parameter.type for parameter in service_type.inputs} if service_type is not None else {}
     for formula in (handler.when, handler.effect):
         if formula is not None:

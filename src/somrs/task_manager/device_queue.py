@@ -42,38 +42,38 @@ class DeviceQueues(Struct, kw_only=True):
     waiting: dict[str, dict[str, _Turn]] = field(default_factory=dict)
     """By device, and by task."""
 
-    def begins(self, device: str, work: AtWork) -> None:
+    def add_work(self, device: str, work: AtWork) -> None:
         """Something was told to begin there."""
         self.at_work.setdefault(device, []).append(work)
 
-    def takes(self, offer: Offer, task: str, rank: Rank, still: StillAtWork) -> bool:
+    def request_turn(self, offer: Offer, task: str, rank: Rank, still_at_work: StillAtWork) -> bool:
         """Whether it is the task's turn at the device. If not, it is `called` once it may be."""
         waiting = self.waiting.get(offer.provider, {})
-        if self._has_room(offer, still) and all(rank <= turn.rank for other, turn in waiting.items() if other != task):
+        if self._has_room(offer, still_at_work) and all(rank <= turn.rank for other_task, turn in waiting.items() if other_task != task):
             return True
-        before = waiting.get(task)
-        if before is None or rank < before.rank:
+        old_turn = waiting.get(task)
+        if old_turn is None or rank < old_turn.rank:
             self.waiting.setdefault(offer.provider, {})[task] = _Turn(offer, rank)
         return False
 
-    def called(self, still: StillAtWork) -> Iterator[str]:
+    def admit_waiting(self, still_at_work: StillAtWork) -> Iterator[str]:
         """The tasks whose turn it is. Between two of them, anything may change."""
         for device in [*self.waiting]:
             waiting = self.waiting[device]
             while waiting:
-                task = min(waiting, key=lambda one: waiting[one].rank)
-                if not self._has_room(waiting[task].offer, still):
+                task = min(waiting, key=lambda candidate: waiting[candidate].rank)
+                if not self._has_room(waiting[task].offer, still_at_work):
                     break
                 del waiting[task]
                 yield task
             if not waiting:
                 del self.waiting[device]
 
-    def _has_room(self, offer: Offer, still: StillAtWork) -> bool:
-        at_work = [work for work in self.at_work.get(offer.provider, ()) if still(work)]
+    def _has_room(self, offer: Offer, still_at_work: StillAtWork) -> bool:
+        at_work = [work for work in self.at_work.get(offer.provider, ()) if still_at_work(work)]
         if at_work:
             self.at_work[offer.provider] = at_work
         else:
             self.at_work.pop(offer.provider, None)
-        many = offer.attributes.get(CAPACITY_ATTRIBUTE, 1)
-        return len(at_work) < (many if isinstance(many, int | float) and not isinstance(many, bool) else 1)
+        capacity = offer.attributes.get(CAPACITY_ATTRIBUTE, 1)
+        return len(at_work) < (capacity if isinstance(capacity, int | float) and not isinstance(capacity, bool) else 1)

@@ -25,22 +25,22 @@ from somrs.protocol.messages import clients, frp, records
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.paging import fit_page
-from somrs.task_manager.context import Commitments, Context, Interval, wrong_with
+from somrs.task_manager.context import Commitments, Interval, TaskManagerContext, find_task_error
 from somrs.task_manager.device_queue import AtWork
-from somrs.task_manager.execution.participants import sent_home
+from somrs.task_manager.execution.participants import answer_stranger
 from somrs.task_manager.migrations import MIGRATIONS
-from somrs.task_manager.preview import Previewing, new_preview
-from somrs.task_manager.requests import Came, ForPlan, ReportAnswered, ServicesKnown
+from somrs.task_manager.preview import PreviewExecutor, new_preview
+from somrs.task_manager.requests import ForPlan, ReportAnswered, RequestResult, ServicesKnown
 from somrs.task_manager.state import TaskManagerState, UnsettledReport
-from somrs.task_manager.subscriptions import Replies, SubscriptionsOf
+from somrs.task_manager.subscriptions import Replies, TaskSubscriptions
 from somrs.task_manager.timers import (
     Answer,
     AnswerDue,
-    Asked,
     BidsDue,
     DeadlineDue,
     MapDue,
     NewsDue,
+    NodeTask,
     OverdueDue,
     PlanWanted,
     PreviewDue,
@@ -52,7 +52,7 @@ from somrs.task_manager.timers import (
 )
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.transaction import Transaction, new_task
-from somrs.task_manager.transaction.views import message_view, previewed, view_in_parts
+from somrs.task_manager.transaction.views import message_view, preview_reply, view_in_parts
 
 READY_TIME = 30.0
 """Seconds that a task waits for the map to be read, after the start; then its client hears that the Repository is not there."""
@@ -70,14 +70,14 @@ class TaskManager:
     @classmethod
     def restored(cls, state: TaskManagerState) -> TaskManager:
         """The Task Manager that has this state."""
-        made = cls.__new__(cls)
-        made._adopt(state)
-        return made
+        manager = cls.__new__(cls)
+        manager._adopt(state)
+        return manager
 
     def _adopt(self, state: TaskManagerState) -> None:
         self.state = state
         self.address = state.requests.address
-        self._context = Context(
+        self._context = TaskManagerContext(
             replica=state.replica,
             requests=state.requests,
             reservations=state.reservations,
@@ -87,7 +87,7 @@ class TaskManager:
             commitments=self._commitments,
             still_at_work=self._still_at_work,
         )
-        self._subscriptions = SubscriptionsOf(state.subscriptions, state.tasks)
+        self._subscriptions = TaskSubscriptions(state.subscriptions, state.tasks)
 
     @property
     def open(self) -> list[str]:
@@ -103,21 +103,21 @@ class TaskManager:
         news = state.replica.handle(event, now)
         if news is not None:
             yield from news.effects
-            yield from self._map_moved(news.reloaded, now)
+            yield from self._map_changed(news.reloaded, now)
         else:
             yield from self._handle(event, now)
-        for task in state.reservations.called():
+        for task in state.reservations.admit_waiting():
             if task in state.tasks:
                 yield from self._transaction(task).freed(now)
-        for task in state.queues.called(self._still_at_work):
+        for task in state.queues.admit_waiting(self._still_at_work):
             if task in state.tasks:
                 yield from self._transaction(task).proceed(now)
         if state.touched:
-            yield from self._replies(self._subscriptions.tell(state.touched))
+            yield from self._replies(self._subscriptions.notify_watchers(state.touched))
         for id in [id for id in state.running if state.tasks[id].outcome is not None]:
             state.running.remove(id)
-            self._forget()
-        for id in [id for id, preview in state.previews.items() if preview.over]:
+            self._forget_old_tasks()
+        for id in [id for id, preview in state.previews.items() if preview.ended]:
             del state.previews[id]
 
     def _handle(self, event: Input, now: float) -> Effects:
@@ -132,29 +132,29 @@ class TaskManager:
             case Received(message):
                 yield from self._receive(message, now)
             case TimerFired(timer):
-                yield from self._ring(timer, now)  # type: ignore[arg-type]  # only its own timers ring
+                yield from self._timer_fired(timer, now)  # type: ignore[arg-type]  # only its own timers ring
             case Answered(question, value):
                 yield from self._answered(question, value, now)
             case DeliveryFailed(message, reason) if message.header.message_id in state.requests.pending:
-                yield from self._came((yield from state.requests.undelivered(message, reason, now)), now)
+                yield from self._request_answered((yield from state.requests.delivery_failed(message, reason, now)), now)
             case DeliveryFailed(message, reason):
-                yield from self._undelivered(message, reason, now)
+                yield from self._delivery_failed(message, reason, now)
 
     # Messages
 
     def _receive(self, message: Message, now: float) -> Effects:
         state, body, id = self.state, message.body, message.header.message_id
         if state.requests.is_answer(message):
-            yield from self._came((yield from state.requests.answered(message, now)), now)
+            yield from self._request_answered((yield from state.requests.answered(message, now)), now)
         elif isinstance(body, FrpBody) and message.header.transaction is not None:
             if message.header.transaction in state.tasks:
                 yield from self._transaction(message.header.transaction).receive(message, now)
             elif message.header.transaction in state.previews:
-                yield from self._previewed(message.header.transaction, lambda preview: preview.receive(message, now))
+                yield from self._advance_preview(message.header.transaction, lambda preview: preview.receive(message, now))
             else:
-                yield from sent_home(message, self.address)
+                yield from answer_stranger(message, self.address)
         elif not state.replica.ready and isinstance(body, clients.Submit | clients.Preview):
-            state.until_ready[id] = message
+            state.awaiting_map[id] = message
             yield SetTimer(MapDue(id), now + READY_TIME)
         else:
             yield from self._serve(message, now)
@@ -171,7 +171,7 @@ class TaskManager:
                 yield from self._transaction(task).cancel(now, reason)
                 yield self._reply(message, clients.Cancelling(task=task))
             case clients.ReadTasks():
-                yield self._reply(message, self._tasks(message.body))
+                yield self._reply(message, self._list_tasks(message.body))
             case clients.WatchTask() | clients.WatchTasks():
                 yield from self._replies(self._subscriptions.wait(message, message.body, now))
             case clients.ReadMessages():
@@ -191,74 +191,76 @@ class TaskManager:
     def _submit(self, message: Message, task: clients.Submit, now: float) -> Effects:
         state, id = self.state, message_id("task", message.header.message_id)
         if id not in state.tasks:
-            if (wrong := wrong_with(task, state.replica)) is not None:
-                yield self._reply(message, clients.TaskRejected(problem=wrong))
+            if (task_error := find_task_error(task, state.replica)) is not None:
+                yield self._reply(message, clients.TaskRejected(problem=task_error))
                 return
             state.tasks[id] = new_task(id, task, now, client=message.header.sender)
             state.running.append(id)
             yield from self._transaction(id).start(now)
         yield self._reply(message, clients.Submitted(task=id))
 
-    def _preview(self, message: Message, wanted: clients.Preview, now: float) -> Effects:
+    def _preview(self, message: Message, query: clients.Preview, now: float) -> Effects:
         state, id = self.state, message_id("preview", message.header.message_id)
         if id not in state.previews:
-            preview = new_preview(id, wanted, message)
-            if (wrong := wrong_with(preview.task, state.replica)) is not None:
-                yield self._reply(message, previewed(wrong))
+            preview = new_preview(id, query, message)
+            if (task_error := find_task_error(preview.task, state.replica)) is not None:
+                yield self._reply(message, preview_reply(task_error))
             else:
                 state.previews[id] = preview
-                yield from self._previewed(id, lambda preview: preview.begin(now))
+                yield from self._advance_preview(id, lambda preview: preview.begin(now))
 
-    def _previewed(self, id: str, work: Callable[[Previewing], EffectsReturning[clients.Previewed | None]]) -> Effects:
+    def _advance_preview(self, id: str, work: Callable[[PreviewExecutor], EffectsReturning[clients.Previewed | None]]) -> Effects:
         """Go on with a preview; it is answered when it is over."""
         preview = self.state.previews[id]
-        came = yield from work(Previewing(preview, self._context))
-        if came is not None:
-            yield self._reply(preview.request, came)
+        answer = yield from work(PreviewExecutor(preview, self._context))
+        if answer is not None:
+            yield self._reply(preview.request, answer)
 
-    def _tasks(self, wanted: clients.ReadTasks) -> clients.Tasks:
+    def _list_tasks(self, query: clients.ReadTasks) -> clients.Tasks:
         tasks = self.state.tasks
-        found = [each for each in tasks.values() if each.outcome is None or not wanted.running]
-        newest = sorted(found, key=lambda each: (each.submitted_at, each.id), reverse=True)
-        if wanted.behind is not None:
-            last = tasks.get(wanted.behind)
-            newest = [each for each in newest if last is not None and (each.submitted_at, each.id) < (last.submitted_at, last.id)]
-        page = tuple(fit_page((view_in_parts(each, 0)[0] for each in newest), max(wanted.limit, 0)))
+        matching_tasks = [task for task in tasks.values() if task.outcome is None or not query.running]
+        newest = sorted(matching_tasks, key=lambda task: (task.submitted_at, task.id), reverse=True)
+        if query.behind is not None:
+            last_task = tasks.get(query.behind)
+            newest = [
+                task for task in newest if last_task is not None and (task.submitted_at, task.id) < (last_task.submitted_at, last_task.id)
+            ]
+        page = tuple(fit_page((view_in_parts(task, 0)[0] for task in newest), max(query.limit, 0)))
         return clients.Tasks(tasks=page, more=len(page) < len(newest))
 
-    def _read_messages(self, request: Message, wanted: clients.ReadMessages) -> Effect:
+    def _read_messages(self, request: Message, query: clients.ReadMessages) -> Effect:
         """Those of a task that is over are in its record."""
-        after = max(wanted.after, 0)
-        if wanted.task in self.state.running:
-            passed = self.state.tasks[wanted.task].messages
-            page = tuple(fit_page(message_view(one.at, one.message) for one in islice(passed, after, None)))
-            return self._reply(request, clients.Messages(messages=page, more=after + len(page) < len(passed)))
+        offset = max(query.after, 0)
+        if query.task in self.state.running:
+            passed = self.state.tasks[query.task].messages
+            page = tuple(fit_page(message_view(entry.at, entry.message) for entry in islice(passed, offset, None)))
+            return self._reply(request, clients.Messages(messages=page, more=offset + len(page) < len(passed)))
         parts = tuple(name for name in records.PARTS if name != "messages")
-        return self._read_records(request, records.ReadRecords(task=wanted.task, limit=1, after=after, without=parts))
+        return self._read_records(request, records.ReadRecords(task=query.task, limit=1, after=offset, without=parts))
 
-    def _read_records(self, request: Message, wanted: records.ReadRecords) -> Effect:
+    def _read_records(self, request: Message, query: records.ReadRecords) -> Effect:
         id = request.header.message_id
-        self.state.readers[id] = request
-        return Ask(RecordsWanted(id), wanted)
+        self.state.awaiting_records[id] = request
+        return Ask(RecordsWanted(id), query)
 
     # What the node answers
 
-    def _ring(self, timer: Timer, now: float) -> Effects:
+    def _timer_fired(self, timer: Timer, now: float) -> Effects:
         state = self.state
         match timer:
             case NewsDue(request):
-                yield from self._replies(self._subscriptions.ring(request))
+                yield from self._replies(self._subscriptions.timer_fired(request))
             case MapDue(request):
-                if (waiting := state.until_ready.pop(request, None)) is not None:
+                if (waiting := state.awaiting_map.pop(request, None)) is not None:
                     repository = state.requests.repository
                     text = f"the map of the environment is not known yet, because {repository} does not answer; try again later"
                     yield self._reply(waiting, frp.Fault(code="env:Receiver", text=text))
             case AnswerDue():
-                yield from self._came((yield from state.requests.ring(timer, now)), now)
+                yield from self._request_answered((yield from state.requests.timer_fired(timer, now)), now)
             case BidsDue() | SilenceDue() | OverdueDue() | DeadlineDue() | StopDue() if timer.owner in state.tasks:
-                yield from self._transaction(timer.owner).ring(timer, now)
+                yield from self._transaction(timer.owner).timer_fired(timer, now)
             case BidsDue() | PreviewDue() if timer.owner in state.previews:
-                yield from self._previewed(timer.owner, lambda preview: preview.ring(timer, now))
+                yield from self._advance_preview(timer.owner, lambda preview: preview.timer_fired(timer, now))
 
     def _answered(self, question: object, value: object, now: float) -> Effects:
         state = self.state
@@ -267,25 +269,25 @@ class TaskManager:
             case PlanWanted(owner=owner) if owner in state.tasks:
                 yield from self._transaction(owner).planned(question, answer, now)
             case PlanWanted(owner=owner) if owner in state.previews:
-                yield from self._previewed(owner, lambda preview: preview.planned(question, answer, now))
-            case RecordsWanted(request) if (reader := state.readers.pop(request, None)) is not None:
-                yield self._reply(reader, _read(reader, answer))
+                yield from self._advance_preview(owner, lambda preview: preview.planned(question, answer, now))
+            case RecordsWanted(request) if (reader := state.awaiting_records.pop(request, None)) is not None:
+                yield self._reply(reader, _records_reply(reader, answer))
 
-    def _undelivered(self, message: Message, reason: str, now: float) -> Effects:
+    def _delivery_failed(self, message: Message, reason: str, now: float) -> Effects:
         transaction = message.header.transaction or ""
         if transaction in self.state.tasks:
-            yield from self._transaction(transaction).undelivered(message, reason, now)
+            yield from self._transaction(transaction).delivery_failed(message, reason, now)
         elif transaction in self.state.previews:
-            yield from self._previewed(transaction, lambda preview: preview.undelivered(message, reason, now))
+            yield from self._advance_preview(transaction, lambda preview: preview.delivery_failed(message, reason, now))
 
-    def _came(self, came: Came | None, now: float) -> Effects:
+    def _request_answered(self, result: RequestResult | None, now: float) -> Effects:
         """The Repository, or the Registry, answered a request."""
         state = self.state
-        match came:
+        match result:
             case ServicesKnown(purpose, offers) if purpose.owner in state.tasks:
                 yield from self._transaction(purpose.owner).discovered(purpose, offers, now)
             case ServicesKnown(ForPlan(owner=owner), offers) if owner in state.previews:
-                yield from self._previewed(owner, lambda preview: preview.discovered(offers, now))
+                yield from self._advance_preview(owner, lambda preview: preview.discovered(offers, now))
             case ReportAnswered(purpose, answer) if purpose.owner in state.tasks:
                 unsettled = yield from self._transaction(purpose.owner).report_answered(answer, now)
                 if unsettled is not None:
@@ -294,11 +296,11 @@ class TaskManager:
 
     # The map
 
-    def _map_moved(self, read: bool, now: float) -> Effects:
+    def _map_changed(self, read: bool, now: float) -> Effects:
         state = self.state
         if not state.replica.ready:
             return
-        waiting, state.until_ready = state.until_ready, {}
+        waiting, state.awaiting_map = state.awaiting_map, {}
         for id, message in waiting.items():
             yield SetTimer(MapDue(id), None)
             yield from self._serve(message, now)
@@ -317,13 +319,13 @@ class TaskManager:
         return Transaction(self.state.tasks[id], self._context)
 
     def _commitments(self) -> Commitments:
-        found: dict[str, list[Interval]] = {}
+        commitments: dict[str, list[Interval]] = {}
         for task in self.state.running:
             for execution in self.state.tasks[task].executions:
                 if execution.workflow is not None:
                     for provider in execution.workflow.providers:
-                        found.setdefault(provider, []).extend(execution.workflow.promised(provider))
-        return found
+                        commitments.setdefault(provider, []).extend(execution.workflow.promised(provider))
+        return commitments
 
     def _still_at_work(self, work: AtWork) -> bool:
         task: TaskState | None = self.state.tasks.get(work.transaction)
@@ -331,8 +333,8 @@ class TaskManager:
 
     # Speaking
 
-    def _reply(self, to: Message, body: Body) -> Send:
-        return Send(reply(to, body, self.address))
+    def _reply(self, request: Message, body: Body) -> Send:
+        return Send(reply(request, body, self.address))
 
     def _replies(self, replies: Replies) -> Effects:
         for effect in replies:
@@ -341,7 +343,7 @@ class TaskManager:
             else:
                 yield effect
 
-    def _forget(self) -> None:
+    def _forget_old_tasks(self) -> None:
         """The oldest tasks that are over, beyond so many. Whoever watched them was told."""
         state = self.state
         while len(state.tasks) > REMEMBERED and len(state.tasks) > len(state.running):
@@ -350,17 +352,17 @@ class TaskManager:
             state.subscriptions.forget(oldest)
 
 
-def _read(request: Message, found: Answer) -> Body:
+def _records_reply(request: Message, answer: Answer) -> Body:
     """What was asked of the records, for the client that asked for it."""
-    match found, request.body:
+    match answer, request.body:
         case records.Records(), records.ReadRecords():
-            return found
+            return answer
         case records.Records(records=(record,)), clients.ReadMessages():
-            return clients.Messages(messages=record.messages, more=found.rest is not None)
+            return clients.Messages(messages=record.messages, more=answer.rest is not None)
         case records.Records(), clients.ReadMessages(task=task):
             return frp.Fault(code="env:Sender", text=f"there is no task {task} here")
         case _:
-            return frp.Fault(code="env:Receiver", text=f"the records cannot be read: {found}")
+            return frp.Fault(code="env:Receiver", text=f"the records cannot be read: {answer}")
 
 
 SCHEMA = Schema(
@@ -369,7 +371,7 @@ SCHEMA = Schema(
     state=TaskManagerState,
     timers=Timer,
     questions=Question,
-    tasks=Asked,
+    tasks=NodeTask,
     answers=Answer,
     restore=TaskManager.restored,
     migrations=MIGRATIONS,

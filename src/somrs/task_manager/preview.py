@@ -21,16 +21,16 @@ from somrs.protocol.messages.event_text import waiting_text
 from somrs.protocol.messages.events import Event, WaitsForTasks
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
-from somrs.task_manager.arrangement.call_for_proposals import AT_ONCE, Arrangement, Call, Calls, call_for
-from somrs.task_manager.arrangement.plan_request import Found, PlanRequest, PlanRequester
-from somrs.task_manager.context import Commitments, Context, Interval
-from somrs.task_manager.execution.bids import Bid, bid, choose, fitted
+from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals, OpenCalls, make_call
+from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, PlanResult
+from somrs.task_manager.context import Commitments, Interval, TaskManagerContext
+from somrs.task_manager.execution.bids import Bid, choose_bid, fit_bid, make_bid
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
-from somrs.task_manager.reservations import Held
+from somrs.task_manager.reservations import BlockedPlan
 from somrs.task_manager.timers import Answer, BidsDue, PlanWanted, PreviewDue
-from somrs.task_manager.transaction.views import previewed, step_view
+from somrs.task_manager.transaction.views import preview_reply, step_view
 
 MOST_TIME = 6.0
 """Seconds that asking takes at most."""
@@ -41,54 +41,54 @@ REPLY_TIME = 2.0
 SILENT = {State.ARRANGING: f"did not answer within {REPLY_TIME:g} s", State.NEW: "was not asked: there was no time left"}
 """Why there are no terms of a service that has not said that it gives none."""
 
-NOT_WANTED = "it was only asked what it would cost"
+PREVIEW_ONLY = "it was only asked what it would cost"
 
 
 class PreviewState(Struct, kw_only=True):
     """One preview. `request` is answered once, with what it came to."""
 
     id: str
-    wanted: Preview
+    query: Preview = field(name="wanted")
     request: Message
     task: Submit
     planning: PlanRequest
-    calls: Calls
+    calls: OpenCalls
     services: KnownServices = field(default_factory=KnownServices)
     members: Members = field(default_factory=Members)
-    workflow: Workflow = field(default_factory=lambda: Workflow.of(Plan()))
-    asked_at: float = 0.0
+    workflow: Workflow = field(default_factory=lambda: Workflow.from_plan(Plan()))
+    bidding_start: float = field(default=0.0, name="asked_at")
     waits: str = ""
     quotations: dict[str, list[Quotation]] = {}
     """By step."""
     unserved: dict[str, str] = {}
-    over: bool = False
+    ended: bool = field(default=False, name="over")
 
 
-def new_preview(id: str, wanted: Preview, request: Message) -> PreviewState:
+def new_preview(id: str, query: Preview, request: Message) -> PreviewState:
     """A preview that a client has just asked for; `begin` it next."""
     task = Submit(
-        effect=wanted.effect,
-        precondition=wanted.precondition,
-        policy=wanted.policy,
-        time_value=wanted.time_value,
-        deadline=wanted.deadline,
-        priority=wanted.priority,
+        effect=query.effect,
+        precondition=query.precondition,
+        policy=query.policy,
+        time_value=query.time_value,
+        deadline=query.deadline,
+        priority=query.priority,
     )
     planning = PlanRequest(owner=id, goal=0, serial=0, task=task)
-    return PreviewState(id=id, wanted=wanted, request=request, task=task, planning=planning, calls=Calls(timer=BidsDue(id, 0)))
+    return PreviewState(id=id, query=query, request=request, task=task, planning=planning, calls=OpenCalls(timer=BidsDue(id, 0)))
 
 
-class Previewing:
+class PreviewExecutor:
     """Goes on with one preview; what it came to comes at its end, once. It has no state of its own."""
 
-    def __init__(self, state: PreviewState, context: Context) -> None:
+    def __init__(self, state: PreviewState, context: TaskManagerContext) -> None:
         self._state, self._context = state, context
         self._services = AvailableServices(state.services, context.replica)
-        self._participants = Participants(state.id, state.members, context, self._heed, self._note)
+        self._participants = Participants(state.id, state.members, context, self._ignore_event, self._ignore_message)
 
     def begin(self, now: float) -> EffectsReturning[Previewed | None]:
         state = self._state
-        self._context.reservations.enter(state.id, state.task.effect, state.task.priority)
+        self._context.reservations.add_task(state.id, state.task.effect, state.task.priority)
         yield from self._planning.begin(now)
         return None
 
@@ -96,7 +96,7 @@ class Previewing:
 
     @property
     def _planning(self) -> PlanRequester:
-        return PlanRequester(self._state.planning, self._services, self._context, holds=False)
+        return PlanRequester(self._state.planning, self._services, self._context, reserves=False)
 
     def discovered(self, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[Previewed | None]:
         """The services on offer are known, or why they cannot be."""
@@ -108,17 +108,17 @@ class Previewing:
             return None
         return (yield from self._planned((yield from self._planning.answered(answer)), now))
 
-    def _planned(self, found: Found | None, now: float) -> EffectsReturning[Previewed | None]:
+    def _planned(self, result: PlanResult | None, now: float) -> EffectsReturning[Previewed | None]:
         state, reservations = self._state, self._context.reservations
-        if found is None:
+        if result is None:
             return None
-        reservations.leave(state.id)
-        if isinstance(found, Held):
-            tasks = {task: reservations.goal(task) for task in found.by}
-            state.waits, found = waiting_text(WaitsForTasks(tasks=tasks, objects=found.objects)), found.plan
-        if not isinstance(found, Plan) or not state.wanted.quotes or not found.steps:
-            return (yield from self._end(structs.replace(previewed(found), waits=state.waits)))
-        state.asked_at, state.workflow = now, Workflow.of(found)
+        reservations.remove_task(state.id)
+        if isinstance(result, BlockedPlan):
+            tasks = {task: reservations.goal(task) for task in result.holders}
+            state.waits, result = waiting_text(WaitsForTasks(tasks=tasks, objects=result.objects)), result.plan
+        if not isinstance(result, Plan) or not state.query.quotes or not result.steps:
+            return (yield from self._end(structs.replace(preview_reply(result), waits=state.waits)))
+        state.bidding_start, state.workflow = now, Workflow.from_plan(result)
         yield SetTimer(PreviewDue(state.id), now + MOST_TIME)
         return (yield from self._ask(now))
 
@@ -131,43 +131,43 @@ class Previewing:
     def receive(self, message: Message, now: float) -> EffectsReturning[Previewed | None]:
         """A service answers."""
         received = yield from self._participants.receive(message, now)
-        if received is None or not received[1].moved or self._state.over:
+        if received is None or not received[1].moved or self._state.ended:
             return None
         member, _ = received
-        call = self._state.calls.of(member)
+        call = self._state.calls.find_call(member)
         if call is None:
             return None
         match message.body:
             case frp.Terms() as terms:
-                self._context.quotes.given(member.offer.service, terms.price, terms.duration)
-                self._arrangement.offered(call, member, terms, message.header.message_id)
-            case frp.Refuse(reason=why) | frp.Fault(text=why):
-                member.last_word = why
+                self._context.quotes.record_quote(member.offer.service, terms.price, terms.duration)
+                self._arrangement.add_bid(call, member, terms, message.header.message_id)
+            case frp.Refuse(reason=reason) | frp.Fault(text=reason):
+                member.exit_reason = reason
         return (yield from self._answered(call, now))
 
-    def undelivered(self, message: Message, reason: str, now: float) -> EffectsReturning[Previewed | None]:
+    def delivery_failed(self, message: Message, reason: str, now: float) -> EffectsReturning[Previewed | None]:
         """A service could not be reached."""
-        member = yield from self._participants.undelivered(message, reason, now)
-        call = self._state.calls.of(member) if member is not None else None
-        return (yield from self._answered(call, now)) if call is not None and not self._state.over else None
+        member = yield from self._participants.delivery_failed(message, reason, now)
+        call = self._state.calls.find_call(member) if member is not None else None
+        return (yield from self._answered(call, now)) if call is not None and not self._state.ended else None
 
-    def ring(self, timer: object, now: float) -> EffectsReturning[Previewed | None]:
+    def timer_fired(self, timer: object, now: float) -> EffectsReturning[Previewed | None]:
         """Somebody has not answered in time, or all of it has taken long enough."""
         state = self._state
-        if state.over:
+        if state.ended:
             return None
         if isinstance(timer, PreviewDue):
             for call in state.calls:
                 yield from self._settle(call, now)
-            yield from self._guess(now)
+            yield from self._estimate_rest(now)
         else:
             for call in [*state.calls.due(now)]:
                 yield from self._settle(call, now)
-            yield from state.calls.wake()
+            yield from state.calls.set_timer()
         return (yield from self._ask(now))
 
-    def _answered(self, call: Call, now: float) -> EffectsReturning[Previewed | None]:
-        if not self._arrangement.answered(call):
+    def _answered(self, call: CallForProposals, now: float) -> EffectsReturning[Previewed | None]:
+        if not self._arrangement.is_answered(call):
             return None
         yield from self._settle(call, now)
         return (yield from self._ask(now))
@@ -178,27 +178,27 @@ class Previewing:
         workflow, calls = state.workflow, state.calls
         while True:
             runs = [run for run in workflow.open if not calls.settles(run.step)]
-            before = len(calls)
-            for run in runs[: AT_ONCE - before]:
-                able = self._services.able(run)
+            call_count = len(calls)
+            for run in runs[: MAX_OPEN_CALLS - call_count]:
+                able = self._services.able_offers(run)
                 if not able:
-                    self._nobody(run, now, "nobody offers it")
+                    self._mark_unserved(run, now, "nobody offers it")
                     continue
-                earliest, latest = workflow.earliest_start(run, now), self._latest
-                yield from calls.open((yield from self._arrangement.call(run, able, earliest, latest, now, REPLY_TIME)))
+                earliest, latest = workflow.earliest_start(run, now), self._latest_finish
+                yield from calls.open((yield from self._arrangement.invite_services(run, able, earliest, latest, now, REPLY_TIME)))
             if workflow.arranged:
                 return (yield from self._end(self._conclusion()))
             if len(calls) or not runs:
                 return None
 
     @property
-    def _latest(self) -> float | None:
+    def _latest_finish(self) -> float | None:
         state = self._state
-        return state.asked_at + state.wanted.deadline if state.wanted.deadline is not None else None
+        return state.bidding_start + state.query.deadline if state.query.deadline is not None else None
 
     # Choosing
 
-    def _settle(self, call: Call, now: float) -> Effects:
+    def _settle(self, call: CallForProposals, now: float) -> Effects:
         """Take the best of what came, on paper."""
         state, run = self._state, self._arrangement.run(call)
         yield from state.calls.close(call)
@@ -208,72 +208,72 @@ class Previewing:
         for member in invited:
             offered = member.bid is not None and member.state is State.OFFERED
             if member.bid is not None and offered:
-                bids[member.id] = fitted(member.bid, self._busy(member.offer))
-            elif member.state in SILENT and (guess := self._last_asked(run, member, now)) is not None:
+                bids[member.id] = fit_bid(member.bid, self._busy(member.offer))
+            elif member.state in SILENT and (guess := self._estimate_bid(run, member, now)) is not None:
                 bids[member.id] = guess
             quotations.append(self._quotation(member, bids.get(member.id), estimate=not offered))
-            yield from self._participants.dismiss(member, NOT_WANTED, now)
-        in_time = [one for one in bids.values() if self._latest is None or one.finish <= self._latest]
-        best = choose(in_time, state.task, state.asked_at) if in_time else None
+            yield from self._participants.dismiss(member, PREVIEW_ONLY, now)
+        in_time = [candidate for candidate in bids.values() if self._latest_finish is None or candidate.finish <= self._latest_finish]
+        best = choose_bid(in_time, state.task, state.bidding_start) if in_time else None
         state.quotations[call.step] = [
             structs.replace(quotation, chosen=best is not None and member.id == best.participant)
             for member, quotation in zip(invited, quotations, strict=True)
         ]
         if best is None:
-            reasons = "; ".join(f"{one.service}: {one.reason}" for one in quotations if one.reason)
-            self._nobody(run, now, f"nobody takes it ({reasons})" if not bids else "nobody would be done in time")
+            reasons = "; ".join(f"{quotation.service}: {quotation.reason}" for quotation in quotations if quotation.reason)
+            self._mark_unserved(run, now, f"nobody takes it ({reasons})" if not bids else "nobody would be done in time")
             return
         chosen = next(member for member in invited if member.id == best.participant)
         state.workflow.bind(run, chosen.offer.provider)
         chosen.bid = best
-        state.workflow.take(run, chosen, best.start, best.finish)
+        state.workflow.assign(run, chosen, best.start, best.finish)
 
     def _quotation(self, member: Member, bid: Bid | None, *, estimate: bool) -> Quotation:
-        silent, asked_at = SILENT.get(member.state, ""), self._state.asked_at
+        silent, bidding_start = SILENT.get(member.state, ""), self._state.bidding_start
         if bid is None:
-            return Quotation(step=member.label, service=member.offer.service, reason=silent or member.last_word)
+            return Quotation(step=member.label, service=member.offer.service, reason=silent or member.exit_reason)
         return Quotation(
             step=member.label,
             service=member.offer.service,
             price=bid.terms.price,
             currency=bid.terms.currency,
             duration=bid.terms.duration,
-            start=bid.start - asked_at,
-            finish=bid.finish - asked_at,
+            start=bid.start - bidding_start,
+            finish=bid.finish - bidding_start,
             estimate=estimate,
             reason=silent if estimate else "",
         )
 
-    def _nobody(self, run: StepRun, now: float, why: str) -> None:
+    def _mark_unserved(self, run: StepRun, now: float, reason: str) -> None:
         """The steps behind it are asked for all the same, as if it took no time."""
         state = self._state
-        state.unserved[run.label] = why
+        state.unserved[run.label] = reason
         run.start = run.finish = state.workflow.earliest_start(run, now)
         state.workflow.move(run, Progress.ARRANGED)
 
-    def _guess(self, now: float) -> Effects:
+    def _estimate_rest(self, now: float) -> Effects:
         """There is no time to ask for what is left: put down what services asked last."""
         state = self._state
         for run in state.workflow:
             if run.progress is not Progress.OPEN:
                 continue
-            known = [self._participants.known(offer, run.label, run.key) for offer in self._services.able(run)]
-            for number, member in enumerate(known):  # nobody is asked: they need names of their own all the same
+            members = [self._participants.make_member(offer, run.label, run.key) for offer in self._services.able_offers(run)]
+            for number, member in enumerate(members):  # nobody is asked: they need names of their own all the same
                 member.id = f"{member.id}/{run.key}/{number}"
                 state.members.by_id[member.id] = member
-            call = call_for(run, (member.id for member in known), earliest=0.0, latest=None, until=now)
+            call = make_call(run, (member.id for member in members), earliest=0.0, latest=None, reply_by=now)
             yield from state.calls.open(call)
             yield from self._settle(call, now)
 
-    def _last_asked(self, run: StepRun, member: Member, now: float) -> Bid | None:
+    def _estimate_bid(self, run: StepRun, member: Member, now: float) -> Bid | None:
         """The bid that the service would make if it asked what it asked last, or says that it always asks."""
         offer = member.offer
-        known = self._context.quotes.last(offer)
-        if known is None:
+        quote = self._context.quotes.last_quote(offer)
+        if quote is None:
             return None
-        price, duration = known
+        price, duration = quote
         terms = frp.Terms(effect=str(run.step.effect), price=price, duration=duration)
-        return fitted(bid(member.id, terms, "", self._state.workflow.earliest_start(run, now)), self._busy(offer))
+        return fit_bid(make_bid(member.id, terms, "", self._state.workflow.earliest_start(run, now)), self._busy(offer))
 
     def _busy(self, offer: Offer) -> list[Interval]:
         return [*self._commitments.get(offer.provider, ()), *self._state.workflow.promised(offer.provider)]
@@ -288,33 +288,35 @@ class Previewing:
         state = self._state
         plan, runs = state.workflow.plan, [*state.workflow]
         quotations = tuple(chain.from_iterable(state.quotations.get(run.step.id, ()) for run in runs))
-        chosen = {one.step: one for one in quotations if one.chosen}
-        currencies = {one.currency for one in chosen.values()}
+        chosen = {quotation.step: quotation for quotation in quotations if quotation.chosen}
+        currencies = {quotation.currency for quotation in chosen.values()}
         whole = not state.unserved
         return Previewed(
             steps=tuple(
-                step_view(run.step, plan, service=one.service, price=one.price, duration=one.duration)
-                if (one := chosen.get(run.label)) is not None
+                step_view(
+                    run.step, plan, service=chosen_quotation.service, price=chosen_quotation.price, duration=chosen_quotation.duration
+                )
+                if (chosen_quotation := chosen.get(run.label)) is not None
                 else step_view(run.step, plan)
                 for run in runs
             ),
             waits=state.waits,
             quotations=quotations,
-            price=sum(one.price or 0.0 for one in chosen.values()) if whole and len(currencies) == 1 else None,
+            price=sum(quotation.price or 0.0 for quotation in chosen.values()) if whole and len(currencies) == 1 else None,
             currency=next(iter(sorted(currencies)), "EUR"),
-            seconds=max((one.finish or 0.0 for one in chosen.values()), default=0.0) if whole else None,
-            estimate=any(one.estimate for one in chosen.values()),
+            seconds=max((quotation.finish or 0.0 for quotation in chosen.values()), default=0.0) if whole else None,
+            estimate=any(quotation.estimate for quotation in chosen.values()),
             unserved=state.unserved,
         )
 
-    def _end(self, found: Previewed) -> EffectsReturning[Previewed | None]:
-        self._state.over = True
-        yield from self._state.calls.drop()
+    def _end(self, answer: Previewed) -> EffectsReturning[Previewed | None]:
+        self._state.ended = True
+        yield from self._state.calls.close_all()
         yield SetTimer(PreviewDue(self._state.id), None)
-        return found
+        return answer
 
-    def _heed(self, event: Event, now: float) -> None:
+    def _ignore_event(self, event: Event, now: float) -> None:
         """There is nobody at work who could fall silent."""
 
-    def _note(self, now: float, message: Message) -> None:
+    def _ignore_message(self, now: float, message: Message) -> None:
         """Of what is only asked nothing is kept."""

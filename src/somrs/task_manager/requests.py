@@ -47,7 +47,7 @@ class ForReport(Struct, frozen=True, tag=True):
     owner: str
 
 
-Purpose = ForPlan | ForLook | ForReport
+RequestPurpose = ForPlan | ForLook | ForReport
 
 
 class ServicesKnown(Struct, frozen=True):
@@ -64,16 +64,16 @@ class ReportAnswered(Struct, frozen=True):
     answer: Message
 
 
-Came = ServicesKnown | ReportAnswered
+RequestResult = ServicesKnown | ReportAnswered
 
 
 class Request(Struct, frozen=True, kw_only=True):
     """`found`: what the pages before said."""
 
     message: Message
-    purpose: Purpose
-    until: float
-    found: tuple[Offer, ...] = ()
+    purpose: RequestPurpose
+    expires_at: float = field(name="until")
+    offers: tuple[Offer, ...] = field(default=(), name="found")
 
 
 class Requests(Struct, kw_only=True):
@@ -84,7 +84,7 @@ class Requests(Struct, kw_only=True):
     registry: str
     pending: dict[str, Request] = field(default_factory=dict)
     incarnation: float = 0.0
-    asked: int = 0
+    request_count: int = field(default=0, name="asked")
 
     def start(self, now: float) -> None:
         """The time is part of the ids: what was asked in an earlier life that is forgotten is another question."""
@@ -94,69 +94,71 @@ class Requests(Struct, kw_only=True):
         """Have the Repository change its map."""
         yield from self._ask(self.repository, body, purpose, now, UPDATE_TIME)
 
-    def discover(self, purpose: ForPlan | ForLook, now: float, found: tuple[Offer, ...] = ()) -> Effects:
+    def discover(self, purpose: ForPlan | ForLook, now: float, offers: tuple[Offer, ...] = ()) -> Effects:
         """Read from the Registry, page by page, all that is on offer."""
-        discover = Discover(after=found[-1].service if found else "")
-        yield from self._ask(self.registry, discover, purpose, now, DISCOVERY_TIME, found)
+        discover = Discover(after=offers[-1].service if offers else "")
+        yield from self._ask(self.registry, discover, purpose, now, DISCOVERY_TIME, offers)
 
     def is_answer(self, message: Message) -> bool:
         return message.header.relates_to in self.pending
 
-    def answered(self, message: Message, now: float) -> EffectsReturning[Came | None]:
+    def answered(self, message: Message, now: float) -> EffectsReturning[RequestResult | None]:
         """An answer came. What it means, unless more is to come."""
         request = self.pending.pop(message.header.relates_to or "")
         yield SetTimer(AnswerDue(request.message.header.message_id), None)
-        return (yield from self._come(request, message, now))
+        return (yield from self._interpret_answer(request, message, now))
 
-    def undelivered(self, message: Message, reason: str, now: float) -> EffectsReturning[Came | None]:
+    def delivery_failed(self, message: Message, reason: str, now: float) -> EffectsReturning[RequestResult | None]:
         """A request never arrived."""
         request = self.pending[message.header.message_id]
-        return (yield from self._again(request, f"{message.header.recipient} could not be reached: {reason}", now))
+        return (yield from self._retry(request, f"{message.header.recipient} could not be reached: {reason}", now))
 
-    def ring(self, timer: AnswerDue, now: float) -> EffectsReturning[Came | None]:
+    def timer_fired(self, timer: AnswerDue, now: float) -> EffectsReturning[RequestResult | None]:
         """The answer to a request is overdue."""
         request = self.pending.get(timer.request)
         if request is None:
             return None
-        return (yield from self._again(request, f"{request.message.header.recipient} does not answer", now))
+        return (yield from self._retry(request, f"{request.message.header.recipient} does not answer", now))
 
-    def _come(self, request: Request, answer: Message, now: float) -> EffectsReturning[Came | None]:
+    def _interpret_answer(self, request: Request, answer: Message, now: float) -> EffectsReturning[RequestResult | None]:
         purpose = request.purpose
         if isinstance(purpose, ForReport):
             return ReportAnswered(purpose, answer)
         if not isinstance(answer.body, Discovered):
-            return ServicesKnown(purpose, f"the Service Registry answered: {join_reasons(said(answer))}")
-        offers = request.found + answer.body.offers
+            return ServicesKnown(purpose, f"the Service Registry answered: {join_reasons(answer_problems(answer))}")
+        offers = request.offers + answer.body.offers
         if answer.body.more and answer.body.offers:
             yield from self.discover(purpose, now, offers)
             return None
         return ServicesKnown(purpose, offers)
 
-    def _ask(self, recipient: str, body: Body, purpose: Purpose, now: float, seconds: float, found: tuple[Offer, ...] = ()) -> Effects:
-        self.asked += 1
-        id = message_id(self.address, self.incarnation, self.asked)
+    def _ask(
+        self, recipient: str, body: Body, purpose: RequestPurpose, now: float, seconds: float, offers: tuple[Offer, ...] = ()
+    ) -> Effects:
+        self.request_count += 1
+        id = message_id(self.address, self.incarnation, self.request_count)
         header = Header(sender=self.address, recipient=recipient, message_id=id, reply_to=self.address)
-        request = Request(message=Message(header=header, body=body), purpose=purpose, until=now + seconds, found=found)
+        request = Request(message=Message(header=header, body=body), purpose=purpose, expires_at=now + seconds, offers=offers)
         self.pending[id] = request
-        yield from self._say(request, now)
+        yield from self._send_request(request, now)
 
-    def _say(self, request: Request, now: float) -> Effects:
-        until = min(now + PATIENCE, request.until)
-        yield Send(request.message, until)
-        yield SetTimer(AnswerDue(request.message.header.message_id), until + PATIENCE / 2)
+    def _send_request(self, request: Request, now: float) -> Effects:
+        expires_at = min(now + PATIENCE, request.expires_at)
+        yield Send(request.message, expires_at)
+        yield SetTimer(AnswerDue(request.message.header.message_id), expires_at + PATIENCE / 2)
 
-    def _again(self, request: Request, trouble: str, now: float) -> EffectsReturning[Came | None]:
-        if now < request.until:
-            yield from self._say(request, now)
+    def _retry(self, request: Request, trouble: str, now: float) -> EffectsReturning[RequestResult | None]:
+        if now < request.expires_at:
+            yield from self._send_request(request, now)
             return None
         id = request.message.header.message_id
         del self.pending[id]
         yield SetTimer(AnswerDue(id), None)
         fault = Message(header=request.message.header, body=Fault(code="env:Receiver", text=trouble))
-        return (yield from self._come(request, fault, now))
+        return (yield from self._interpret_answer(request, fault, now))
 
 
-def said(answer: Message) -> tuple[str, ...]:
+def answer_problems(answer: Message) -> tuple[str, ...]:
     """What an answer that is not the wanted one says."""
     match answer.body:
         case Rejected(problems=problems):

@@ -22,31 +22,31 @@ class Reservation(Struct, frozen=True, kw_only=True):
     """The objects that a plan changes, and those that have to stay as they are for it."""
 
     changes: frozenset[str] = frozenset()
-    relies: frozenset[str] = frozenset()
+    relies_on: frozenset[str] = field(default=frozenset(), name="relies")
 
-    def __or__(self, other: Reservation) -> Reservation:
-        return Reservation(changes=self.changes | other.changes, relies=self.relies | other.relies)
+    def __or__(self, reservation: Reservation) -> Reservation:
+        return Reservation(changes=self.changes | reservation.changes, relies_on=self.relies_on | reservation.relies_on)
 
-    def meets(self, other: Reservation) -> frozenset[str]:
+    def overlap(self, reservation: Reservation) -> frozenset[str]:
         """What both cannot have."""
-        return self.changes & (other.changes | other.relies) | self.relies & other.changes
+        return self.changes & (reservation.changes | reservation.relies_on) | self.relies_on & reservation.changes
 
 
-class Held(Struct, frozen=True, kw_only=True):
+class BlockedPlan(Struct, frozen=True, kw_only=True):
     """There is a plan, but others have what it needs: who, and which of the objects."""
 
-    wanted: Reservation
-    by: dict[str, frozenset[str]]
+    reservation: Reservation
+    holders: dict[str, frozenset[str]]
     plan: Plan
 
     @property
     def objects(self) -> tuple[str, ...]:
-        return tuple(sorted(frozenset[str]().union(*self.by.values())))
+        return tuple(sorted(frozenset[str]().union(*self.holders.values())))
 
 
 class _Waiting(Struct):
-    wanted: Reservation
-    called: bool = False
+    reservation: Reservation = field(name="wanted")
+    admitted: bool = field(default=False, name="called")
     """It makes its plan; until it has that, what it waits for is respected by whoever comes behind it."""
 
 
@@ -61,14 +61,14 @@ class Reservations(Struct, kw_only=True):
     freed: bool = False
     """Something is free that was not when it was looked last."""
 
-    def enter(self, task: str, goal: str, priority: int = 0) -> None:
+    def add_task(self, task: str, goal: str, priority: int = 0) -> None:
         """The task was submitted."""
-        behind = [other for other in reversed(self.goals) if self.priorities[other] < priority]
+        later_tasks = [other_task for other_task in reversed(self.goals) if self.priorities[other_task] < priority]
         self.goals[task], self.priorities[task] = goal, priority
-        for other in reversed(behind):
-            self.goals[other] = self.goals.pop(other)
+        for other_task in reversed(later_tasks):
+            self.goals[other_task] = self.goals.pop(other_task)
 
-    def leave(self, task: str) -> None:
+    def remove_task(self, task: str) -> None:
         """It is over."""
         self.goals.pop(task, None)
         self.priorities.pop(task, None)
@@ -79,54 +79,62 @@ class Reservations(Struct, kw_only=True):
     def goal(self, task: str) -> str:
         return self.goals.get(task, "")
 
-    def conflicts(self, task: str, wanted: Reservation) -> dict[str, frozenset[str]]:
+    def conflicts(self, task: str, reservation: Reservation) -> dict[str, frozenset[str]]:
         """Who has what is wanted, or waits for it and comes first; empty when it can be had."""
-        return {other: met for other, its in self._before(task) if (met := wanted.meets(its))}
+        return {
+            other_task: contested_objects
+            for other_task, other_reservation in self._prior_reservations(task)
+            if (contested_objects := reservation.overlap(other_reservation))
+        }
 
-    def holders(self, task: str, wanted: Reservation) -> list[str]:
+    def holders(self, task: str, reservation: Reservation) -> list[str]:
         """Who else has any of it, whoever waits for it."""
-        return [other for other, its in self.held.items() if other != task and wanted.meets(its)]
+        return [
+            other_task
+            for other_task, other_reservation in self.held.items()
+            if other_task != task and reservation.overlap(other_reservation)
+        ]
 
-    def taken(self, task: str) -> frozenset[str]:
+    def reserved_objects(self, task: str) -> frozenset[str]:
         """The objects that others change."""
-        return frozenset(name for _, its in self._before(task) for name in its.changes)
+        return frozenset(name for _, other_reservation in self._prior_reservations(task) for name in other_reservation.changes)
 
-    def _before(self, task: str) -> Iterator[tuple[str, Reservation]]:
-        yield from ((other, its) for other, its in self.held.items() if other != task)
-        for other in self.goals:
-            if other == task:
+    def _prior_reservations(self, task: str) -> Iterator[tuple[str, Reservation]]:
+        yield from ((other_task, other_reservation) for other_task, other_reservation in self.held.items() if other_task != task)
+        for other_task in self.goals:
+            if other_task == task:
                 return
-            if (waiting := self.waiting.get(other)) is not None:
-                yield other, waiting.wanted
+            if (waiting := self.waiting.get(other_task)) is not None:
+                yield other_task, waiting.reservation
 
-    def hold(self, task: str, wanted: Reservation) -> None:
+    def hold(self, task: str, reservation: Reservation) -> None:
         """The task has this from now on, and what it had before: that may have to be undone."""
-        self.held[task] = self.held.get(task, Reservation()) | wanted
+        self.held[task] = self.held.get(task, Reservation()) | reservation
         self.waiting.pop(task, None)
 
-    def wait(self, task: str, wanted: Reservation) -> None:
+    def wait(self, task: str, reservation: Reservation) -> None:
         """The task gives up what it has, and waits for this."""
         self.held.pop(task, None)
-        self.waiting[task] = _Waiting(wanted)
+        self.waiting[task] = _Waiting(reservation)
         self.freed = True
 
-    def forget(self, task: str) -> None:
+    def stop_waiting(self, task: str) -> None:
         """It does not wait any more."""
         if self.waiting.pop(task, None) is not None:
             self.freed = True
 
-    def called(self) -> Iterator[str]:
+    def admit_waiting(self) -> Iterator[str]:
         """Those that wait for nobody any more, each once. Between two of them, anything may change."""
         while self.freed:
             self.freed = False
             for task in [task for task in self.goals if task in self.waiting]:
                 waiting = self.waiting.get(task)
-                if waiting is not None and not waiting.called and not self.conflicts(task, waiting.wanted):
-                    waiting.called = True
+                if waiting is not None and not waiting.admitted and not self.conflicts(task, waiting.reservation):
+                    waiting.admitted = True
                     yield task
 
 
-def reservation(steps: Iterable[Step], goal: Formula, ontology: Ontology) -> Reservation:
+def plan_reservation(steps: Iterable[Step], goal: Formula, ontology: Ontology) -> Reservation:
     """What a plan changes and relies on. Of a goal with OR it is not known which part will be so."""
     changes: set[str] = set()
     relies: set[str] = set()
@@ -135,23 +143,23 @@ def reservation(steps: Iterable[Step], goal: Formula, ontology: Ontology) -> Res
             atom = literal.atom if isinstance(literal, Not) else literal
             if isinstance(atom, Comparison):
                 target, source = (atom.left, atom.right) if isinstance(atom.left, Attribute) else (atom.right, atom.left)
-                changes.update(_named(target))
-                relies.update(_named(source))
+                changes.update(_term_objects(target))
+                relies.update(_term_objects(source))
             else:
                 changes.update(_subjects(atom, ontology))
         if step.precondition is not None:
-            relies.update(_read(step.precondition, ontology))
+            relies.update(_formula_objects(step.precondition, ontology))
     if len([*alternatives(goal)]) == 1:
-        relies.update(_read(goal, ontology))
-    return Reservation(changes=frozenset(changes), relies=frozenset(relies - changes))
+        relies.update(_formula_objects(goal, ontology))
+    return Reservation(changes=frozenset(changes), relies_on=frozenset(relies - changes))
 
 
-def _read(formula: Formula, ontology: Ontology) -> Iterator[str]:
+def _formula_objects(formula: Formula, ontology: Ontology) -> Iterator[str]:
     for literal in literals(formula):
         atom = literal.atom if isinstance(literal, Not) else literal
         if isinstance(atom, Comparison):
-            yield from _named(atom.left)
-            yield from _named(atom.right)
+            yield from _term_objects(atom.left)
+            yield from _term_objects(atom.right)
         else:
             yield from _subjects(atom, ontology)
 
@@ -159,11 +167,11 @@ def _read(formula: Formula, ontology: Ontology) -> Iterator[str]:
 def _subjects(atom: Relation, ontology: Ontology) -> Iterator[str]:
     """The objects that a fact says something of: the first; of a symmetric relation, all."""
     relation = ontology.relations.get(atom.relation)
-    said = atom.arguments if relation is not None and relation.symmetric else atom.arguments[:1]
-    yield from (argument.name for argument in said if isinstance(argument, Name))
+    subjects = atom.arguments if relation is not None and relation.symmetric else atom.arguments[:1]
+    yield from (argument.name for argument in subjects if isinstance(argument, Name))
 
 
-def _named(term: Term) -> Iterator[str]:
+def _term_objects(term: Term) -> Iterator[str]:
     """The objects whose values a term is made of."""
     for inner in terms(term):
         match inner:

@@ -39,8 +39,8 @@ class TaskManagerState(Struct, kw_only=True):
     touched: dict[str, None] = {}
     map_version: int = -1
     unsettled: list[UnsettledReport] = []
-    until_ready: dict[str, Message] = {}
-    readers: dict[str, Message] = {}
+    awaiting_map: dict[str, Message] = field(default_factory=dict, name="until_ready")
+    awaiting_records: dict[str, Message] = field(default_factory=dict, name="readers")
 
     @classmethod
     def new(cls, address: str, repository: str, registry: str) -> TaskManagerState:

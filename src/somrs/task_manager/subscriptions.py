@@ -27,7 +27,7 @@ class Watcher(Struct, frozen=True):
     """A client that waits, and what for."""
 
     request: Message
-    wanted: WatchTask | WatchTasks
+    query: WatchTask | WatchTasks = field(name="wanted")
 
 
 class Subscriptions(Struct, kw_only=True):
@@ -35,40 +35,40 @@ class Subscriptions(Struct, kw_only=True):
     order of these numbers."""
 
     watchers: dict[str, Watcher] = field(default_factory=dict)
-    begun: float = 0.0
+    started_at: float = field(default=0.0, name="begun")
     version: int = 0
     changed: dict[str, int] = {}
 
     def start(self, now: float) -> None:
-        self.begun = self.begun or now
+        self.started_at = self.started_at or now
 
     def forget(self, id: str) -> None:
         """The task is not known here any more. Whoever watched it was told that it is over."""
         self.changed.pop(id, None)
 
 
-class SubscriptionsOf:
+class TaskSubscriptions:
     """The subscriptions to these tasks, which are those that are known. It has no state of its own."""
 
     def __init__(self, state: Subscriptions, tasks: Mapping[str, TaskState]) -> None:
         self._state, self._tasks = state, tasks
 
-    def wait(self, request: Message, wanted: WatchTask | WatchTasks, now: float) -> Replies:
+    def wait(self, request: Message, query: WatchTask | WatchTasks, now: float) -> Replies:
         """Answer as soon as there is something, or the time is over."""
-        if self.has_news(wanted):
-            yield request, self._news(wanted)
+        if self.has_news(query):
+            yield request, self._news(query)
             return
         id = request.header.message_id
-        self._state.watchers[id] = Watcher(request, wanted)
-        seconds = min(max(wanted.wait, 0.0), MOST_WAIT) if math.isfinite(wanted.wait) else MOST_WAIT
+        self._state.watchers[id] = Watcher(request, query)
+        seconds = min(max(query.wait, 0.0), MOST_WAIT) if math.isfinite(query.wait) else MOST_WAIT
         yield SetTimer(NewsDue(id), now + seconds)
 
-    def ring(self, id: str) -> Replies:
+    def timer_fired(self, id: str) -> Replies:
         """Somebody's time is over."""
         if (watcher := self._state.watchers.pop(id, None)) is not None:
-            yield watcher.request, self._news(watcher.wanted)
+            yield watcher.request, self._news(watcher.query)
 
-    def tell(self, touched: dict[str, None]) -> Replies:
+    def notify_watchers(self, touched: dict[str, None]) -> Replies:
         """Tell those for whom there is something; something happened to those that were `touched`, and no more after this."""
         state = self._state
         for id in touched:
@@ -77,64 +77,66 @@ class SubscriptionsOf:
                 state.changed.pop(id, None)
                 state.changed[id] = state.version
         # With many tasks at a time, most watchers wait for news of others.
-        concerned = [each for each in state.watchers.items() if isinstance(each[1].wanted, WatchTasks) or each[1].wanted.task in touched]
+        concerned = [entry for entry in state.watchers.items() if isinstance(entry[1].query, WatchTasks) or entry[1].query.task in touched]
         touched.clear()
-        for id, watcher in [each for each in concerned if self.has_news(each[1].wanted)]:
+        for id, watcher in [entry for entry in concerned if self.has_news(entry[1].query)]:
             del state.watchers[id]
             yield SetTimer(NewsDue(id), None)
-            yield watcher.request, self._news(watcher.wanted)
+            yield watcher.request, self._news(watcher.query)
 
-    def has_news(self, wanted: WatchTask | WatchTasks) -> bool:
-        if isinstance(wanted, WatchTasks):
-            return self._state.version != wanted.after
-        task = self._tasks[wanted.task]
+    def has_news(self, query: WatchTask | WatchTasks) -> bool:
+        if isinstance(query, WatchTasks):
+            return self._state.version != query.after
+        task = self._tasks[query.task]
         return (
             task.outcome is not None
-            or len(task.events) > wanted.after
-            or (wanted.messages is not None and task.passed > wanted.messages)
-            or (wanted.contracts is not None and task.members.changes > wanted.contracts)
+            or len(task.events) > query.after
+            or (query.messages is not None and task.message_count > query.messages)
+            or (query.contracts is not None and task.members.change_count > query.contracts)
         )
 
-    def _news(self, wanted: WatchTask | WatchTasks) -> TaskNews | TasksNews:
-        return _news(self._tasks[wanted.task], wanted) if isinstance(wanted, WatchTask) else self._rows(wanted)
+    def _news(self, query: WatchTask | WatchTasks) -> TaskNews | TasksNews:
+        return _news(self._tasks[query.task], query) if isinstance(query, WatchTask) else self._rows(query)
 
-    def _rows(self, wanted: WatchTasks) -> TasksNews:
+    def _rows(self, query: WatchTasks) -> TasksNews:
         # Whoever heard of changes that have not been yet heard them from a Task Manager that is forgotten.
         state = self._state
-        after = wanted.after if wanted.after <= state.version else 0
+        known_version = query.after if query.after <= state.version else 0
         changed: list[str] = []
         for id in reversed(state.changed):
-            if state.changed[id] <= after:
+            if state.changed[id] <= known_version:
                 break
             changed.append(id)
         rows = tuple(fit_page(row(self._tasks[id]) for id in reversed(changed)))
         version = state.changed[rows[-1].task] if rows else state.version
-        return TasksNews(rows=rows, version=version, begun=state.begun, more=len(rows) < len(changed))
+        return TasksNews(rows=rows, version=version, begun=state.started_at, more=len(rows) < len(changed))
 
 
-def _news(task: TaskState, wanted: WatchTask) -> TaskNews:
+def _news(task: TaskState, query: WatchTask) -> TaskNews:
     """What the client has not heard yet, as much of it as fits a message."""
-    seen, rest = view_in_parts(task, max(wanted.parts, 0))
-    after, since = max(wanted.after, 0), wanted.contracts or 0
+    task_view, rest = view_in_parts(task, max(query.parts, 0))
+    event_offset, change_offset = max(query.after, 0), query.contracts or 0
     if rest is not None:
-        return TaskNews(view=seen, events=(), more=True, messages=task.passed, contracts_at=since, rest=rest)
-    room = PAGE_BYTES - size(seen)
-    logged = (event_view(number, noted) for number, noted in enumerate(task.events[after:], after + 1))
+        return TaskNews(view=task_view, events=(), more=True, messages=task.message_count, contracts_at=change_offset, rest=rest)
+    room = PAGE_BYTES - size(task_view)
+    logged = (event_view(number, noted) for number, noted in enumerate(task.events[event_offset:], event_offset + 1))
     events = tuple(fit_page(logged, max_bytes=room))
-    more = after + len(events) < len(task.events)
+    is_partial = event_offset + len(events) < len(task.events)
     changed: list[tuple[int, ContractView]] = []
-    if wanted.contracts is not None and not more and task.outcome is None:
-        members = sorted((member for member in task.members if member.changed > since), key=lambda member: member.changed)
-        views = ((member.changed, contract_view(member)) for member in members)
+    if query.contracts is not None and not is_partial and task.outcome is None:
+        members = sorted(
+            (member for member in task.members if member.change_number > change_offset), key=lambda member: member.change_number
+        )
+        views = ((member.change_number, contract_view(member)) for member in members)
         changed = [*fit_page(views, max_bytes=room - _size(events))]
-        more = len(changed) < len(members)
+        is_partial = len(changed) < len(members)
     return TaskNews(
-        view=seen,
+        view=task_view,
         events=events,
-        more=more,
-        messages=task.passed,
+        more=is_partial,
+        messages=task.message_count,
         contracts=tuple(contract for _, contract in changed),
-        contracts_at=changed[-1][0] if changed else since,
+        contracts_at=changed[-1][0] if changed else change_offset,
     )
 
 

@@ -88,5 +88,5 @@ class RecordsWanted(Struct, frozen=True, tag=True):
 
 
 Question = PlanWanted | RecordsWanted
-Asked = Problem | ReadRecords
+NodeTask = Problem | ReadRecords
 Answer = Plan | NoPlan | Records | ErrorAnswer

@@ -10,7 +10,7 @@ from somrs.ontology.services import Handler, Occasion
 from somrs.ontology.types import UNKNOWN, Value
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
-from somrs.task_manager.context import Quotes, known_to_hold, problem, wrong_with
+from somrs.task_manager.context import Quotes, find_task_error, known_to_hold, planning_problem
 from tests.unit.task_manager.transaction.test_participant_events import BEFORE, WISH, Desk
 
 
@@ -42,8 +42,8 @@ def test_what_a_service_asked_last_or_says_that_it_always_asks(
 ) -> None:
     quotes, one = Quotes(), offer(Desk(), "Robot1", attributes)
     if given is not None:
-        quotes.given(one.service, *given)
-    assert quotes.last(one) == last
+        quotes.record_quote(one.service, *given)
+    assert quotes.last_quote(one) == last
 
 
 @pytest.mark.parametrize(
@@ -70,14 +70,16 @@ def test_a_task_as_a_problem() -> None:
     desk.replica.map = desk.replica.map.changed([ValueSet("Tin001", UNKNOWN, True)])
     offers = [offer(desk, "Robot2", {"Price": 5.0}), offer(desk, "Robot1", {}), offer(desk, "Robot3", {"Price": 6.0})]
     quotes = {"Robot3.TransferObject": 7.0}
-    found = problem(Submit(effect=WISH, precondition=BEFORE, policy=Policy.TIME), desk.replica, offers, frozenset({"Jar001"}), quotes)
+    found = planning_problem(
+        Submit(effect=WISH, precondition=BEFORE, policy=Policy.TIME), desk.replica, offers, frozenset({"Jar001"}), quotes
+    )
     assert (str(found.goal), str(found.precondition), found.hurry) == (WISH, BEFORE, True)
     assert found.excluded == {"Jar001", "Tin001"}
     (available,) = found.services
     assert available.providers == ("Robot1", "Robot2", "Robot3")
     assert available.prices == (("Robot2", 5.0), ("Robot3", 7.0))
     assert available.service_type == desk.offers[0].service_type
-    plain = problem(Submit(effect=WISH), desk.replica, [])
+    plain = planning_problem(Submit(effect=WISH), desk.replica, [])
     assert (plain.precondition, plain.hurry, plain.services, plain.excluded) == (None, False, (), frozenset({"Tin001"}))
 
 
@@ -95,4 +97,4 @@ def test_a_task_as_a_problem() -> None:
 )
 def test_a_procedure_speaks_of_the_steps_that_it_is_for(service_type: str | None, when: str | None, effect: str, fits: bool) -> None:
     handler = Handler(on=Occasion.FAILURE, effect=effect, when=when, service_type=service_type)
-    assert (wrong_with(Submit(effect=WISH, handlers=(handler,)), Desk().replica) is None) is fits
+    assert (find_task_error(Submit(effect=WISH, handlers=(handler,)), Desk().replica) is None) is fits

@@ -12,7 +12,7 @@ from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Discover
 from somrs.protocol.messages.envelope import Header, Message, reply
 from somrs.protocol.messages.knowledge import Definitions, Event, MapChanged, MapPage, MapSubscribed, OntologyPage, Rejected, Updated
-from somrs.task_manager.context import MOST_PRIORITY, wrong_with
+from somrs.task_manager.context import MOST_PRIORITY, find_task_error
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.state import UnsettledReport
 from somrs.task_manager.timers import MapDue, NewsDue, RecordsWanted
@@ -143,7 +143,7 @@ def test_what_the_archive_says_is_told_to_who_asked(body: Body, value: object, a
     manager = Desk().manager
     asked(manager, body)
     assert answers(manager.handle(Answered(RecordsWanted("request"), value), 11.0)) == [answer]
-    assert manager.state.readers == {}
+    assert manager.state.awaiting_records == {}
 
 
 @pytest.mark.parametrize(("wait", "at"), [(5.0, 15.0), (0.0, 10.0), (-3.0, 10.0), (90.0, 70.0), (float("nan"), 70.0), (float("inf"), 70.0)])
@@ -261,12 +261,12 @@ def test_who_waited_for_the_map_is_served_once_it_is_read() -> None:
     asked(manager, clients.Submit(effect=WISH), 10.0, "first")
     manager.state.replica.ontology, manager.state.replica.map = replica.ontology, replica.map
     manager.handle(changed(3), 11.0)
-    assert [*manager.state.until_ready] == ["first"], "it is not read yet"
+    assert [*manager.state.awaiting_map] == ["first"], "it is not read yet"
     manager.state.replica.version = 0
     effects = manager.handle(TimerFired(ReplicaDue()), 12.0)
     assert SetTimer(MapDue("first"), None) in effects
     assert [type(body) for body in answers(effects)] == [clients.Submitted]
-    assert (manager.state.until_ready, len(manager.open)) == ({}, 1)
+    assert (manager.state.awaiting_map, len(manager.open)) == ({}, 1)
 
 
 def test_tasks_are_known_since_the_first_start() -> None:
@@ -345,4 +345,4 @@ def test_what_the_registry_could_not_be_questionis_questionagain() -> None:
 )
 def test_what_a_task_may_be(wanted: dict[str, object], fits: bool) -> None:
     replica: Replica = Desk().replica
-    assert (wrong_with(Submit(**{"effect": WISH, **wanted}), replica) is None) is fits  # type: ignore[arg-type]  # fields of Submit
+    assert (find_task_error(Submit(**{"effect": WISH, **wanted}), replica) is None) is fits  # type: ignore[arg-type]  # fields of Submit

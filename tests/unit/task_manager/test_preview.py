@@ -13,7 +13,7 @@ from somrs.protocol.messages.bodies import FrpBody
 from somrs.protocol.messages.clients import Policy, Preview, Previewed, Quotation, StepView, Submit
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.task_manager.execution.member import Member
-from somrs.task_manager.preview import MOST_TIME, NOT_WANTED, PreviewState
+from somrs.task_manager.preview import MOST_TIME, PREVIEW_ONLY, PreviewState
 from somrs.task_manager.timers import BidsDue, PlanWanted, PreviewDue, Timer
 from tests.unit.task_manager.test_manager import answers
 from tests.unit.task_manager.transaction.test_participant_events import ONE, TWO, WISH, Desk, bodies
@@ -128,7 +128,7 @@ def test_services_are_asked_and_the_best_is_taken_on_paper() -> None:
         price=20.0,
         seconds=32.0,
     )
-    assert [one for one in sent(effects) if isinstance(one, frp.Cancel)] == [frp.Cancel(reason=NOT_WANTED)] * 2
+    assert [one for one in sent(effects) if isinstance(one, frp.Cancel)] == [frp.Cancel(reason=PREVIEW_ONLY)] * 2
     assert wakes(effects) == [("BidsDue", None), ("PreviewDue", None)]
     state = inquiry.desk.manager.state
     assert (state.previews, state.reservations.goals, state.reservations.held) == ({}, {}, {})
@@ -295,7 +295,7 @@ def test_a_step_that_nobody_offers_holds_up_no_other() -> None:
 
 def test_who_does_not_answer_in_time_is_put_down_with_what_it_asked_last() -> None:
     desk = Desk("Robot1", "Robot2")
-    desk.manager.state.quotes.given(ONE, 8.0, 40.0)
+    desk.manager.state.quotes.record_quote(ONE, 8.0, 40.0)
     inquiry = Inquiry(desk)
     assert inquiry.rings(BidsDue(inquiry.state.id, 0), 11.9) == [SetTimer(BidsDue(inquiry.state.id, 0), 12.0)]
     effects = inquiry.rings(BidsDue(inquiry.state.id, 0), 12.0)
@@ -316,7 +316,7 @@ def test_who_gave_terms_is_taken_when_the_others_do_not_answer_in_time() -> None
 
 def test_an_estimate_that_is_not_chosen_makes_no_estimate_of_the_whole() -> None:
     desk = Desk("Robot1", "Robot2")
-    desk.manager.state.quotes.given(ONE, 80.0, 40.0)
+    desk.manager.state.quotes.record_quote(ONE, 80.0, 40.0)
     inquiry = Inquiry(desk)
     inquiry.offers(11.0, TWO, price=30.0)
     found = came(inquiry.rings(BidsDue(inquiry.state.id, 0), 12.0))
@@ -327,7 +327,7 @@ def test_an_estimate_that_is_not_chosen_makes_no_estimate_of_the_whole() -> None
 def test_what_could_not_be_asked_in_time_is_put_down_with_what_services_asked_last() -> None:
     desk = Desk("Robot1", "Robot2")
     desk.found = [CHAIN]
-    desk.manager.state.quotes.given(TWO, 8.0, 40.0)
+    desk.manager.state.quotes.record_quote(TWO, 8.0, 40.0)
     inquiry = Inquiry(desk)
     effects = inquiry.rings(PreviewDue(inquiry.state.id), 10.0 + MOST_TIME)
     found = came(effects)

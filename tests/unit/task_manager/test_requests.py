@@ -11,7 +11,7 @@ from somrs.protocol.messages.directory import Discover, Discovered, Offer
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
-from somrs.task_manager.requests import ForPlan, ForReport, ReportAnswered, Requests, ServicesKnown, said
+from somrs.task_manager.requests import ForPlan, ForReport, ReportAnswered, Requests, ServicesKnown, answer_problems
 from somrs.task_manager.timers import AnswerDue
 from tests.unit.task_manager.execution.test_participants import carried_out
 
@@ -100,20 +100,23 @@ def test_a_request_without_an_answer_is_sent_again_until_its_time_is_over() -> N
     requests = asking()
     carried_out(requests.discover(PLAN, 100.0))
     message, timer = asked(requests), AnswerDue(asked(requests).header.message_id)
-    assert carried_out(requests.ring(timer, 115.0)) == ([Send(message, 125.0), SetTimer(timer, 130.0)], None)
-    assert carried_out(requests.ring(timer, 129.0)) == ([Send(message, 130.0), SetTimer(timer, 135.0)], None)
-    effects, came = carried_out(requests.ring(timer, 130.0))
+    assert carried_out(requests.timer_fired(timer, 115.0)) == ([Send(message, 125.0), SetTimer(timer, 130.0)], None)
+    assert carried_out(requests.timer_fired(timer, 129.0)) == ([Send(message, 130.0), SetTimer(timer, 135.0)], None)
+    effects, came = carried_out(requests.timer_fired(timer, 130.0))
     assert effects == [SetTimer(timer, None)]
     assert came == ServicesKnown(PLAN, "the Service Registry answered: registry does not answer")
-    assert carried_out(requests.ring(timer, 145.0)) == ([], None)
+    assert carried_out(requests.timer_fired(timer, 145.0)) == ([], None)
 
 
 def test_a_request_that_does_not_arrive_is_sent_again_too() -> None:
     requests = asking()
     carried_out(requests.update(UPDATE, REPORT, 100.0))
     message, timer = asked(requests), AnswerDue(asked(requests).header.message_id)
-    assert carried_out(requests.undelivered(message, "no route", 86_499.0)) == ([Send(message, 86_500.0), SetTimer(timer, 86_505.0)], None)
-    _, came = carried_out(requests.undelivered(message, "no route", 86_500.0))
+    assert carried_out(requests.delivery_failed(message, "no route", 86_499.0)) == (
+        [Send(message, 86_500.0), SetTimer(timer, 86_505.0)],
+        None,
+    )
+    _, came = carried_out(requests.delivery_failed(message, "no route", 86_500.0))
     assert isinstance(came, ReportAnswered)
     assert came.answer.body == Fault(code="env:Receiver", text="repository could not be reached: no route")
 
@@ -129,4 +132,4 @@ def test_a_request_that_does_not_arrive_is_sent_again_too() -> None:
 def test_what_an_unwanted_answer_says(body: Body, words: tuple[str, ...]) -> None:
     requests = asking()
     carried_out(requests.update(UPDATE, REPORT, 100.0))
-    assert said(reply(asked(requests), body, "somebody")) == words
+    assert answer_problems(reply(asked(requests), body, "somebody")) == words

@@ -7,14 +7,14 @@ import pytest
 from somrs.entish.parse import parse
 from somrs.ontology.types import RelationType
 from somrs.planner.model.plan import Plan, Step
-from somrs.task_manager.reservations import Held, Reservation, Reservations, reservation
+from somrs.task_manager.reservations import BlockedPlan, Reservation, Reservations, plan_reservation
 from tests.unit.planner.test_planning import laboratory
 
 ONTOLOGY = laboratory().extended([RelationType(name="isNextTo", joins=("Object", "Object"), symmetric=True)])
 
 
 def of(changes: str = "", relies: str = "") -> Reservation:
-    return Reservation(changes=frozenset(changes), relies=frozenset(relies))
+    return Reservation(changes=frozenset(changes), relies_on=frozenset(relies))
 
 
 @pytest.mark.parametrize(
@@ -29,8 +29,8 @@ def of(changes: str = "", relies: str = "") -> Reservation:
     ],
 )
 def test_what_one_changes_the_other_neither_changes_nor_relies_on(one: Reservation, other: Reservation, met: str) -> None:
-    assert one.meets(other) == frozenset(met)
-    assert other.meets(one) == frozenset(met)
+    assert one.overlap(other) == frozenset(met)
+    assert other.overlap(one) == frozenset(met)
 
 
 def test_reservations_are_put_together() -> None:
@@ -38,113 +38,117 @@ def test_reservations_are_put_together() -> None:
 
 
 def test_the_objects_that_others_have_are_named_once_in_order() -> None:
-    held = Held(wanted=of(), by={"one": frozenset("cb"), "two": frozenset("ab")}, plan=Plan())
+    held = BlockedPlan(reservation=of(), holders={"one": frozenset("cb"), "two": frozenset("ab")}, plan=Plan())
     assert held.objects == ("a", "b", "c")
 
 
 def test_a_more_urgent_task_comes_before_others_and_behind_its_equals() -> None:
     tasks = Reservations()
     for name, priority in (("a", 0), ("b", 1), ("c", 0), ("d", 1), ("e", -1), ("f", 0)):
-        tasks.enter(name, f"goal of {name}", priority)
+        tasks.add_task(name, f"goal of {name}", priority)
     assert [*tasks.goals] == ["b", "d", "a", "c", "f", "e"]
     assert [tasks.goal("c"), tasks.goal("nobody")] == ["goal of c", ""]
-    tasks.enter("g", "")
+    tasks.add_task("g", "")
     assert [*tasks.goals] == ["b", "d", "a", "c", "f", "g", "e"]
 
 
 def test_a_task_is_met_by_those_that_have_something_and_those_that_wait_before_it() -> None:
     tasks = Reservations()
     for name in "abcd":
-        tasks.enter(name, "")
+        tasks.add_task(name, "")
     tasks.hold("a", of("x", "y"))
     tasks.wait("b", of("z"))
     tasks.wait("d", of("w"))
     assert tasks.conflicts("c", of("wxyz")) == {"a": frozenset("xy"), "b": frozenset("z")}
     assert tasks.conflicts("a", of("xyz")) == {}, "whoever waits behind it, and itself, do not matter"
     assert tasks.conflicts("b", of("z")) == {}
-    assert (tasks.taken("c"), tasks.taken("a"), tasks.taken("d")) == (frozenset("xz"), frozenset(), frozenset("xz"))
+    assert (tasks.reserved_objects("c"), tasks.reserved_objects("a"), tasks.reserved_objects("d")) == (
+        frozenset("xz"),
+        frozenset(),
+        frozenset("xz"),
+    )
     assert (tasks.holders("b", of("x")), tasks.holders("a", of("x")), tasks.holders("c", of("z"))) == (["a"], [], [])
 
 
 def test_what_a_task_holds_grows_and_is_given_up_when_it_waits() -> None:
     tasks = Reservations()
-    tasks.enter("a", "")
+    tasks.add_task("a", "")
     tasks.wait("a", of("w"))
     tasks.hold("a", of("x"))
     tasks.hold("a", of("y", "z"))
     assert (tasks.held, tasks.waiting) == ({"a": of("xy", "z")}, {})
     tasks.wait("a", of("v"))
-    assert (tasks.held, tasks.waiting["a"].wanted) == ({}, of("v"))
+    assert (tasks.held, tasks.waiting["a"].reservation) == ({}, of("v"))
 
 
 def test_whoever_waits_is_called_once_when_nobody_has_what_it_wants() -> None:
     tasks = Reservations()
     for name in "abc":
-        tasks.enter(name, "")
+        tasks.add_task(name, "")
     tasks.hold("a", of("x"))
     tasks.wait("b", of("x"))
     tasks.wait("c", of("x"))
-    assert [*tasks.called()] == []
-    tasks.leave("a")
-    assert [*tasks.called()] == ["b"], "the one behind it waits for it, now that it makes its plan"
-    assert [*tasks.called()] == []
+    assert [*tasks.admit_waiting()] == []
+    tasks.remove_task("a")
+    assert [*tasks.admit_waiting()] == ["b"], "the one behind it waits for it, now that it makes its plan"
+    assert [*tasks.admit_waiting()] == []
     tasks.wait("c", of("y"))
-    assert [*tasks.called()] == ["c"]
-    tasks.leave("c")
-    assert [*tasks.called()] == [], "nobody is called twice for the same"
+    assert [*tasks.admit_waiting()] == ["c"]
+    tasks.remove_task("c")
+    assert [*tasks.admit_waiting()] == [], "nobody is called twice for the same"
 
 
 def test_who_gives_up_waiting_lets_those_behind_it_go_on() -> None:
     tasks = Reservations()
     for name in "abc":
-        tasks.enter(name, "")
+        tasks.add_task(name, "")
     tasks.hold("a", of("x"))
     tasks.wait("b", of("xy"))
     tasks.wait("c", of("y"))
-    assert [*tasks.called()] == []
-    tasks.forget("a")
+    assert [*tasks.admit_waiting()] == []
+    tasks.stop_waiting("a")
     assert tasks.freed is False, "it did not wait"
-    tasks.forget("b")
-    assert [*tasks.called()] == ["c"]
+    tasks.stop_waiting("b")
+    assert [*tasks.admit_waiting()] == ["c"]
 
 
 def test_who_waits_gives_up_what_it_had_so_that_others_are_called() -> None:
     tasks = Reservations()
     for name in "abc":
-        tasks.enter(name, "")
+        tasks.add_task(name, "")
     tasks.hold("b", of("x"))
     tasks.wait("c", of("x"))
     tasks.hold("a", of("z"))
-    assert [*tasks.called()] == []
+    assert [*tasks.admit_waiting()] == []
     tasks.wait("b", of("z"))
-    assert [*tasks.called()] == ["c"]
+    assert [*tasks.admit_waiting()] == ["c"]
 
 
 def test_between_two_that_are_called_anything_may_change() -> None:
     tasks = Reservations()
     for name in "abcd":
-        tasks.enter(name, "")
+        tasks.add_task(name, "")
         tasks.wait(name, of(name))
-    called = tasks.called()
+    called = tasks.admit_waiting()
     assert next(called) == "a"
-    tasks.leave("b")
+    tasks.remove_task("b")
     tasks.hold("a", of("c"))
     assert [*called] == ["d"]
-    tasks.leave("a")
-    assert [*tasks.called()] == ["c"]
+    tasks.remove_task("a")
+    assert [*tasks.admit_waiting()] == ["c"]
 
 
 def test_of_a_task_that_is_over_nothing_is_left() -> None:
     tasks = Reservations()
-    tasks.enter("a", "goal", 2)
+    tasks.add_task("a", "goal", 2)
     tasks.hold("a", of("x"))
     assert tasks.freed is False
-    tasks.leave("a")
+    tasks.remove_task("a")
     assert (tasks.goals, tasks.priorities, tasks.held, tasks.freed) == ({}, {}, {}, True)
-    tasks.enter("b", "goal")
+    tasks.add_task("b", "goal")
     tasks.wait("b", of("x"))
-    tasks.leave("b")
-    tasks.leave("nobody")
+    tasks.remove_task("b")
+    tasks.remove_task("nobody")
     assert tasks.waiting == {}
 
 
@@ -166,5 +170,5 @@ def test_of_a_task_that_is_over_nothing_is_left() -> None:
 )
 def test_what_a_plan_needs_to_itself(effect: str, precondition: str | None, goal: str, needed: tuple[list[str], list[str]]) -> None:
     step = Step("step1", "Any", {}, parse(effect), parse(precondition) if precondition is not None else None)
-    found = reservation([step], parse(goal), ONTOLOGY)
-    assert (sorted(found.changes), sorted(found.relies)) == needed
+    found = plan_reservation([step], parse(goal), ONTOLOGY)
+    assert (sorted(found.changes), sorted(found.relies_on)) == needed

@@ -16,9 +16,9 @@ from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.execution.execution_log import Work
-from somrs.task_manager.subscriptions import Replies, Subscriptions, SubscriptionsOf
+from somrs.task_manager.subscriptions import Replies, Subscriptions, TaskSubscriptions
 from somrs.task_manager.timers import NewsDue
-from somrs.task_manager.transaction.state import GoalExecution, Noted, TaskState
+from somrs.task_manager.transaction.state import GoalExecution, LoggedEvent, TaskState
 from somrs.task_manager.transaction.views import event_view, view
 from tests.unit.task_manager.execution.test_participants import WORK, Table
 
@@ -27,7 +27,7 @@ LONG = "x" * 15_000
 
 
 def task(id: str = "a", effect: str = "Jar1.Clean = TRUE") -> TaskState:
-    goal = GoalExecution.of(id, 1, effect, GoalKind.TASK)
+    goal = GoalExecution.create(id, 1, effect, GoalKind.TASK)
     return TaskState(id=id, task=Submit(effect=effect), submitted_at=1.0, client="client", goal=goal)
 
 
@@ -35,17 +35,17 @@ def request(body: Body, id: str = "request") -> Message:
     return Message(header=Header(sender="client", recipient="tm", message_id=id, reply_to="client"), body=body)
 
 
-def watching(*tasks: TaskState) -> tuple[Subscriptions, SubscriptionsOf]:
+def watching(*tasks: TaskState) -> tuple[Subscriptions, TaskSubscriptions]:
     state = Subscriptions()
-    return state, SubscriptionsOf(state, {task.id: task for task in tasks})
+    return state, TaskSubscriptions(state, {task.id: task for task in tasks})
 
 
 def answers(reply: Replies) -> list[Body]:
     return [one[1] for one in reply if not isinstance(one, SetTimer)]
 
 
-def asked(subscriptions: SubscriptionsOf, wanted: WatchTask | WatchTasks) -> list[Body]:
-    return [*answers(subscriptions.wait(request(wanted), wanted, 0.0)), *answers(subscriptions.ring("request"))]
+def asked(subscriptions: TaskSubscriptions, wanted: WatchTask | WatchTasks) -> list[Body]:
+    return [*answers(subscriptions.wait(request(wanted), wanted, 0.0)), *answers(subscriptions.timer_fired("request"))]
 
 
 def news(task: TaskState, wanted: WatchTask) -> TaskNews:
@@ -56,14 +56,14 @@ def news(task: TaskState, wanted: WatchTask) -> TaskNews:
     return answer
 
 
-def rows(subscriptions: SubscriptionsOf, after: int) -> TasksNews:
+def rows(subscriptions: TaskSubscriptions, after: int) -> TasksNews:
     wanted = WatchTasks(after=after)
     (answer,) = asked(subscriptions, wanted)
     assert isinstance(answer, TasksNews)
     return answer
 
 
-def heard(subscriptions: SubscriptionsOf, after: int) -> tuple[list[str], int, bool]:
+def heard(subscriptions: TaskSubscriptions, after: int) -> tuple[list[str], int, bool]:
     found = rows(subscriptions, after)
     return [row.task for row in found.rows], found.version, found.more
 
@@ -72,7 +72,7 @@ def test_since_when_tasks_are_known_is_kept() -> None:
     state, subscriptions = watching(task())
     state.start(5.0)
     state.start(9.0)
-    assert state.begun == 5.0
+    assert state.started_at == 5.0
     assert rows(subscriptions, 0) == TasksNews(rows=(), version=0, begun=5.0)
 
 
@@ -84,7 +84,7 @@ def test_a_client_waits_as_long_as_it_wants_and_a_minute_at_most(wanted: type, w
     state, subscriptions = watching(task())
     body = WatchTask(task="a", wait=wait) if wanted is WatchTask else WatchTasks(wait=wait)
     assert [*subscriptions.wait(request(body), body, 100.0)] == [SetTimer(NewsDue("request"), until)]
-    assert [(id, watcher.request, watcher.wanted) for id, watcher in state.watchers.items()] == [("request", request(body), body)]
+    assert [(id, watcher.request, watcher.query) for id, watcher in state.watchers.items()] == [("request", request(body), body)]
 
 
 def test_when_the_time_is_over_a_client_hears_that_there_is_nothing_and_waits_no_more() -> None:
@@ -92,9 +92,9 @@ def test_when_the_time_is_over_a_client_hears_that_there_is_nothing_and_waits_no
     state, subscriptions = watching(one)
     wanted = WatchTask(task="a")
     assert answers(subscriptions.wait(request(wanted), wanted, 0.0)) == []
-    assert [*subscriptions.ring("request")] == [(request(wanted), TaskNews(view=view(one), events=()))]
+    assert [*subscriptions.timer_fired("request")] == [(request(wanted), TaskNews(view=view(one), events=()))]
     assert state.watchers == {}
-    assert [*subscriptions.ring("request")] == []
+    assert [*subscriptions.timer_fired("request")] == []
 
 
 def test_who_waits_hears_what_happened_and_others_wait_on() -> None:
@@ -105,10 +105,10 @@ def test_who_waits_hears_what_happened_and_others_wait_on() -> None:
         assert answers(subscriptions.wait(request(wanted, id), wanted, 0.0)) == []
     everything = WatchTasks()
     assert answers(subscriptions.wait(request(everything, "all"), everything, 0.0)) == []
-    assert [*subscriptions.tell({})] == []
-    one.events.append(Noted(3.0, events.Planned(steps=1), "step1", GoalKind.TASK))
+    assert [*subscriptions.notify_watchers({})] == []
+    one.events.append(LoggedEvent(3.0, events.Planned(steps=1), "step1", GoalKind.TASK))
     touched: dict[str, None] = {"a": None, "gone": None}
-    told = [*subscriptions.tell(touched)]
+    told = [*subscriptions.notify_watchers(touched)]
     assert told[0] == SetTimer(NewsDue("a"), None)
     assert told[1] == (request(WatchTask(task="a"), "a"), TaskNews(view=view(one), events=(event_view(1, one.events[0]),)))
     assert told[2] == SetTimer(NewsDue("all"), None)
@@ -120,7 +120,7 @@ def test_who_waits_hears_what_happened_and_others_wait_on() -> None:
 def test_tasks_are_heard_of_in_the_order_in_which_they_changed_last() -> None:
     state, subscriptions = watching(*(task(id) for id in "abc"))
     for id in "abca":
-        assert answers(subscriptions.tell({id: None})) == []
+        assert answers(subscriptions.notify_watchers({id: None})) == []
     assert state.changed == {"b": 2, "c": 3, "a": 4}
     assert heard(subscriptions, 0) == (["b", "c", "a"], 4, False)
     assert heard(subscriptions, 2) == (["c", "a"], 4, False)
@@ -130,21 +130,21 @@ def test_tasks_are_heard_of_in_the_order_in_which_they_changed_last() -> None:
     state.forget("c")
     state.forget("nobody")
     assert heard(subscriptions, 0) == (["b", "a"], 4, False)
-    assert [*subscriptions.tell({"b": None, "a": None})] == []
+    assert [*subscriptions.notify_watchers({"b": None, "a": None})] == []
     assert heard(subscriptions, 4) == (["b", "a"], 6, False)
 
 
 @pytest.mark.parametrize(("after", "waits"), [(0, False), (1, True), (2, False)])
 def test_who_heard_of_other_changes_than_there_were_hears_at_once(after: int, waits: bool) -> None:
     _, subscriptions = watching(task())
-    assert [*subscriptions.tell({"a": None})] == []
+    assert [*subscriptions.notify_watchers({"a": None})] == []
     wanted = WatchTasks(after=after)
     assert (answers(subscriptions.wait(request(wanted), wanted, 0.0)) == []) is waits
 
 
 def test_what_does_not_fit_a_message_comes_with_the_next() -> None:
     _, subscriptions = watching(*(task(id, LONG) for id in "abc"))
-    assert [*subscriptions.tell({"a": None, "b": None, "c": None})] == []
+    assert [*subscriptions.notify_watchers({"a": None, "b": None, "c": None})] == []
     assert heard(subscriptions, 0) == (["a", "b"], 2, True)
     assert heard(subscriptions, 2) == (["c"], 3, False)
 
@@ -163,8 +163,8 @@ def test_what_does_not_fit_a_message_comes_with_the_next() -> None:
 @pytest.mark.parametrize("over", [False, True])
 def test_there_is_news_when_there_is_more_than_a_client_knows(wanted: WatchTask, told: bool, over: bool) -> None:
     one = task()
-    one.events += [Noted(1.0, events.Planned(steps=1)), Noted(2.0, events.Planned(steps=2))]
-    one.passed, one.members.changes = 3, 4
+    one.events += [LoggedEvent(1.0, events.Planned(steps=1)), LoggedEvent(2.0, events.Planned(steps=2))]
+    one.message_count, one.members.change_count = 3, 4
     one.outcome = Outcome.FAILED if over else None
     _, subscriptions = watching(one)
     assert (answers(subscriptions.wait(request(wanted), wanted, 0.0)) != []) is (told or over)
@@ -173,15 +173,17 @@ def test_there_is_news_when_there_is_more_than_a_client_knows(wanted: WatchTask,
 @pytest.mark.parametrize(("after", "numbers"), [(-1, [1, 2, 3]), (0, [1, 2, 3]), (1, [2, 3]), (3, []), (9, [])])
 def test_of_a_task_the_events_are_told_that_come_behind(after: int, numbers: list[int]) -> None:
     one = task()
-    one.events += [Noted(float(number), events.Planned(steps=number)) for number in range(3)]
-    one.passed = 7
+    one.events += [LoggedEvent(float(number), events.Planned(steps=number)) for number in range(3)]
+    one.message_count = 7
     found = news(one, WatchTask(task="a", after=after))
     assert found == TaskNews(view=view(one), events=tuple(event_view(number, one.events[number - 1]) for number in numbers), messages=7)
 
 
 def test_events_come_as_far_as_they_fit_beside_the_task() -> None:
     one = task(effect=LONG)
-    one.events += [Noted(1.0, events.ProgressNoted(service="s", note="x" * 7_000)) for _ in range(4)]  # each said twice: for people, too
+    one.events += [
+        LoggedEvent(1.0, events.ProgressNoted(service="s", note="x" * 7_000)) for _ in range(4)
+    ]  # each said twice: for people, too
     found = news(one, WatchTask(task="a", contracts=0))
     assert ([event.number for event in found.events], found.more, found.contracts) == ([1], True, ())
     found = news(one, WatchTask(task="a", after=3))
@@ -223,8 +225,8 @@ def test_contracts_come_as_far_as_they_fit_beside_the_events() -> None:
     one = task()
     participants(one)
     for member in one.members:
-        member.last_word = "x" * 9_000
-    one.events.append(Noted(1.0, events.ProgressNoted(service="s", note="x" * 9_000)))
+        member.exit_reason = "x" * 9_000
+    one.events.append(LoggedEvent(1.0, events.ProgressNoted(service="s", note="x" * 9_000)))
     found = news(one, WatchTask(task="a", contracts=0))
     assert ([contract.number for contract in found.contracts], found.contracts_at, found.more) == ([2, 3], 3, True)
     one.task = Submit(effect=LONG)
@@ -238,8 +240,8 @@ def test_contracts_come_as_far_as_they_fit_beside_the_events() -> None:
 def test_a_task_that_is_too_long_for_a_message_comes_in_parts_before_anything_else(parts: int, steps: int, rest: int | None) -> None:
     one = task()
     participants(one)
-    one.events.append(Noted(1.0, events.Planned(steps=3)))
-    one.passed = 7
+    one.events.append(LoggedEvent(1.0, events.Planned(steps=3)))
+    one.message_count = 7
     step = Step("step1", "Work", {}, parse("Jar1.Clean = TRUE"))
     one.log.works += [
         Work(
@@ -251,7 +253,7 @@ def test_a_task_that_is_too_long_for_a_message_comes_in_parts_before_anything_el
             participant="p",
             service="s",
             provider="r",
-            began=1.0,
+            started_at=1.0,
             state=State.COMPLETED,
             situation=LONG,
         )

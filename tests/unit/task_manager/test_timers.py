@@ -7,7 +7,7 @@ from msgspec import Struct
 
 from somrs.kernel.codec import Codec, encode
 from somrs.kernel.replica import ReplicaDue
-from somrs.task_manager.requests import ForLook, ForPlan, ForReport, Purpose
+from somrs.task_manager.requests import ForLook, ForPlan, ForReport, RequestPurpose
 from somrs.task_manager.timers import (
     AnswerDue,
     BidsDue,
@@ -28,13 +28,13 @@ from somrs.task_manager.timers import (
 class Kept(Struct):
     timer: Timer
     question: Question
-    purpose: Purpose
+    purpose: RequestPurpose
 
 
 TIMERS: list[Timer] = [BidsDue("t", 1), SilenceDue("t", "p"), OverdueDue("t", "p"), DeadlineDue("t"), StopDue("t"), PreviewDue("t")]
 ALSO: list[Timer] = [AnswerDue("r"), MapDue("r"), NewsDue("r"), ReplicaDue()]
 QUESTIONS: list[Question] = [PlanWanted("t", 1, 2, 3), RecordsWanted("r")]
-PURPOSES: list[Purpose] = [ForPlan("t", 1, 2), ForLook("t", 3), ForReport("t")]
+PURPOSES: list[RequestPurpose] = [ForPlan("t", 1, 2), ForLook("t", 3), ForReport("t")]
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from somrs.ontology.types import WORKING
 from somrs.planner.model.plan import Step
 from somrs.planner.model.problem import LostService
 from somrs.protocol.messages.directory import Offer
-from somrs.task_manager.execution.bids import able, about, precondition_now, service_types
+from somrs.task_manager.execution.bids import able_offers, precondition_now, relevant_situation, service_types
 from somrs.task_manager.execution.workflow import StepRun
 
 MOST_FAILURES = 5
@@ -53,7 +53,7 @@ class AvailableServices:
         return [offer for offer in self._state.offers if offer.service not in self.broken]
 
     @property
-    def lost_to_it(self) -> list[LostService]:
+    def excluded_services(self) -> list[LostService]:
         """What is on offer, but will not be asked, and why."""
         return [
             LostService(offer.service_type, offer.service, self.broken[offer.service])
@@ -61,37 +61,37 @@ class AvailableServices:
             if offer.service in self.broken
         ]
 
-    def able(self, run: StepRun) -> list[Offer]:
+    def able_offers(self, run: StepRun) -> list[Offer]:
         """Who can be asked for the step."""
-        return able(run.step, self._state.offers, self._known, {*run.excluded, *self.broken})
+        return able_offers(run.step, self._state.offers, self._service_types, {*run.excluded, *self.broken})
 
-    def failed(self, service: str, why: str) -> None:
+    def failed(self, service: str, reason: str) -> None:
         """It said that it failed."""
         self._state.failures[service] = self._state.failures.get(service, 0) + 1
-        self.broken[service] = why
+        self.broken[service] = reason
 
     def exclude(self, excluded: dict[str, str]) -> None:
         """They would not serve, for these reasons."""
         self._state.broken = {**excluded, **self._state.broken}
 
-    def lost(self, service: str, why: str) -> None:
+    def lost(self, service: str, reason: str) -> None:
         """It fell silent, and is not asked again."""
         self._state.failures.pop(service, None)
-        self.broken[service] = why
+        self.broken[service] = reason
 
     def completed(self, service: str) -> None:
         self._state.failures.pop(service, None)
 
-    def once_more(self, run: StepRun | None = None) -> list[Offer]:
+    def readmit_failed(self, run: StepRun | None = None) -> list[Offer]:
         """When nobody else can do it: those that failed, but may do better the next time, can be asked again for the step (None: for
         any)."""
-        offers = able(run.step, self._state.offers, self._known, ()) if run is not None else self._state.offers
-        found = [offer for offer in offers if self._may_do_better(offer)]
-        for offer in found:
+        offers = able_offers(run.step, self._state.offers, self._service_types, ()) if run is not None else self._state.offers
+        readmitted = [offer for offer in offers if self._may_do_better(offer)]
+        for offer in readmitted:
             del self.broken[offer.service]
             if run is not None:
                 run.excluded.pop(offer.service, None)
-        return found
+        return readmitted
 
     def _may_do_better(self, offer: Offer) -> bool:
         device = self._replica.map.objects.get(offer.provider)
@@ -101,18 +101,18 @@ class AvailableServices:
     def precondition(self, run: StepRun) -> Formula | None:
         """The step's precondition as it is now, with what a failed service reported about its objects. Raises LookupError."""
         map, ontology = self._replica.map, self._replica.ontology
-        service_type = self._known[run.step.service_type]
-        parts = [precondition_now(run.step, service_type, map, ontology), about(run.step, run.reported, map, ontology)]
-        told = [part for part in parts if part is not None]
-        return conjunction(*told) if told else None
+        service_type = self._service_types[run.step.service_type]
+        parts = [precondition_now(run.step, service_type, map, ontology), relevant_situation(run.step, run.reported, map, ontology)]
+        conditions = [part for part in parts if part is not None]
+        return conjunction(*conditions) if conditions else None
 
     def type_of(self, step: Step) -> ServiceType:
-        return self._known[step.service_type]
+        return self._service_types[step.service_type]
 
     @property
-    def _known(self) -> dict[str, ServiceType]:
+    def _service_types(self) -> dict[str, ServiceType]:
         return {**self._state.types, **service_types(self._replica.ontology, self._state.offers)}
 
 
-def named(offers: Iterable[Offer]) -> tuple[str, ...]:
+def service_names(offers: Iterable[Offer]) -> tuple[str, ...]:
     return tuple(offer.service for offer in offers)

@@ -14,82 +14,82 @@ from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.context import Commitments
-from somrs.task_manager.execution.bids import bid, choose, fitted
+from somrs.task_manager.execution.bids import choose_bid, fit_bid, make_bid
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.timers import BidsDue
 
-AT_ONCE = 32
+MAX_OPEN_CALLS = 32
 """For so many steps services are asked at a time: what they offer should not run out while others think about theirs."""
 
 REPLY_TIME = 10.0
 """Seconds that services have to answer Arrange."""
 
 
-class Call(Struct, kw_only=True, eq=False):
+class CallForProposals(Struct, kw_only=True, eq=False):
     """For the step of that id, which is to be had from `earliest` on, and to be done by `latest`. `invited` are participants. Answers are
     awaited until `until`."""
 
     step: str
     key: str
-    same: str | None
+    device_group: str | None = field(name="same")
     """The steps that say the same have to be done by the same device."""
     invited: tuple[str, ...]
     earliest: float
     latest: float | None
-    until: float
+    reply_by: float = field(name="until")
 
 
-class Calls(Struct, kw_only=True):
+class OpenCalls(Struct, kw_only=True):
     """All calls for proposals of one goal, by the steps' keys. `timer` rings when the time to answer the first of them is over, at
     `woken`."""
 
     timer: BidsDue
-    pending: dict[str, Call] = field(default_factory=dict)
-    woken: float | None = None
+    pending: dict[str, CallForProposals] = field(default_factory=dict)
+    timer_at: float | None = field(default=None, name="woken")
 
     def __len__(self) -> int:
         return len(self.pending)
 
-    def __iter__(self) -> Iterator[Call]:
+    def __iter__(self) -> Iterator[CallForProposals]:
         return iter([*self.pending.values()])
 
-    def open(self, call: Call) -> Effects:
+    def open(self, call: CallForProposals) -> Effects:
         self.pending[call.key] = call
-        yield from self.wake()
+        yield from self.set_timer()
 
-    def close(self, call: Call) -> Effects:
+    def close(self, call: CallForProposals) -> Effects:
         """Nobody is awaited any more."""
         del self.pending[call.key]
-        yield from self.wake()
+        yield from self.set_timer()
 
-    def drop(self) -> Effects:
+    def close_all(self) -> Effects:
         self.pending.clear()
-        yield from self.wake()
+        yield from self.set_timer()
 
-    def of(self, member: Member) -> Call | None:
+    def find_call(self, member: Member) -> CallForProposals | None:
         """The call that the participant answers."""
         call = self.pending.get(member.step)
         return call if call is not None and member.id in call.invited else None
 
     def settles(self, step: Step) -> bool:
         """Whether it is being found out at another step which device does this one, too."""
-        return bool(step.alternative_providers) and any(call.same == step.device_group for call in self.pending.values())
+        return bool(step.alternative_providers) and any(call.device_group == step.device_group for call in self.pending.values())
 
-    def due(self, now: float) -> Iterator[Call]:
+    def due(self, now: float) -> Iterator[CallForProposals]:
         """Those for which the time to answer is over, unless what came of the ones before has closed them; `wake` afterwards."""
-        self.woken = None
+        self.timer_at = None
         for call in self:
-            if now >= call.until - 0.001 and self.pending.get(call.key) is call:
+            if now >= call.reply_by - 0.001 and self.pending.get(call.key) is call:
                 yield call
 
-    def wake(self) -> Effects:
+    def set_timer(self) -> Effects:
         """Set the timer for the calls that are left."""
-        at = min((call.until for call in self.pending.values()), default=None)
-        if at != self.woken:
-            self.woken = at
-            yield SetTimer(self.timer, at)
+        fire_time = min((call.reply_by for call in self.pending.values()), default=None)
+        if fire_time != self.timer_at:
+            self.timer_at = fire_time
+            yield SetTimer(self.timer, fire_time)
 
 
 class Arrangement:
@@ -98,20 +98,20 @@ class Arrangement:
     def __init__(self, workflow: Workflow, members: Members, participants: Participants) -> None:
         self._workflow, self._members, self._participants = workflow, members, participants
 
-    def invited(self, call: Call) -> list[Member]:
+    def invited(self, call: CallForProposals) -> list[Member]:
         return [self._members.by_id[id] for id in call.invited]
 
-    def answered(self, call: Call) -> bool:
+    def is_answered(self, call: CallForProposals) -> bool:
         """Whether nobody is awaited any more."""
         return all(member.state is not State.ARRANGING for member in self.invited(call))
 
-    def run(self, call: Call) -> StepRun:
+    def run(self, call: CallForProposals) -> StepRun:
         return self._workflow.runs[call.step]
 
-    def offered(self, call: Call, member: Member, terms: frp.Terms, terms_id: str) -> None:
-        member.bid = bid(member.id, terms, terms_id, call.earliest)
+    def add_bid(self, call: CallForProposals, member: Member, terms: frp.Terms, terms_id: str) -> None:
+        member.bid = make_bid(member.id, terms, terms_id, call.earliest)
 
-    def left(self, call: Call, member: Member, reason: str) -> None:
+    def participant_left(self, call: CallForProposals, member: Member, reason: str) -> None:
         """It is out. Whose terms ran out before they could be taken may be asked once more."""
         run, service = self.run(call), member.offer.service
         if member.bid is None or service in run.lapsed:
@@ -120,17 +120,19 @@ class Arrangement:
             run.lapsed.add(service)
         member.bid = None
 
-    def award(self, call: Call, task: Submit, taken: Commitments, broken: Collection[str], now: float) -> EffectsReturning[Member | None]:
+    def award(
+        self, call: CallForProposals, task: Submit, commitments: Commitments, broken: Collection[str], now: float
+    ) -> EffectsReturning[Member | None]:
         """Accept the terms that the policy prefers; everybody else is dismissed, and so is what broke at other work meanwhile."""
         run, participants = self.run(call), self._participants
         for member in self.invited(call):
             if member.state is State.ARRANGING:
-                member.last_word = run.excluded[member.offer.service] = "did not answer"
+                member.exit_reason = run.excluded[member.offer.service] = "did not answer"
                 yield from participants.dismiss(member, "no answer in time", now)
         bidders = {m.id: (m, m.bid) for m in self.invited(call) if m.bid is not None and m.state is State.OFFERED}
-        bids = [fitted(bid, taken.get(m.offer.provider, ())) for m, bid in bidders.values() if m.offer.service not in broken]
+        bids = [fit_bid(bid, commitments.get(m.offer.provider, ())) for m, bid in bidders.values() if m.offer.service not in broken]
         if call.latest is not None:
-            for late in [one for one in bids if one.finish > call.latest]:
+            for late in [candidate for candidate in bids if candidate.finish > call.latest]:
                 member, _ = bidders[late.participant]
                 run.excluded[member.offer.service] = f"would be done {late.finish - call.latest:.0f} s too late"
                 yield from participants.dismiss(member, "it would be done too late", now)
@@ -141,7 +143,7 @@ class Arrangement:
         if self._members.held(run.key):
             yield from self.withdraw(call, "one that had it has come back, and has to stop first", now)
             return None
-        best = choose(bids, task, now)
+        best = choose_bid(bids, task, now)
         for member, _ in bidders.values():
             if member.id == best.participant:
                 yield from participants.accept(member, best.terms_id, now)
@@ -149,18 +151,18 @@ class Arrangement:
                 yield from participants.dismiss(member, f"another service was chosen by {task.policy}", now)
         chosen = bidders[best.participant][0]
         chosen.bid = best
-        self._workflow.take(run, chosen, best.start, best.finish)
+        self._workflow.assign(run, chosen, best.start, best.finish)
         return chosen
 
-    def withdraw(self, call: Call, reason: str, now: float) -> Effects:
+    def withdraw(self, call: CallForProposals, reason: str, now: float) -> Effects:
         """The step is not wanted any more."""
         self._workflow.move(self.run(call), Progress.OPEN)
         for member in self.invited(call):
             yield from self._participants.dismiss(member, reason, now)
 
-    def call(
+    def invite_services(
         self, run: StepRun, offers: Sequence[Offer], earliest: float, latest: float | None, now: float, seconds: float = REPLY_TIME
-    ) -> EffectsReturning[Call]:
+    ) -> EffectsReturning[CallForProposals]:
         """Send Arrange to all of them, who have so many seconds to answer."""
         self._workflow.move(run, Progress.ARRANGING)
         inputs = {name: str(term) for name, term in run.step.inputs.items()}
@@ -187,11 +189,17 @@ class Arrangement:
         for offer in offers:
             member = yield from self._participants.invite(offer, run.label, run.key, arrange(offer), now, seconds)
             invited.append(member.id)
-        return call_for(run, invited, earliest=earliest, latest=latest, until=now + seconds)
+        return make_call(run, invited, earliest=earliest, latest=latest, reply_by=now + seconds)
 
 
-def call_for(run: StepRun, invited: Iterable[str], *, earliest: float, latest: float | None, until: float) -> Call:
+def make_call(run: StepRun, invited: Iterable[str], *, earliest: float, latest: float | None, reply_by: float) -> CallForProposals:
     """The call for a step that these participants were asked for."""
-    return Call(
-        step=run.step.id, key=run.key, same=run.step.device_group, invited=tuple(invited), earliest=earliest, latest=latest, until=until
+    return CallForProposals(
+        step=run.step.id,
+        key=run.key,
+        device_group=run.step.device_group,
+        invited=tuple(invited),
+        earliest=earliest,
+        latest=latest,
+        reply_by=reply_by,
     )

@@ -32,13 +32,13 @@ class Bid(Struct, frozen=True, kw_only=True):
     finish: float
 
 
-def bid(participant: str, terms: Terms, terms_id: str, earliest: float) -> Bid:
+def make_bid(participant: str, terms: Terms, terms_id: str, earliest: float) -> Bid:
     """The bid that Terms are, for a step that can start at `earliest`."""
     start = max(earliest, terms.start_from or earliest)
     return Bid(participant=participant, terms=terms, terms_id=terms_id, start=start, finish=start + terms.duration)
 
 
-def fitted(bid: Bid, busy: Iterable[Interval]) -> Bid:
+def fit_bid(bid: Bid, busy: Iterable[Interval]) -> Bid:
     """The bid, later if need be: after whatever the device has been committed to since it gave its terms."""
     start, length = bid.start, bid.finish - bid.start
     for begins, ends in sorted(busy):
@@ -47,7 +47,7 @@ def fitted(bid: Bid, busy: Iterable[Interval]) -> Bid:
     return replace(bid, start=start, finish=start + length)
 
 
-def choose(bids: Sequence[Bid], task: Submit, now: float) -> Bid:
+def choose_bid(bids: Sequence[Bid], task: Submit, now: float) -> Bid:
     """The bid that the task's policy prefers; the participant's name settles what is left equal."""
 
     def preference(bid: Bid) -> tuple[float, float, str]:
@@ -67,23 +67,23 @@ def service_types(ontology: Ontology, offers: Iterable[Offer]) -> dict[str, Serv
     return {**ontology.services, **{offer.service_type.name: offer.service_type for offer in offers}}
 
 
-def able(step: Step, offers: Sequence[Offer], known: dict[str, ServiceType], excluded: Collection[str]) -> list[Offer]:
+def able_offers(step: Step, offers: Sequence[Offer], types_by_name: dict[str, ServiceType], excluded: Collection[str]) -> list[Offer]:
     """The services that can be asked for the step: of its type or a sub-type, of its provider or one alike if the plan names one, and
     not among those that failed or refused it."""
 
-    def is_a(name: str | None) -> bool:
-        seen: set[str] = set()
-        while name is not None and name not in seen:
+    def is_of_type(name: str | None) -> bool:
+        visited: set[str] = set()
+        while name is not None and name not in visited:
             if name == step.service_type:
                 return True
-            seen.add(name)
-            name = known[name].parent if name in known else None
+            visited.add(name)
+            name = types_by_name[name].parent if name in types_by_name else None
         return False
 
     return [
         offer
         for offer in offers
-        if is_a(offer.service_type.name)
+        if is_of_type(offer.service_type.name)
         and (step.provider in (None, offer.provider) or offer.provider in step.alternative_providers)
         and offer.service not in excluded
     ]
@@ -96,21 +96,21 @@ def precondition_now(step: Step, service_type: ServiceType, map: Map, ontology: 
     """
     if service_type.precondition is None:
         return None
-    wanted = substitute(parse(service_type.precondition), step.bindings)
+    precondition = substitute(parse(service_type.precondition), step.bindings)
     try:
-        found = next(iter(bindings(wanted, map, ontology)), None)
+        binding = next(iter(bindings(precondition, map, ontology)), None)
     except FormulaError as error:
         raise LookupError(str(error)) from error
-    if found is None:
-        raise LookupError(f"{wanted} does not hold")
-    return substitute(wanted, found)
+    if binding is None:
+        raise LookupError(f"{precondition} does not hold")
+    return substitute(precondition, binding)
 
 
-def about(step: Step, situation: Formula | None, map: Map, ontology: Ontology) -> Formula | None:
+def relevant_situation(step: Step, situation: Formula | None, map: Map, ontology: Ontology) -> Formula | None:
     """What a situation says of the step's inputs, as far as it is still so: a failed service tells more than the next one
     needs to know, and others work on the same map."""
     if situation is None:
         return None
     inputs = {name for term in step.inputs.values() for name in names(term)}
-    told = [part for part in conjuncts(situation) if names(part) and names(part)[0] in inputs and formula_holds(part, map, ontology)]
-    return conjunction(*told) if told else None
+    parts = [part for part in conjuncts(situation) if names(part) and names(part)[0] in inputs and formula_holds(part, map, ontology)]
+    return conjunction(*parts) if parts else None

@@ -40,8 +40,8 @@ class Work(Struct, kw_only=True, eq=False):
     participant: str
     service: str
     provider: str
-    began: float
-    before: Formula | None = None
+    started_at: float = field(name="began")
+    prior_situation: Formula | None = field(default=None, name="before")
     """What the step takes away: what undoing it restores. None when it takes nothing away."""
     concerned: tuple[str, ...] = ()
     """The objects that the step changes."""
@@ -53,34 +53,34 @@ class Work(Struct, kw_only=True, eq=False):
     note: str = ""
     goal: GoalKind = GoalKind.TASK
     """What it was done for. What was done to undo is not undone itself."""
-    taken_over: bool = False
+    superseded: bool = field(default=False, name="taken_over")
     """It was interrupted, and other work began where it ended; undoing that restores what was before both."""
-    took_over: int | None = None
+    supersedes: int | None = field(default=None, name="took_over")
     """The number of the work that it took over."""
 
     @property
     def matters(self) -> bool:
         """Whether the client of a task that was not accomplished has to know what became of it."""
-        return self.service_type.kind is ServiceKind.PHYSICAL and not self.taken_over and self.goal is not GoalKind.UNDO
+        return self.service_type.kind is ServiceKind.PHYSICAL and not self.superseded and self.goal is not GoalKind.UNDO
 
     @property
     def changed_nothing(self) -> bool:
         """Whether it said, when it came to its end, that all was as before. What is otherwise since then is others' doing, and theirs to
         keep or undo."""
-        if self.state not in (State.COMPLETED, State.FAILED, State.STOPPED) or self.before is None or self.situation is None:
+        if self.state not in (State.COMPLETED, State.FAILED, State.STOPPED) or self.prior_situation is None or self.situation is None:
             return False
         try:
-            left = [*conjuncts(parse(self.situation))]
+            situation_parts = [*conjuncts(parse(self.situation))]
         except FormulaError:
             return False
-        return all(part in left for part in conjuncts(self.before))
+        return all(part in situation_parts for part in conjuncts(self.prior_situation))
 
     def end(self, result: State, now: float) -> None:
         """It is over; what is heard of it later is of its undoing."""
         if self.result is None:
             self.result, self.ended = result, now
 
-    def is_told_of_by(self, situation: Formula) -> bool:
+    def is_described_by(self, situation: Formula) -> bool:
         """Whether it says anything of the objects that the step changes."""
         return not set(self.concerned).isdisjoint(names(situation))
 
@@ -90,45 +90,45 @@ class Work(Struct, kw_only=True, eq=False):
             service=self.service,
             service_type=self.step.service_type,
             inputs={name: str(term) for name, term in self.step.inputs.items()},
-            began=self.began,
+            began=self.started_at,
             state=self.state,
             result=self.result,
             ended=self.ended,
             situation=self.situation,
-            before=str(self.before) if self.before is not None else None,
+            before=str(self.prior_situation) if self.prior_situation is not None else None,
             note=self.note,
             goal=self.goal,
         )
 
     def in_words(self) -> str:
         """What became of it, for the client of a task that was not accomplished."""
-        did = f"{self.step.service_type} by {self.service}"
+        action = f"{self.step.service_type} by {self.service}"
         match self.state:
             case State.COMPENSATED:
-                return f"{did} was undone: {self.before}"
+                return f"{action} was undone: {self.prior_situation}"
             case State.STRANDED:
-                left = f"it left {self.situation}" if self.situation else f"nothing is known of {', '.join(self.concerned)}"
-                return f"{did} could not be undone, and {left}"
+                leftover = f"it left {self.situation}" if self.situation else f"nothing is known of {', '.join(self.concerned)}"
+                return f"{action} could not be undone, and {leftover}"
             case State.COMPLETED:
-                return f"{did} was done: {self.situation}"
+                return f"{action} was done: {self.situation}"
             case _:
-                return f"{did} was interrupted: {self.situation or self.note}"
+                return f"{action} was interrupted: {self.situation or self.note}"
 
 
 class ExecutionLog(Struct, kw_only=True):
     """All work of one task. `begun`: how many there were, those included that turned out not to have begun."""
 
     works: list[Work] = field(default_factory=list)
-    begun: int = 0
+    work_count: int = field(default=0, name="begun")
 
     def __iter__(self) -> Iterator[Work]:
         return iter(self.works)
 
     def begin(self, run: StepRun, service_type: ServiceType, member: Member, map: Map, ontology: Ontology, now: float) -> Work:
         """Note a step that is about to be executed, with the map as it is before it."""
-        self.begun += 1
+        self.work_count += 1
         work = Work(
-            number=self.begun,
+            number=self.work_count,
             label=run.label,
             key=run.key,
             step=run.step,
@@ -136,32 +136,32 @@ class ExecutionLog(Struct, kw_only=True):
             participant=member.id,
             service=member.offer.service,
             provider=member.offer.provider,
-            began=now,
+            started_at=now,
             goal=run.goal,
         )
         if service_type.kind is ServiceKind.PHYSICAL:
-            work.before, work.concerned = undone(run.step, map, ontology), concerned(run.step, map, ontology)
-            self._take_over(work)
+            work.prior_situation, work.concerned = situation_to_restore(run.step, map, ontology), concerned_objects(run.step, map, ontology)
+            self._supersede_interrupted(work)
         self.works.append(work)
         return work
 
-    def _take_over(self, work: Work) -> None:
+    def _supersede_interrupted(self, work: Work) -> None:
         for earlier in reversed(self.works):
-            if earlier.concerned == work.concerned and earlier.before is not None:
+            if earlier.concerned == work.concerned and earlier.prior_situation is not None:
                 if earlier.state in INTERRUPTED and GoalKind.UNDO not in (earlier.goal, work.goal):
-                    work.before, earlier.taken_over, work.took_over = earlier.before, True, earlier.number
+                    work.prior_situation, earlier.superseded, work.supersedes = earlier.prior_situation, True, earlier.number
                 return
 
     def drop(self, work: Work) -> None:
         """It was never begun."""
-        self.works = [one for one in self.works if one is not work]
-        if work.took_over is not None:
-            self.numbered(work.took_over).taken_over = False
+        self.works = [entry for entry in self.works if entry is not work]
+        if work.supersedes is not None:
+            self.work_by_number(work.supersedes).superseded = False
 
-    def of(self, member: Member) -> Work | None:
+    def work_of(self, member: Member) -> Work | None:
         return next((work for work in reversed(self.works) if work.participant == member.id), None)
 
-    def numbered(self, number: int) -> Work:
+    def work_by_number(self, number: int) -> Work:
         return next(work for work in reversed(self.works) if work.number == number)
 
     def to_undo(self) -> list[Work]:
@@ -169,9 +169,9 @@ class ExecutionLog(Struct, kw_only=True):
         return [
             work
             for work in reversed(self.works)
-            if work.before is not None
+            if work.prior_situation is not None
             and work.goal is not GoalKind.UNDO
-            and not work.taken_over
+            and not work.superseded
             and work.state in (State.COMPLETED, *INTERRUPTED)
         ]
 
@@ -180,27 +180,27 @@ class ExecutionLog(Struct, kw_only=True):
         return [work for work in self.to_undo() if work.state in INTERRUPTED]
 
 
-def concerned(step: Step, map: Map, ontology: Ontology) -> tuple[str, ...]:
+def concerned_objects(step: Step, map: Map, ontology: Ontology) -> tuple[str, ...]:
     """The objects that the step changes; the device that does it, when there are no others."""
     try:
-        made = changes(step.effect, map, ontology)
+        map_changes = changes(step.effect, map, ontology)
     except FormulaError:
         return ()
     spoken_of = (names(part)[0] for part in conjuncts(step.effect) if names(part))  # it may be so already, and then be made otherwise
-    found = dict.fromkeys(objects_of(change)[0] for change in made) or dict.fromkeys(spoken_of)
-    others = tuple(name for name in found if name != step.provider)
-    return others or tuple(found)
+    changed_objects = dict.fromkeys(objects_of(change)[0] for change in map_changes) or dict.fromkeys(spoken_of)
+    other_objects = tuple(name for name in changed_objects if name != step.provider)
+    return other_objects or tuple(changed_objects)
 
 
-def undone(step: Step, map: Map, ontology: Ontology) -> Formula | None:
+def situation_to_restore(step: Step, map: Map, ontology: Ontology) -> Formula | None:
     """What holds now and would not after the step, or is what the step is for already, and may be left otherwise by it: the situation
     that its compensation restores (paper, "Failure handling")."""
     try:
-        made = changes(step.effect, map, ontology)
+        map_changes = changes(step.effect, map, ontology)
         parts = [part for part in conjuncts(step.effect) if not changes(part, map, ontology)]
     except FormulaError:
         return None
-    for change in made:
+    for change in map_changes:
         match change:
             case FactRemoved(fact):
                 parts.append(_atom(fact))

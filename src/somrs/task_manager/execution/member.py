@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from somrs.protocol.frp.session import CoordinatorSession
 from somrs.protocol.messages import frp
@@ -24,14 +24,14 @@ class Member(Struct, kw_only=True, eq=False):
     bid: Bid | None = None
     fraction: float = 0.0
     note: str = ""
-    heard_at: float = 0.0
+    last_heard_time: float = field(default=0.0, name="heard_at")
     queried: bool = False
-    told: frp.Execute | frp.Compensate | None = None
+    last_order: frp.Execute | frp.Compensate | None = field(default=None, name="told")
     """What it was told last to begin."""
     begins_by: float = 0.0
     """Until when it may begin with that, while it has not been heard to."""
-    last_word: str = ""
-    lost_at: int | None = None
+    exit_reason: str = field(default="", name="last_word")
+    lost_version: int | None = field(default=None, name="lost_at")
     """The version of the map when it was given up."""
     reported: bool = False
     """It said how its work ended."""
@@ -39,9 +39,9 @@ class Member(Struct, kw_only=True, eq=False):
     """What it said is on its way to the map."""
     halting: bool = False
     """It was sent home while it undid its work, and may be moving still."""
-    left_in: State | None = None
+    final_state: State | None = field(default=None, name="left_in")
     """Where it was when the transaction ended."""
-    changed: int = 0
+    change_number: int = field(default=0, name="changed")
     """The number of the last change of its contract, among all in the transaction."""
 
     @property
@@ -51,5 +51,5 @@ class Member(Struct, kw_only=True, eq=False):
     @property
     def tried_to_undo(self) -> bool:
         """Whether things may be another way than before it was told to undo its work, which it could not."""
-        said = self.session.received_messages.get("Stranded")
-        return said is not None and isinstance(said.body, frp.Stranded) and said.body.tried
+        stranded = self.session.received_messages.get("Stranded")
+        return stranded is not None and isinstance(stranded.body, frp.Stranded) and stranded.body.tried

@@ -7,17 +7,17 @@ from msgspec import Struct, field
 from somrs.kernel.component import Effects
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
-from somrs.task_manager.context import Context
-from somrs.task_manager.requests import ForReport, said
+from somrs.task_manager.context import TaskManagerContext
+from somrs.task_manager.requests import ForReport, answer_problems
 
 
-class OfProgress(Struct, frozen=True, tag=True):
+class ProgressSubject(Struct, frozen=True, tag="OfProgress"):
     """The participant goes on with its work, or was given up long ago."""
 
     participant: str
 
 
-class OfWork(Struct, frozen=True, tag=True):
+class WorkSubject(Struct, frozen=True, tag="OfWork"):
     """The participant's work, or its undoing, is over. `trouble`: what went wrong."""
 
     participant: str
@@ -25,19 +25,19 @@ class OfWork(Struct, frozen=True, tag=True):
     trouble: str | None = None
 
 
-class OfNobody(Struct, frozen=True, tag=True):
+class UnobservedSubject(Struct, frozen=True, tag="OfNobody"):
     """Nobody could look at the object, of which nothing is known since that work."""
 
     object: str
     work: int
 
 
-About = OfProgress | OfWork | OfNobody
+ReportSubject = ProgressSubject | WorkSubject | UnobservedSubject
 
 
 class Report(Struct, frozen=True, kw_only=True):
     update: UpdateMap
-    about: About
+    subject: ReportSubject = field(name="about")
 
 
 class Reports(Struct, kw_only=True):
@@ -50,28 +50,28 @@ class Reports(Struct, kw_only=True):
     def pending(self) -> bool:
         return bool(self.waiting)
 
-    def put(self, owner: str, report: Report, context: Context, now: float) -> Effects:
+    def add_report(self, owner: str, report: Report, context: TaskManagerContext, now: float) -> Effects:
         """Put it on the map, when those before it are there. The owner hears of it by `answered`."""
         self.waiting.append(report)
         if len(self.waiting) == 1:
-            yield from self.next(owner, context, now)
+            yield from self.send_next(owner, context, now)
 
-    def next(self, owner: str, context: Context, now: float) -> Effects:
+    def send_next(self, owner: str, context: TaskManagerContext, now: float) -> Effects:
         """Tell the Repository the first that waits."""
         yield from context.requests.update(self.waiting[0].update, ForReport(owner), now)
 
-    def over(self) -> bool:
+    def settle_first(self) -> bool:
         """The first is settled; whether it was the last."""
         del self.waiting[0]
         return not self.waiting
 
 
-def settled_at(answer: Message) -> tuple[int | None, tuple[str, ...]]:
+def settlement(answer: Message) -> tuple[int | None, tuple[str, ...]]:
     """The version of the map that shows what the Repository answered to a report, if any does, and what is wrong with the report."""
     match answer.body:
         case Updated(version=version):
             return version, ()
         case Rejected(version=int(version)):  # what it contradicts may not be known here yet
-            return version, said(answer)
+            return version, answer_problems(answer)
         case _:
-            return None, said(answer)
+            return None, answer_problems(answer)

@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from enum import StrEnum
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from somrs.entish import Formula
 from somrs.planner.model.choice import assign_provider
@@ -29,7 +29,7 @@ class Progress(StrEnum):
     EXECUTING = "executing"
     REPORTING = "reporting"
     """It is over, and what it came to is being put on the map."""
-    DONE = "done"
+    COMPLETED = "done"
 
 
 UNPROMISED = (Progress.OPEN, Progress.ARRANGING)
@@ -63,7 +63,7 @@ class StepRun(Struct, kw_only=True, eq=False):
     """What was laid down for its failure and has been tried, by its effect."""
     start: float = 0.0
     finish: float = 0.0
-    waits: bool = False
+    is_waiting: bool = field(default=False, name="waits")
     """It is arranged, and another has its device."""
 
     @property
@@ -81,7 +81,7 @@ class Workflow(Struct, dict=True, eq=False):
     """By the step's id, in an order in which they can be done."""
 
     @classmethod
-    def of(cls, plan: Plan, name: str = "", label: str = "", goal: GoalKind = GoalKind.TASK) -> Workflow:
+    def from_plan(cls, plan: Plan, name: str = "", label: str = "", goal: GoalKind = GoalKind.TASK) -> Workflow:
         """None of its steps is anybody's yet."""
         steps = plan.topological()
         return cls(plan, {step.id: StepRun(step=step, label=f"{label}{step.id}", key=f"{name}{step.id}", goal=goal) for step in steps})
@@ -90,12 +90,17 @@ class Workflow(Struct, dict=True, eq=False):
         runs, plan = self.runs, self.plan
         self._place = {id: number for number, id in enumerate(runs)}
         self._by_key = {run.key: run for run in runs.values()}
-        self._before = {id: tuple(runs[before] for before in plan.predecessors(id)) for id in runs}
-        self._after = {id: tuple(runs[after] for after in plan.successors(id)) for id in runs}
+        self._predecessors = {id: tuple(runs[predecessor] for predecessor in plan.predecessors(id)) for id in runs}
+        self._successors = {id: tuple(runs[successor] for successor in plan.successors(id)) for id in runs}
         self._count = Counter({**dict.fromkeys(Progress, 0), **Counter(run.progress for run in runs.values())})
-        self._unarranged = {id: sum(one.progress in UNPROMISED for one in before) for id, before in self._before.items()}
+        self._unarranged = {
+            id: sum(predecessor.progress in UNPROMISED for predecessor in predecessors) for id, predecessors in self._predecessors.items()
+        }
         """How many steps right before it nobody has promised to do, by step."""
-        self._undone = {id: sum(one.progress is not Progress.DONE for one in before) for id, before in self._before.items()}
+        self._undone = {
+            id: sum(predecessor.progress is not Progress.COMPLETED for predecessor in predecessors)
+            for id, predecessors in self._predecessors.items()
+        }
         self._open: set[str] = set()
         """Steps to arrange, when all before them is promised."""
         self._ready: set[str] = set()
@@ -114,40 +119,40 @@ class Workflow(Struct, dict=True, eq=False):
 
     def move(self, run: StepRun, progress: Progress) -> None:
         """The step is in another state now."""
-        before, run.progress = run.progress, progress
-        self._count[before] -= 1
+        old_progress, run.progress = run.progress, progress
+        self._count[old_progress] -= 1
         self._count[progress] += 1
         self._sort(run)
         if run.provider is not None:
-            _keep(self._promised.setdefault(run.provider, set()), run.step.id, progress in PROMISED)
-        promised = (progress not in UNPROMISED) - (before not in UNPROMISED)
-        done = (progress is Progress.DONE) - (before is Progress.DONE)
-        if promised or done:
-            for next_ in self._after[run.step.id]:
-                self._unarranged[next_.step.id] -= promised
-                self._undone[next_.step.id] -= done
-                self._sort(next_)
+            _set_member(self._promised.setdefault(run.provider, set()), run.step.id, progress in PROMISED)
+        promised_delta = (progress not in UNPROMISED) - (old_progress not in UNPROMISED)
+        done_delta = (progress is Progress.COMPLETED) - (old_progress is Progress.COMPLETED)
+        if promised_delta or done_delta:
+            for successor in self._successors[run.step.id]:
+                self._unarranged[successor.step.id] -= promised_delta
+                self._undone[successor.step.id] -= done_delta
+                self._sort(successor)
 
-    def take(self, run: StepRun, member: Member, start: float, finish: float) -> None:
+    def assign(self, run: StepRun, member: Member, start: float, finish: float) -> None:
         """The service is committed to it, from then until then."""
-        run.participant, run.provider, run.start, run.finish, run.waits = member.id, member.offer.provider, start, finish, False
+        run.participant, run.provider, run.start, run.finish, run.is_waiting = member.id, member.offer.provider, start, finish, False
         self.move(run, Progress.ARRANGED)
 
-    def lose(self, run: StepRun, failure: str | None = None) -> None:
+    def release(self, run: StepRun, failure: str | None = None) -> None:
         """The service that had it is out."""
         self.move(run, Progress.OPEN)
         run.participant = run.provider = None
-        self.fail(run, failure)
+        self.set_failure(run, failure)
 
-    def fail(self, run: StepRun, failure: str | None) -> None:
+    def set_failure(self, run: StepRun, failure: str | None) -> None:
         """The step has to be recovered; or, with None, has been."""
         run.failure = failure
-        _keep(self._failed, run.step.id, failure is not None)
+        _set_member(self._failed, run.step.id, failure is not None)
 
     def _sort(self, run: StepRun) -> None:
         id = run.step.id
-        _keep(self._open, id, run.progress is Progress.OPEN and self._unarranged[id] == 0)
-        _keep(self._ready, id, run.progress is Progress.ARRANGED and self._undone[id] == 0)
+        _set_member(self._open, id, run.progress is Progress.OPEN and self._unarranged[id] == 0)
+        _set_member(self._ready, id, run.progress is Progress.ARRANGED and self._undone[id] == 0)
 
     def _in_order(self, ids: Iterable[str]) -> list[StepRun]:
         return [self.runs[id] for id in sorted(ids, key=self._place.__getitem__)]
@@ -160,19 +165,23 @@ class Workflow(Struct, dict=True, eq=False):
         for run in self:
             waiting.setdefault(run.work, deque()).append(run)
         for run in old:
-            member = members.get(run.participant)
+            member = members.find_member(run.participant)
             if run.progress is not Progress.ARRANGED or member is None:
                 continue
-            who = member.offer.provider
-            same = next(
-                (new for new in waiting.get(run.work, ()) if new.step.provider in (None, who) or who in new.step.alternative_providers),
+            provider = member.offer.provider
+            matching_run = next(
+                (
+                    new
+                    for new in waiting.get(run.work, ())
+                    if new.step.provider in (None, provider) or provider in new.step.alternative_providers
+                ),
                 None,
             )
-            if same is not None:
-                new = same
+            if matching_run is not None:
+                new = matching_run
                 waiting[run.work].remove(new)
-                self.bind(new, who)
-                self.take(new, member, run.start, run.finish)
+                self.bind(new, provider)
+                self.assign(new, member, run.start, run.finish)
                 new.precondition = run.precondition
                 member.step = new.key
             else:
@@ -181,8 +190,8 @@ class Workflow(Struct, dict=True, eq=False):
     def bind(self, run: StepRun, provider: str) -> None:
         """The device does the step, and with it all that have to be done by the same one."""
         if run.step.alternative_providers:
-            for other in [other for other in self if other.step.device_group == run.step.device_group]:
-                other.step = assign_provider(other.step, provider)
+            for other_run in [other_run for other_run in self if other_run.step.device_group == run.step.device_group]:
+                other_run.step = assign_provider(other_run.step, provider)
 
     def run_of(self, member: Member) -> StepRun | None:
         """The step that the participant was asked for."""
@@ -193,9 +202,9 @@ class Workflow(Struct, dict=True, eq=False):
         run = self.run_of(member)
         return run if run is not None and run.participant == member.id else None
 
-    def before(self, step: str) -> Sequence[StepRun]:
+    def predecessors(self, step: str) -> Sequence[StepRun]:
         """The steps that must be done before this one."""
-        return self._before[step]
+        return self._predecessors[step]
 
     @property
     def open(self) -> list[StepRun]:
@@ -203,9 +212,9 @@ class Workflow(Struct, dict=True, eq=False):
         return self._in_order(self._open)
 
     @property
-    def rest(self) -> list[StepRun]:
+    def remaining(self) -> list[StepRun]:
         """The steps that are not done, in an order in which they can be."""
-        return [run for run in self if run.progress is not Progress.DONE]
+        return [run for run in self if run.progress is not Progress.COMPLETED]
 
     @property
     def failed(self) -> StepRun | None:
@@ -228,17 +237,17 @@ class Workflow(Struct, dict=True, eq=False):
         return bool(self._count[Progress.EXECUTING] or self._count[Progress.REPORTING])
 
     @property
-    def done(self) -> bool:
-        return self._count[Progress.DONE] == len(self.runs)
+    def is_completed(self) -> bool:
+        return self._count[Progress.COMPLETED] == len(self.runs)
 
     @property
-    def count(self) -> int:
+    def step_count(self) -> int:
         """How many steps there are."""
         return len(self.runs)
 
     @property
-    def count_done(self) -> int:
-        return self._count[Progress.DONE]
+    def done_count(self) -> int:
+        return self._count[Progress.COMPLETED]
 
     def promised(self, provider: str) -> list[Interval]:
         """When the provider is committed."""
@@ -251,11 +260,13 @@ class Workflow(Struct, dict=True, eq=False):
 
     def earliest_start(self, run: StepRun, now: float) -> float:
         """When everything before the step is promised to be finished."""
-        return max([now, *(before.finish for before in self.before(run.step.id) if before.progress is not Progress.DONE)])
+        return max(
+            [now, *(predecessor.finish for predecessor in self.predecessors(run.step.id) if predecessor.progress is not Progress.COMPLETED)]
+        )
 
 
-def _keep(ids: set[str], id: str, wanted: bool) -> None:
-    if wanted:
+def _set_member(ids: set[str], id: str, is_member: bool) -> None:
+    if is_member:
         ids.add(id)
     else:
         ids.discard(id)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from enum import StrEnum
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from somrs.kernel.component import EffectsReturning
 from somrs.ontology.services import Occasion
@@ -18,10 +18,10 @@ from somrs.protocol.messages import events
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.context import Context, known_to_hold
+from somrs.task_manager.context import TaskManagerContext, known_to_hold
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.participants import Members, Participants
-from somrs.task_manager.recovery.handlers import fitting
+from somrs.task_manager.recovery.handlers import fitting_handlers
 from somrs.task_manager.reservations import Reservation
 
 
@@ -30,27 +30,27 @@ class Attempt(StrEnum):
 
     HANDLER = "a procedure that was laid down"
     PARTICIPANT = "the service that did it"
-    OTHERS = "other services"
-    NONE = "nobody"
+    OTHER_SERVICES = "other services"
+    NO_SERVICE = "nobody"
 
 
 class Undoing(Struct, kw_only=True):
     """What is to be undone: `left` are the numbers of the work that is yet to come, `work` the one that is being undone, with the attempts
     that are left for it. `by_others`: other services may restore what was. `pursued`: a goal is pursued for it."""
 
-    left: list[int]
-    by_others: bool
+    remaining_numbers: list[int] = field(name="left")
+    by_other_services: bool = field(name="by_others")
     restored: int = 0
     work: int | None = None
     attempts: list[Attempt] = []
     pursued: bool = False
 
     @classmethod
-    def of(cls, works: Iterable[Work], *, by_others: bool) -> Undoing:
-        return cls(left=[work.number for work in works], by_others=by_others)
+    def from_works(cls, works: Iterable[Work], *, by_other_services: bool) -> Undoing:
+        return cls(left=[work.number for work in works], by_others=by_other_services)
 
 
-class ToRestore(Struct, frozen=True):
+class RestorationGoal(Struct, frozen=True):
     """A formula has to be made true, so that the work is undone."""
 
     goal: str
@@ -69,41 +69,41 @@ class Compensation:
         log: ExecutionLog,
         members: Members,
         participants: Participants,
-        context: Context,
-        tell: Callable[[Event, float, Work], None],
+        context: TaskManagerContext,
+        log_event: Callable[[Event, float, Work], None],
     ) -> None:
         self._state, self._owner, self._task, self._log = state, owner, task, log
-        self._members, self._participants, self._context, self._tell = members, participants, context, tell
+        self._members, self._participants, self._context, self._log_event = members, participants, context, log_event
 
-    def proceed(self, now: float) -> EffectsReturning[bool | ToRestore]:
+    def proceed(self, now: float) -> EffectsReturning[bool | RestorationGoal]:
         """Go on. Whether everything was gone through; or a formula that is to be pursued: `achieved` or `tried` is called then."""
         state = self._state
         while not state.pursued:
             if state.work is None:
-                if not state.left:
+                if not state.remaining_numbers:
                     return True
-                state.work, state.attempts = state.left.pop(0), [*Attempt]
+                state.work, state.attempts = state.remaining_numbers.pop(0), [*Attempt]
                 continue
-            work = self._log.numbered(state.work)
-            member = self._members.get(work.participant)
+            work = self._log.work_by_number(state.work)
+            member = self._members.find_member(work.participant)
             if member is not None and (member.state is State.COMPENSATING or member.halting):
                 return False
-            if work.state is State.COMPENSATED or work.changed_nothing or self._is_as_it_was(work):
-                self._restored(work, now)
-            elif self._taken_over(work):
+            if work.state is State.COMPENSATED or work.changed_nothing or self._is_restored(work):
+                self._mark_restored(work, now)
+            elif self._is_reserved_elsewhere(work):
                 self._strand(work, events.WorkStranded(taken=True), now)
             elif (goal := (yield from self._attempt(state.attempts.pop(0), work, now))) is not None:
                 state.pursued = True
-                return ToRestore(goal, work)
+                return RestorationGoal(goal, work)
         return False
 
-    def achieved(self, now: float) -> None:
+    def goal_reached(self, now: float) -> None:
         """What was pursued is so."""
         self._state.pursued = False
         if self._state.work is not None:
-            self._restored(self._log.numbered(self._state.work), now)
+            self._mark_restored(self._log.work_by_number(self._state.work), now)
 
-    def tried(self) -> None:
+    def goal_failed(self) -> None:
         """What was pursued could not be had."""
         self._state.pursued = False
 
@@ -111,36 +111,36 @@ class Compensation:
         """Undo it so. The formula that is to be pursued for that, if any."""
         match attempt:
             case Attempt.HANDLER:
-                for handler in fitting(self._task.handlers, work, Occasion.COMPENSATION, self._context.replica):
-                    self._tell(events.UndoneByHandler(effect=handler.effect), now, work)
+                for handler in fitting_handlers(self._task.handlers, work, Occasion.COMPENSATION, self._context.replica):
+                    self._log_event(events.UndoneByHandler(effect=handler.effect), now, work)
                     return handler.effect
             case Attempt.PARTICIPANT:
-                member = self._members.get(work.participant)
-                if member is not None and (yield from self._participants.compensate(member, str(work.before), now)):
-                    self._tell(events.UndoneByService(service=work.service, situation=str(work.before)), now, work)
-            case Attempt.OTHERS if self._state.by_others:
-                self._tell(events.UndoneByOthers(situation=str(work.before)), now, work)
-                return str(work.before)
-            case Attempt.NONE if self._state.by_others:
+                member = self._members.find_member(work.participant)
+                if member is not None and (yield from self._participants.compensate(member, str(work.prior_situation), now)):
+                    self._log_event(events.UndoneByService(service=work.service, situation=str(work.prior_situation)), now, work)
+            case Attempt.OTHER_SERVICES if self._state.by_other_services:
+                self._log_event(events.UndoneByOthers(situation=str(work.prior_situation)), now, work)
+                return str(work.prior_situation)
+            case Attempt.NO_SERVICE if self._state.by_other_services:
                 self._strand(work, events.WorkStranded(reason=work.note), now)
-            case Attempt.NONE:
+            case Attempt.NO_SERVICE:
                 self._state.work = None
         return None
 
-    def _taken_over(self, work: Work) -> bool:
+    def _is_reserved_elsewhere(self, work: Work) -> bool:
         """Whether another task has the objects of the work by now: this one had to wait since."""
         return bool(self._context.reservations.holders(self._owner, Reservation(changes=frozenset(work.concerned))))
 
-    def _is_as_it_was(self, work: Work) -> bool:
-        return work.before is not None and known_to_hold(work.before, self._context.replica)
+    def _is_restored(self, work: Work) -> bool:
+        return work.prior_situation is not None and known_to_hold(work.prior_situation, self._context.replica)
 
-    def _restored(self, work: Work, now: float) -> None:
+    def _mark_restored(self, work: Work, now: float) -> None:
         work.state = State.COMPENSATED
         self._state.restored += 1
-        self._tell(events.WorkUndone(), now, work)
+        self._log_event(events.WorkUndone(), now, work)
         self._state.work = None
 
     def _strand(self, work: Work, event: events.WorkStranded, now: float) -> None:
         work.state = State.STRANDED
-        self._tell(event, now, work)
+        self._log_event(event, now, work)
         self._state.work = None

@@ -16,18 +16,18 @@ from somrs.ontology.truth import bindings
 from somrs.task_manager.execution.execution_log import Work
 
 
-def fitting(of_task: Iterable[Handler], work: Work, on: Occasion, replica: Replica) -> list[Handler]:
+def fitting_handlers(of_task: Iterable[Handler], work: Work, occasion: Occasion, replica: Replica) -> list[Handler]:
     """Those for the work that fit the situation, the task's own first, bound to its step."""
-    laid_down = [handler for handler in of_task if handler.service_type in (None, work.step.service_type)] + [*work.service_type.handlers]
+    candidates = [handler for handler in of_task if handler.service_type in (None, work.step.service_type)] + [*work.service_type.handlers]
     bound = {**work.step.bindings, PROVIDER: Name(work.provider)}
-    found: list[Handler] = []
-    for handler in laid_down:
-        if handler.on is not on:
+    handlers: list[Handler] = []
+    for handler in candidates:
+        if handler.on is not occasion:
             continue
         try:
-            when = substitute(parse(handler.when), bound) if handler.when is not None else None
-            if when is None or next(iter(bindings(when, replica.map, replica.ontology)), None) is not None:
-                found.append(Handler(on=on, effect=str(substitute(parse(handler.effect), bound))))
+            condition = substitute(parse(handler.when), bound) if handler.when is not None else None
+            if condition is None or next(iter(bindings(condition, replica.map, replica.ontology)), None) is not None:
+                handlers.append(Handler(on=occasion, effect=str(substitute(parse(handler.effect), bound))))
         except FormulaError:  # the map may have lost what the procedure speaks of
             continue
-    return found
+    return handlers

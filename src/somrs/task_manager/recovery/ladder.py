@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import StrEnum
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from somrs.protocol.messages.directory import Offer
 
@@ -21,7 +21,7 @@ class Replans(Struct):
     somebody else may undo it each time. As often as there are steps in a plan, services may fail at them."""
 
     fruitless: int = 0
-    all: int = 0
+    total: int = field(default=0, name="all")
     steps: int = 0
 
     def planned(self, steps: int) -> None:
@@ -31,20 +31,20 @@ class Replans(Struct):
     def count(self) -> None:
         """It is planned anew."""
         self.fruitless += 1
-        self.all += 1
+        self.total += 1
 
-    def done(self) -> None:
+    def step_completed(self) -> None:
         """A step was completed."""
         self.fruitless = 0
 
     @property
-    def spent(self) -> bool:
-        return self.fruitless >= MOST_REPLANS or self.all >= MOST_REPLANS + self.steps
+    def is_exhausted(self) -> bool:
+        return self.fruitless >= MOST_REPLANS or self.total >= MOST_REPLANS + self.steps
 
     def __str__(self) -> str:
         if self.fruitless >= MOST_REPLANS:
             return f"planned anew {self.fruitless} times already, and nothing was done"
-        return f"planned anew {self.all} times already"
+        return f"planned anew {self.total} times already"
 
 
 class Rung(StrEnum):
@@ -56,9 +56,9 @@ class Rung(StrEnum):
     """From the map as it is now to the task's effect, without the services that are known to be broken."""
 
 
-def next_rung(others: Sequence[Offer], possible: bool, known: bool) -> Rung:
+def next_rung(alternatives: Sequence[Offer], possible: bool, outcome_known: bool) -> Rung:
     """The cheapest rung that can help: `others` could do the step, and its precondition is `possible` on the map as it is.
 
     A step of which it is not `known` what became of it is not simply begun again.
     """
-    return Rung.REPLACE if others and possible and known else Rung.REPLAN
+    return Rung.REPLACE if alternatives and possible and outcome_known else Rung.REPLAN

@@ -22,10 +22,10 @@ from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.task_manager.arrangement.available_services import AvailableServices
-from somrs.task_manager.context import Context
+from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.participants import Members
-from somrs.task_manager.execution.reports import OfNobody, Report, Reports
+from somrs.task_manager.execution.reports import Report, Reports, UnobservedSubject
 from somrs.task_manager.requests import ForLook
 
 
@@ -37,9 +37,9 @@ class Look(Struct, kw_only=True):
 
     object: str
     work: int
-    since: int
+    since_version: int = field(name="since")
     serial: int
-    ways: list[Plan] = []
+    plans: list[Plan] = field(default_factory=list, name="ways")
 
 
 class Unseen(Struct, frozen=True):
@@ -49,30 +49,30 @@ class Unseen(Struct, frozen=True):
     work: int
 
 
-class Looks(Struct, kw_only=True):
+class LookQueue(Struct, kw_only=True):
     """What is `wanted`, one object after the other; `asking`: it is being found out who can look. `begun` counts."""
 
-    wanted: list[Unseen] = field(default_factory=list)
-    asking: Look | None = None
-    begun: int = 0
+    unseen: list[Unseen] = field(default_factory=list, name="wanted")
+    current_look: Look | None = field(default=None, name="asking")
+    look_count: int = field(default=0, name="begun")
 
-    def want(self, work: Work) -> None:
+    def add_work(self, work: Work) -> None:
         """Nobody knows what the work left."""
         if work.service_type.kind is ServiceKind.PHYSICAL:
-            self.wanted += [Unseen(name, work.number) for name in work.concerned]
+            self.unseen += [Unseen(name, work.number) for name in work.concerned]
 
-    def again(self, look: Look) -> None:
+    def requeue(self, look: Look) -> None:
         """Whoever looked was called off before anything was seen."""
-        self.wanted.append(Unseen(look.object, look.work))
+        self.unseen.append(Unseen(look.object, look.work))
 
     def drop(self) -> None:
         """It does not matter any more who can look at what is being asked for."""
-        if self.asking is not None:
-            self.wanted.insert(0, Unseen(self.asking.object, self.asking.work))
-            self.asking = None
+        if self.current_look is not None:
+            self.unseen.insert(0, Unseen(self.current_look.object, self.current_look.work))
+            self.current_look = None
 
 
-class LookBy(Struct, frozen=True):
+class LookPlan(Struct, frozen=True):
     """A plan that has to be pursued, so that the object is looked at."""
 
     plan: Plan
@@ -84,69 +84,69 @@ class Observation:
 
     def __init__(
         self,
-        state: Looks,
+        state: LookQueue,
         *,
         owner: str,
         log: ExecutionLog,
         members: Members,
         services: AvailableServices,
         reports: Reports,
-        context: Context,
-        tell: Callable[[Event, float, Work], None],
+        context: TaskManagerContext,
+        log_event: Callable[[Event, float, Work], None],
     ) -> None:
         self._state, self._owner, self._log, self._members = state, owner, log, members
-        self._services, self._reports, self._context, self._tell = services, reports, context, tell
+        self._services, self._reports, self._context, self._log_event = services, reports, context, log_event
 
     def begin(self, now: float) -> Effects:
         """Find out who can look at the next object."""
-        state, unseen = self._state, self._state.wanted.pop(0)
-        member = self._members.get(self._log.numbered(unseen.work).participant)
-        since = member.lost_at if member is not None and member.lost_at is not None else self._context.replica.version
-        state.begun += 1
-        state.asking = Look(object=unseen.object, work=unseen.work, since=since, serial=state.begun)
-        yield from self._context.requests.discover(ForLook(self._owner, state.begun), now)
+        state, unseen = self._state, self._state.unseen.pop(0)
+        member = self._members.find_member(self._log.work_by_number(unseen.work).participant)
+        since_version = member.lost_version if member is not None and member.lost_version is not None else self._context.replica.version
+        state.look_count += 1
+        state.current_look = Look(object=unseen.object, work=unseen.work, since_version=since_version, serial=state.look_count)
+        yield from self._context.requests.discover(ForLook(self._owner, state.look_count), now)
 
-    def discovered(self, purpose: ForLook, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[LookBy | None]:
+    def discovered(self, purpose: ForLook, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[LookPlan | None]:
         """The services on offer are known, or why they cannot be. Who is to look, if anybody can."""
-        look = self._state.asking
+        look = self._state.current_look
         if look is None or look.serial != purpose.serial:
             return None
-        self._state.asking = None
+        self._state.current_look = None
         replica = self._context.replica
         if not isinstance(offers, str):
             self._services.discovered(offers)
-            look.ways = ways(look.object, offers, replica.map, replica.ontology)
-        return (yield from self.next_way(look, now))
+            look.plans = look_plans(look.object, offers, replica.map, replica.ontology)
+        return (yield from self.next_plan(look, now))
 
-    def next_way(self, look: Look, now: float) -> EffectsReturning[LookBy | None]:
+    def next_plan(self, look: Look, now: float) -> EffectsReturning[LookPlan | None]:
         """Have it looked at in the next way; without any, nothing is assumed about the object."""
-        work = self._log.numbered(look.work)
-        if look.ways:
-            plan = look.ways.pop(0)
-            self._tell(events.LookBegun(service_type=plan.steps[0].service_type, object=look.object), now, work)
-            return LookBy(plan, look)
-        member = self._members.get(work.participant)
+        work = self._log.work_by_number(look.work)
+        if look.plans:
+            plan = look.plans.pop(0)
+            self._log_event(events.LookBegun(service_type=plan.steps[0].service_type, object=look.object), now, work)
+            return LookPlan(plan, look)
+        member = self._members.find_member(work.participant)
         told_meanwhile = work.state is State.UNREACHABLE and member is not None and member.reported
         if not told_meanwhile:
             replica = self._context.replica
-            changes = tuple(unknown(look.object, replica.map, replica.ontology))
-            self._tell(events.NobodyLooks(object=look.object), now, work)
-            update = UpdateMap(changes=changes, author="nobody could look", expected_version=look.since)
-            report = Report(update=update, about=OfNobody(look.object, look.work))
-            yield from self._reports.put(self._owner, report, self._context, now)
+            changes = tuple(unknown_changes(look.object, replica.map, replica.ontology))
+            self._log_event(events.NobodyLooks(object=look.object), now, work)
+            update = UpdateMap(changes=changes, author="nobody could look", expected_version=look.since_version)
+            report = Report(update=update, subject=UnobservedSubject(look.object, look.work))
+            yield from self._reports.add_report(self._owner, report, self._context, now)
         return None
 
-    def assumed(self, about: OfNobody, problems: tuple[str, ...], now: float) -> None:
+    def assumed(self, subject: UnobservedSubject, problems: tuple[str, ...], now: float) -> None:
         """The map says that nothing is known of the object, or that it does not say so."""
-        work = self._log.numbered(about.work)
-        member = self._members.get(work.participant)
+        work = self._log.work_by_number(subject.work)
+        member = self._members.find_member(work.participant)
         if problems:
-            self._tell(events.KnownOtherwise(object=about.object, problems=problems), now, work)
+            self._log_event(events.KnownOtherwise(object=subject.object, problems=problems), now, work)
         elif work.state is State.UNREACHABLE and member is not None:
-            member.lost_at = self._context.replica.version  # its own report, should it come after all, is news
+            member.lost_version = self._context.replica.version  # its own report, should it come after all, is news
 
 
-def ways(object: str, offers: Iterable[Offer], map: Map, ontology: Ontology) -> list[Plan]:
+def look_plans(object: str, offers: Iterable[Offer], map: Map, ontology: Ontology) -> list[Plan]:
     """For each cognitive service type whose effect is that the object is known: the plan of one step that it is."""
     types = {offer.service_type.name: offer.service_type for offer in offers if offer.service_type.kind is ServiceKind.COGNITIVE}
     steps = [_step(service_type, object, map, ontology) for _, service_type in sorted(types.items())]
@@ -157,14 +157,14 @@ def _step(service_type: ServiceType, object: str, map: Map, ontology: Ontology) 
     if object not in map.objects or len(service_type.inputs) != 1:
         return None
     (parameter,) = service_type.inputs
-    known = Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(False))
+    known_effect = Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(False))
     effect = substitute(parse(service_type.effect), {parameter.name: Name(object)})
-    if effect != known or not ontology.is_subtype(map.objects[object].type, parameter.type):
+    if effect != known_effect or not ontology.is_subtype(map.objects[object].type, parameter.type):
         return None
     return Step(id="step1", service_type=service_type.name, inputs={parameter.name: Name(object)}, effect=effect)
 
 
-def unknown(object: str, map: Map, ontology: Ontology) -> list[Change]:
+def unknown_changes(object: str, map: Map, ontology: Ontology) -> list[Change]:
     """It may be anywhere: the facts about it that exclude each other go, and the map says so."""
     if object not in map.objects:
         return []

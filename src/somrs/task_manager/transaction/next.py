@@ -5,15 +5,15 @@ from __future__ import annotations
 from msgspec import Struct
 
 
-class GoOn(Struct, frozen=True):
+class Proceed(Struct, frozen=True):
     """Whatever comes next in the transaction may be done."""
 
 
-class Reached(Struct, frozen=True):
+class GoalReached(Struct, frozen=True):
     """What was pursued is so."""
 
 
-class CannotBeHad(Struct, frozen=True):
+class GoalUnreachable(Struct, frozen=True):
     """What was pursued cannot be had."""
 
     reasons: tuple[str, ...]
@@ -32,4 +32,4 @@ class StepLost(Struct, frozen=True):
     reasons: tuple[str, ...]
 
 
-Next = GoOn | Reached | CannotBeHad | NoPlanFound | StepLost
+NextAction = Proceed | GoalReached | GoalUnreachable | NoPlanFound | StepLost

@@ -13,18 +13,18 @@ from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.task_manager.execution.member import Member
-from somrs.task_manager.execution.reports import About, OfProgress, OfWork, Report
+from somrs.task_manager.execution.reports import ProgressSubject, Report, ReportSubject, WorkSubject
 from somrs.task_manager.execution.workflow import Progress, StepRun
-from somrs.task_manager.transaction.goal_pursuit import GoalPursuit
-from somrs.task_manager.transaction.next import GoOn, Next
+from somrs.task_manager.transaction.goal_pursuit import GoalExecutor
+from somrs.task_manager.transaction.next import NextAction, Proceed
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
-from somrs.task_manager.transaction.step_execution import StepExecution
+from somrs.task_manager.transaction.step_execution import StepExecutor
 
-GoesOn = tuple[GoalExecution | None, Next] | None
+GoalAction = tuple[GoalExecution | None, NextAction] | None
 """What the transaction has to do next, and for which of its goals."""
 
-GO_ON: GoesOn = (None, GoOn())
+PROCEED: GoalAction = (None, Proceed())
 
 
 class ParticipantEvents:
@@ -33,201 +33,203 @@ class ParticipantEvents:
     def __init__(self, scope: TaskScope) -> None:
         self._scope, self._state = scope, scope.state
 
-    def receive(self, message: Message, now: float) -> EffectsReturning[GoesOn]:
+    def receive(self, message: Message, now: float) -> EffectsReturning[GoalAction]:
         """A message of the protocol from a participant."""
         received = yield from self._scope.participants.receive(message, now)
         if received is None:
             return None
-        member, heard = received
-        if heard.moved:
-            return (yield from self._heard(member, message, now))
-        if member.lost_at is not None:
-            yield from self._heard_late(member, message, now)
+        member, transition = received
+        if transition.moved:
+            return (yield from self._process_message(member, message, now))
+        if member.lost_version is not None:
+            yield from self._process_late_message(member, message, now)
         return None
 
-    def undelivered(self, message: Message, reason: str, now: float) -> EffectsReturning[GoesOn]:
+    def delivery_failed(self, message: Message, reason: str, now: float) -> EffectsReturning[GoalAction]:
         """A message never arrived."""
-        member = yield from self._scope.participants.undelivered(message, reason, now)
-        return (yield from self._left(member, member.last_word, now)) if member is not None else None
+        member = yield from self._scope.participants.delivery_failed(message, reason, now)
+        return (yield from self._participant_left(member, member.exit_reason, now)) if member is not None else None
 
-    def _at(self, member: Member) -> tuple[GoalExecution, StepRun] | tuple[None, None]:
+    def _assignment(self, member: Member) -> tuple[GoalExecution, StepRun] | tuple[None, None]:
         """What the participant is asked for, is committed to, or does."""
         for execution in self._state.executions:
-            if (run := self._pursuit(execution).run_of(member)) is not None:
+            if (run := self._executor(execution).run_of(member)) is not None:
                 return execution, run
         return None, None
 
-    def _pursuit(self, execution: GoalExecution) -> GoalPursuit:
-        return GoalPursuit(execution, self._scope)
+    def _executor(self, execution: GoalExecution) -> GoalExecutor:
+        return GoalExecutor(execution, self._scope)
 
-    def _tell(self, event: Event, run: StepRun | None, now: float) -> None:
-        self._scope.tell(event, now, run)
+    def _log_event(self, event: Event, run: StepRun | None, now: float) -> None:
+        self._scope.log_event(event, now, run)
 
-    def _heard(self, member: Member, message: Message, now: float) -> EffectsReturning[GoesOn]:
+    def _process_message(self, member: Member, message: Message, now: float) -> EffectsReturning[GoalAction]:
         name = member.offer.service
-        execution, run = self._at(member)
+        execution, run = self._assignment(member)
         match message.body:
             case frp.Terms() as terms:
                 if execution is None:
                     return None
-                next = yield from self._pursuit(execution).offers(member, terms, message.header.message_id, now)
-                return (execution, next) if next is not None else None
+                action = yield from self._executor(execution).terms_received(member, terms, message.header.message_id, now)
+                return (execution, action) if action is not None else None
             case frp.Refuse(reason=reason):
-                self._tell(events.ServiceRefused(service=name, reason=reason), run, now)
-                return (yield from self._left(member, reason, now))
+                self._log_event(events.ServiceRefused(service=name, reason=reason), run, now)
+                return (yield from self._participant_left(member, reason, now))
             case frp.Progress() as progress:
                 yield from self._progressed(member, run, progress, now)
                 return None
             case frp.Completed(situation=situation):
                 member.fraction = 1.0
-                self._tell(events.StepCompleted(service=name, situation=situation), run, now)
+                self._log_event(events.StepCompleted(service=name, situation=situation), run, now)
                 return (yield from self._reported(member, situation, None, now))
-            case frp.Failed(description=description, tried=False) if member.lost_at is None:
-                self._tell(events.NotBegun(service=name, description=description), run, now)
-                return (yield from self._left(member, description, now))
+            case frp.Failed(description=description, tried=False) if member.lost_version is None:
+                self._log_event(events.NotBegun(service=name, description=description), run, now)
+                return (yield from self._participant_left(member, description, now))
             case frp.Failed(description=description, situation=situation):
-                self._tell(events.StepFailed(service=name, description=description, situation=situation), run, now)
+                self._log_event(events.StepFailed(service=name, description=description, situation=situation), run, now)
                 return (yield from self._reported(member, situation, f"failed: {description}", now))
             case frp.Stopped(situation=situation):
-                self._tell(events.StepStopped(service=name), run, now)
+                self._log_event(events.StepStopped(service=name), run, now)
                 return (yield from self._reported(member, situation, "stopped", now))
             case _:
-                return (yield from self._heard_of_undoing(member, run, message, now))
+                return (yield from self._process_undo_message(member, run, message, now))
 
-    def _heard_of_undoing(self, member: Member, run: StepRun | None, message: Message, now: float) -> EffectsReturning[GoesOn]:
+    def _process_undo_message(self, member: Member, run: StepRun | None, message: Message, now: float) -> EffectsReturning[GoalAction]:
         name = member.offer.service
         match message.body:
             case frp.Compensated(situation=situation):
-                self._tell(events.Compensated(service=name, situation=situation), run, now)
+                self._log_event(events.Compensated(service=name, situation=situation), run, now)
                 return (yield from self._reported(member, situation, None, now))
             case frp.Stranded(description=description, situation=situation):
-                self._tell(events.CompensationFailed(service=name, description=description, situation=situation), run, now)
+                self._log_event(events.CompensationFailed(service=name, description=description, situation=situation), run, now)
                 return (yield from self._reported(member, situation, description, now))
             case frp.Fault(text=text) if member.state is State.ENDED:
-                return (yield from self._left(member, text, now))
+                return (yield from self._participant_left(member, text, now))
             case frp.Fault(text=text) if member.state in (State.FAILED, State.STRANDED):
-                self._tell(events.ServiceFaulted(service=name, text=text), run, now)
+                self._log_event(events.ServiceFaulted(service=name, text=text), run, now)
                 return (yield from self._reported(member, None, text, now))
             case frp.Status() if member.state in (State.FAILED, State.STRANDED):
-                self._tell(events.ContractForgotten(service=name), run, now)
+                self._log_event(events.ContractForgotten(service=name), run, now)
                 return (yield from self._reported(member, None, "it has forgotten its contract", now))
         return None
 
     def _progressed(self, member: Member, run: StepRun | None, progress: frp.Progress, now: float) -> Effects:
         member.fraction = progress.fraction
         if progress.note and progress.note != member.note:
-            self._tell(events.ProgressNoted(service=member.offer.service, note=progress.note), run, now)
+            self._log_event(events.ProgressNoted(service=member.offer.service, note=progress.note), run, now)
             member.note = progress.note
         if progress.situation is not None:
-            if (work := self._state.log.of(member)) is not None:
+            if (work := self._state.log.work_of(member)) is not None:
                 work.situation = progress.situation
-            yield from self._put_on_map(member, progress.situation, OfProgress(member.id), now)
+            yield from self._put_on_map(member, progress.situation, ProgressSubject(member.id), now)
 
-    def _left(self, member: Member, reason: str, now: float) -> EffectsReturning[GoesOn]:
+    def _participant_left(self, member: Member, reason: str, now: float) -> EffectsReturning[GoalAction]:
         """A participant is out before it did anything."""
-        member.last_word = reason
-        work = self._state.log.of(member)
+        member.exit_reason = reason
+        work = self._state.log.work_of(member)
         if work is not None and work.state is State.EXECUTING:
             self._state.log.drop(work)  # its terms, or its time to begin, had run out before it was told to start
-        execution, _ = self._at(member)
+        execution, _ = self._assignment(member)
         if execution is None:
-            return GO_ON
-        next = yield from self._pursuit(execution).left(member, reason, now)
-        return (execution, next) if next is not None else None
+            return PROCEED
+        action = yield from self._executor(execution).participant_left(member, reason, now)
+        return (execution, action) if action is not None else None
 
-    def _reported(self, member: Member, situation: str | None, trouble: str | None, now: float) -> EffectsReturning[GoesOn]:
+    def _reported(self, member: Member, situation: str | None, trouble: str | None, now: float) -> EffectsReturning[GoalAction]:
         """A participant's work, or its undoing, is over. What it left is on the map before anything is planned or arranged on it."""
         member.reported = True
-        execution, run = self._at(member)
+        execution, run = self._assignment(member)
         if execution is not None and run is not None:
-            StepExecution(execution, self._scope).reporting(run)
-        if (work := self._state.log.of(member)) is not None:
+            StepExecutor(execution, self._scope).start_reporting(run)
+        if (work := self._state.log.work_of(member)) is not None:
             work.end(member.state, now)
             if member.state is not State.STRANDED and work.state not in (State.COMPENSATED, State.STRANDED):
                 work.state = member.state
             work.situation = situation or work.situation
             work.note = trouble or work.note
-        for one in self._state.executions:
-            yield from self._pursuit(one).upset(f"{member.offer.service} reported while it was planned")
+        for goal_execution in self._state.executions:
+            yield from self._executor(goal_execution).invalidate_plan(f"{member.offer.service} reported while it was planned")
         if situation is None:
-            self._over(member, None, trouble)
-            return GO_ON
+            self._conclude_work(member, None, trouble)
+            return PROCEED
         member.reporting = True
-        yield from self._put_on_map(member, situation, OfWork(member.id, situation, trouble), now)
+        yield from self._put_on_map(member, situation, WorkSubject(member.id, situation, trouble), now)
         return None
 
-    def _put_on_map(self, member: Member, situation: str, about: About, now: float) -> Effects:
-        update = UpdateMap(situation=situation, author=member.offer.service, expected_version=member.lost_at)
-        yield from self._state.reports.put(self._state.id, Report(update=update, about=about), self._scope.context, now)
+    def _put_on_map(self, member: Member, situation: str, subject: ReportSubject, now: float) -> Effects:
+        update = UpdateMap(situation=situation, author=member.offer.service, expected_version=member.lost_version)
+        yield from self._state.reports.add_report(self._state.id, Report(update=update, subject=subject), self._scope.context, now)
 
-    def settled(self, about: OfProgress | OfWork, problems: tuple[str, ...], now: float) -> None:
+    def settled(self, subject: ProgressSubject | WorkSubject, problems: tuple[str, ...], now: float) -> None:
         """What a participant reported is on the map, or it was rejected."""
-        member = self._state.members.get(about.participant)
+        member = self._state.members.find_member(subject.participant)
         if member is None:
             return  # the task was over before that
         if problems:
-            _, run = self._at(member)
-            self._tell(events.ReportRejected(service=member.offer.service, problems=problems), run, now)
-        if isinstance(about, OfWork) and problems:
-            self._over(member, None, about.trouble or f"reported an impossible situation: {join_reasons(problems)}")
-        elif isinstance(about, OfWork):
-            self._over(member, about.situation, about.trouble)
+            _, run = self._assignment(member)
+            self._log_event(events.ReportRejected(service=member.offer.service, problems=problems), run, now)
+        if isinstance(subject, WorkSubject) and problems:
+            self._conclude_work(member, None, subject.trouble or f"reported an impossible situation: {join_reasons(problems)}")
+        elif isinstance(subject, WorkSubject):
+            self._conclude_work(member, subject.situation, subject.trouble)
 
-    def _over(self, member: Member, situation: str | None, trouble: str | None) -> None:
+    def _conclude_work(self, member: Member, situation: str | None, trouble: str | None) -> None:
         """What became of a participant's work is known; what comes of that, the transaction finds."""
         member.reporting = False
         state, services = self._state, self._scope.services
-        work = state.log.of(member)
+        work = state.log.work_of(member)
         compensated = member.state in (State.COMPENSATED, State.STRANDED)
-        called_off = member.state is State.STOPPED and state.ending is not None
-        if trouble is not None and not compensated and not called_off:
+        was_cancelled = member.state is State.STOPPED and state.ending is not None
+        if trouble is not None and not compensated and not was_cancelled:
             services.failed(member.offer.service, trouble)
             if work is not None and work.state is State.COMPLETED:
                 work.state, work.result, work.note = State.FAILED, State.FAILED, trouble  # its report was impossible
         elif member.state is State.COMPLETED:
             services.completed(member.offer.service)
-        execution, run = self._at(member)
+        execution, run = self._assignment(member)
         if execution is not None and run is not None and run.progress is Progress.REPORTING:
-            StepExecution(execution, self._scope).over(run, situation, trouble)
-        tried = member.state is State.STRANDED and member.tried_to_undo
-        silent_about = work is not None and (tried or not compensated) and (situation is None or not work.is_told_of_by(parse(situation)))
-        if work is not None and trouble is not None and silent_about and not called_off:
-            state.looks.want(work)
+            StepExecutor(execution, self._scope).finish_step(run, situation, trouble)
+        undo_tried = member.state is State.STRANDED and member.tried_to_undo
+        silent_about = (
+            work is not None and (undo_tried or not compensated) and (situation is None or not work.is_described_by(parse(situation)))
+        )
+        if work is not None and trouble is not None and silent_about and not was_cancelled:
+            state.look_queue.add_work(work)
 
-    def _heard_late(self, member: Member, message: Message, now: float) -> Effects:
+    def _process_late_message(self, member: Member, message: Message, now: float) -> Effects:
         """One that was given up, and has had its End, says what became of its work: the map has to know that, too."""
         match message.body:
             case frp.Completed(situation=str(situation)) | frp.Failed(situation=str(situation)) | frp.Stopped(situation=str(situation)):
                 if not member.reported:
                     member.reported = True
-                    yield from self._put_on_map(member, situation, OfProgress(member.id), now)
+                    yield from self._put_on_map(member, situation, ProgressSubject(member.id), now)
 
     # Silence
 
-    def silent(self, participant: str, now: float) -> EffectsReturning[GoesOn]:
+    def silent(self, participant: str, now: float) -> EffectsReturning[GoalAction]:
         """The heartbeat of a working service may have stopped."""
         member = yield from self._scope.participants.silent(participant, now)
         if member is None or self._state.outcome is not None:
             return None
         return self.lost(member, events.ServiceLost(service=member.offer.service, silent=True), now)
 
-    def overdue(self, participant: str, now: float) -> EffectsReturning[GoesOn]:
+    def overdue(self, participant: str, now: float) -> EffectsReturning[GoalAction]:
         """A working service may take far longer than it said."""
         member = yield from self._scope.participants.overdue(participant, now)
         if member is None or self._state.outcome is not None:
             return None
         return self.lost(member, events.ServiceLost(service=member.offer.service), now)
 
-    def lost(self, member: Member, event: events.ServiceLost, now: float) -> GoesOn:
+    def lost(self, member: Member, event: events.ServiceLost, now: float) -> GoalAction:
         """It may do anything now. Its own limits see to it that it has stopped; what it left has to be found out."""
         service, reason = member.offer.service, loss_text(event)
-        execution, run = self._at(member)
-        self._tell(event, run, now)
+        execution, run = self._assignment(member)
+        self._log_event(event, run, now)
         self._scope.services.lost(service, reason)
-        if (work := self._state.log.of(member)) is not None:
+        if (work := self._state.log.work_of(member)) is not None:
             work.end(State.UNREACHABLE, now)
             work.state, work.note = State.UNREACHABLE, reason
-            self._state.looks.want(work)
+            self._state.look_queue.add_work(work)
         if execution is not None and run is not None:
-            StepExecution(execution, self._scope).lost(run, service, reason)
-        return GO_ON
+            StepExecutor(execution, self._scope).lost(run, service, reason)
+        return PROCEED

@@ -11,7 +11,7 @@ def record(state: TaskState) -> TaskRecord:
     """All that is kept of a task; it has just ended."""
     assert state.outcome is not None, "only what is over is kept"
     assert state.ended_at is not None, "only what is over is kept"
-    seen, task = view(state), state.task
+    task_view, task = view(state), state.task
     return TaskRecord(
         task=state.id,
         client=state.client,
@@ -22,13 +22,13 @@ def record(state: TaskState) -> TaskRecord:
         submitted_at=state.submitted_at,
         ended_at=state.ended_at,
         outcome=state.outcome,
-        explanation=seen.explanation,
-        reasons=seen.reasons,
-        steps=seen.steps,
-        work=seen.work,
+        explanation=task_view.explanation,
+        reasons=task_view.reasons,
+        steps=task_view.steps,
+        work=task_view.work,
         contracts=tuple(contract_view(member) for member in state.members),
         events=tuple(event_view(number, noted) for number, noted in enumerate(state.events, 1)),
-        messages=tuple(message_view(one.at, one.message) for one in state.messages),
+        messages=tuple(message_view(entry.at, entry.message) for entry in state.messages),
         priority=task.priority,
         time_value=task.time_value,
         handlers=task.handlers,

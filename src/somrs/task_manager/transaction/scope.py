@@ -5,31 +5,31 @@ from __future__ import annotations
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.events import Event, EventKind, kind_of
 from somrs.task_manager.arrangement.available_services import AvailableServices
-from somrs.task_manager.context import Context
+from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.execution.execution_log import Work
 from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.execution.workflow import StepRun
-from somrs.task_manager.transaction.state import Noted, Passed, TaskState
+from somrs.task_manager.transaction.state import LoggedEvent, LoggedMessage, TaskState
 
 
 class TaskScope:
     """Made anew whenever it is needed: it has no state of its own."""
 
-    def __init__(self, state: TaskState, context: Context) -> None:
+    def __init__(self, state: TaskState, context: TaskManagerContext) -> None:
         self.state, self.context = state, context
-        self.participants = Participants(state.id, state.members, context, self.tell, self._note)
+        self.participants = Participants(state.id, state.members, context, self.log_event, self._log_message)
         self.services = AvailableServices(state.services, context.replica)
 
-    def tell(self, event: Event, now: float, of: StepRun | Work | None = None) -> None:
+    def log_event(self, event: Event, now: float, subject: StepRun | Work | None = None) -> None:
         """Something happened that the client wants to know."""
         state = self.state
         self.context.touched[state.id] = None
         state.setbacks += kind_of(event) is EventKind.SETBACK
-        state.events.append(Noted(now, event, of.label, of.goal) if of is not None else Noted(now, event))
+        state.events.append(LoggedEvent(now, event, subject.label, subject.goal) if subject is not None else LoggedEvent(now, event))
 
-    def _note(self, now: float, message: Message) -> None:
+    def _log_message(self, now: float, message: Message) -> None:
         state = self.state
         if state.outcome is None:
-            state.messages.append(Passed(now, message))
-            state.passed += 1
+            state.messages.append(LoggedMessage(now, message))
+            state.message_count += 1
             self.context.touched[state.id] = None

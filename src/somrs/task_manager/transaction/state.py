@@ -11,7 +11,7 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForTasks, kind_of
 from somrs.protocol.messages.frp import Outcome
 from somrs.task_manager.arrangement.available_services import KnownServices
-from somrs.task_manager.arrangement.call_for_proposals import Calls
+from somrs.task_manager.arrangement.call_for_proposals import OpenCalls
 from somrs.task_manager.arrangement.plan_request import PlanRequest
 from somrs.task_manager.execution.execution_log import ExecutionLog
 from somrs.task_manager.execution.participants import Members
@@ -19,7 +19,7 @@ from somrs.task_manager.execution.reports import Reports
 from somrs.task_manager.execution.workflow import StepRun, Workflow
 from somrs.task_manager.recovery.compensation import Undoing
 from somrs.task_manager.recovery.ladder import Replans
-from somrs.task_manager.recovery.observation import Look, Looks
+from somrs.task_manager.recovery.observation import Look, LookQueue
 from somrs.task_manager.timers import BidsDue
 
 
@@ -30,7 +30,7 @@ class GoalExecution(Struct, kw_only=True, eq=False):
     number: int
     goal: str
     kind: GoalKind
-    calls: Calls
+    calls: OpenCalls
     """The steps that services are being asked for."""
     work: int | None = None
     look: Look | None = None
@@ -41,9 +41,9 @@ class GoalExecution(Struct, kw_only=True, eq=False):
     """How many were asked for."""
     replans: Replans = field(default_factory=Replans)
     """Plans since anything was completed."""
-    waits: WaitsForTasks | None = None
+    waiting_for: WaitsForTasks | None = field(default=None, name="waits")
     """For whom, and what they have; it goes on when they have ended."""
-    goes_on: bool = False
+    resumed: bool = field(default=False, name="goes_on")
     """It was waiting, and makes its plan as soon as it may."""
     fixed: bool = False
     """It has one plan and no other."""
@@ -51,8 +51,8 @@ class GoalExecution(Struct, kw_only=True, eq=False):
     """Why the plan is given up as soon as nothing of it runs any more."""
 
     @classmethod
-    def of(cls, owner: str, number: int, goal: str, kind: GoalKind, work: int | None = None, look: Look | None = None) -> GoalExecution:
-        return cls(number=number, goal=goal, kind=kind, calls=Calls(timer=BidsDue(owner, number)), work=work, look=look)
+    def create(cls, owner: str, number: int, goal: str, kind: GoalKind, work: int | None = None, look: Look | None = None) -> GoalExecution:
+        return cls(number=number, goal=goal, kind=kind, calls=OpenCalls(timer=BidsDue(owner, number)), work=work, look=look)
 
     def __iter__(self) -> Iterator[StepRun]:
         return iter(self.workflow or ())
@@ -63,7 +63,7 @@ class GoalExecution(Struct, kw_only=True, eq=False):
         return "" if self.kind is GoalKind.TASK else f"{self.kind}{self.number}."
 
 
-class Noted(Struct, frozen=True):
+class LoggedEvent(Struct, frozen=True):
     """An event. `step`: what people call the step that it is of; `goal`: what that is done for."""
 
     at: float
@@ -76,7 +76,7 @@ class Noted(Struct, frozen=True):
         return kind_of(self.event)
 
 
-class Passed(Struct, frozen=True):
+class LoggedMessage(Struct, frozen=True):
     """A message of the protocol."""
 
     at: float
@@ -92,17 +92,17 @@ class TaskState(Struct, kw_only=True, eq=False):
     submitted_at: float
     client: str
     goal: GoalExecution
-    aside: list[GoalExecution] = []
-    goals: int = 1
+    side_goals: list[GoalExecution] = field(default_factory=list, name="aside")
+    goal_count: int = field(default=1, name="goals")
     """How many goals there were."""
     outcome: Outcome | None = None
     ended_at: float | None = None
     ending: Outcome | None = None
     reasons: tuple[str, ...] = ()
-    events: list[Noted] = []
-    messages: list[Passed] = []
+    events: list[LoggedEvent] = []
+    messages: list[LoggedMessage] = []
     """Of the protocol, until the end: then they are recorded."""
-    passed: int = 0
+    message_count: int = field(default=0, name="passed")
     """How many there were."""
     setbacks: int = 0
     """How often something went wrong."""
@@ -110,7 +110,7 @@ class TaskState(Struct, kw_only=True, eq=False):
     members: Members = field(default_factory=Members)
     services: KnownServices = field(default_factory=KnownServices)
     reports: Reports = field(default_factory=Reports)
-    looks: Looks = field(default_factory=Looks)
+    look_queue: LookQueue = field(default_factory=LookQueue, name="looks")
     undoing: Undoing | None = None
     blocked: tuple[str, ...] = ()
     """Why there is no plan, while what failures left is undone."""
@@ -118,7 +118,7 @@ class TaskState(Struct, kw_only=True, eq=False):
     @property
     def executions(self) -> Iterator[GoalExecution]:
         yield self.goal
-        yield from self.aside
+        yield from self.side_goals
 
     @property
     def phase(self) -> Phase:
@@ -127,11 +127,11 @@ class TaskState(Struct, kw_only=True, eq=False):
             return Phase.ENDED
         if self.undoing is not None:
             return Phase.COMPENSATING
-        if self.ending is not None or self.aside or self.looks.asking is not None:
+        if self.ending is not None or self.side_goals or self.look_queue.current_look is not None:
             return Phase.RECOVERING
         return self.goal.phase
 
     @property
-    def latest(self) -> float | None:
+    def latest_finish(self) -> float | None:
         """When all has to be done."""
         return self.submitted_at + self.task.deadline if self.task.deadline is not None and self.ending is None else None

@@ -11,7 +11,7 @@ from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
 
 
-class StepExecution:
+class StepExecutor:
     """Made anew whenever it is needed: it has no state of its own."""
 
     def __init__(self, execution: GoalExecution, scope: TaskScope) -> None:
@@ -22,16 +22,16 @@ class StepExecution:
         state, context, participants = self._scope.state, self._scope.context, self._scope.participants
         member = self._member(run)
         rank = (-state.task.priority, run.start, state.submitted_at, state.id)
-        if not context.queues.takes(member.offer, state.id, rank, context.still_at_work):
-            if not run.waits:
-                run.waits = True
-                self._scope.tell(events.WaitsForDevice(device=member.offer.provider), now, run)
+        if not context.queues.request_turn(member.offer, state.id, rank, context.still_at_work):
+            if not run.is_waiting:
+                run.is_waiting = True
+                self._scope.log_event(events.WaitsForDevice(device=member.offer.provider), now, run)
             return ()
         try:
             situation = self._scope.services.precondition(run)
         except LookupError as error:
             yield from participants.dismiss(member, "its precondition does not hold any more", now)
-            self._workflow.lose(run)
+            self._workflow.release(run)
             return (f"{run.step.service_type} cannot start: {error}",)
         self._workflow.move(run, Progress.EXECUTING)
         service_type = self._scope.services.type_of(run.step)
@@ -39,27 +39,27 @@ class StepExecution:
         inputs = {name: str(term) for name, term in run.step.inputs.items()}
         execute = frp.Execute(inputs=inputs, precondition=str(situation) if situation is not None else None)
         yield from participants.execute(member, execute, now)
-        self._scope.tell(events.StepStarted(service=member.offer.service), now, run)
+        self._scope.log_event(events.StepStarted(service=member.offer.service), now, run)
         return ()
 
-    def reporting(self, run: StepRun) -> None:
+    def start_reporting(self, run: StepRun) -> None:
         """The step is over, and what it came to is being put on the map."""
         self._workflow.move(run, Progress.REPORTING)
 
-    def over(self, run: StepRun, situation: str | None, failed: str | None) -> None:
+    def finish_step(self, run: StepRun, situation: str | None, failure: str | None) -> None:
         """What became of a step is known, and on the map; what comes of that, the goal's pursuit finds."""
-        if failed is None:
-            self._workflow.move(run, Progress.DONE)
-            self._execution.replans.done()
+        if failure is None:
+            self._workflow.move(run, Progress.COMPLETED)
+            self._execution.replans.step_completed()
             return
-        run.excluded[self._member(run).offer.service] = failed
+        run.excluded[self._member(run).offer.service] = failure
         run.reported = parse(situation) if situation is not None else None
-        self._workflow.lose(run, failed)
+        self._workflow.release(run, failure)
 
     def lost(self, run: StepRun, service: str, reason: str) -> None:
         """Whoever did the step is not heard of any more."""
         run.excluded[service] = reason
-        self._workflow.lose(run, f"{service} {reason}")
+        self._workflow.release(run, f"{service} {reason}")
 
     @property
     def _workflow(self) -> Workflow:
@@ -67,6 +67,6 @@ class StepExecution:
         return self._execution.workflow
 
     def _member(self, run: StepRun) -> Member:
-        member = self._scope.state.members.get(run.participant)
+        member = self._scope.state.members.find_member(run.participant)
         assert member is not None, "the step is somebody's"
         return member

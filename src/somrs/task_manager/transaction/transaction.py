@@ -21,18 +21,18 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import waiting_text
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
-from somrs.task_manager.context import Context
+from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.execution.execution_log import INTERRUPTED, Work
-from somrs.task_manager.execution.reports import OfNobody, settled_at
-from somrs.task_manager.recovery.compensation import Compensation, ToRestore, Undoing
-from somrs.task_manager.recovery.handlers import fitting
-from somrs.task_manager.recovery.observation import Look, LookBy, Observation
+from somrs.task_manager.execution.reports import UnobservedSubject, settlement
+from somrs.task_manager.recovery.compensation import Compensation, RestorationGoal, Undoing
+from somrs.task_manager.recovery.handlers import fitting_handlers
+from somrs.task_manager.recovery.observation import Look, LookPlan, Observation
 from somrs.task_manager.requests import ForLook, ForPlan
 from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, SilenceDue, StopDue
-from somrs.task_manager.transaction.goal_pursuit import GoalPursuit
-from somrs.task_manager.transaction.next import CannotBeHad, GoOn, Next, NoPlanFound, Reached, StepLost
-from somrs.task_manager.transaction.participant_events import GoesOn, ParticipantEvents
+from somrs.task_manager.transaction.goal_pursuit import GoalExecutor
+from somrs.task_manager.transaction.next import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost
+from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
 from somrs.task_manager.transaction.record import record
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution, TaskState
@@ -43,14 +43,14 @@ STOP_TIME = 60.0
 
 def new_task(id: str, task: Submit, now: float, client: str = "") -> TaskState:
     """A task that was just stated. `start` its transaction next."""
-    goal = GoalExecution.of(id, 1, task.effect, GoalKind.TASK)
+    goal = GoalExecution.create(id, 1, task.effect, GoalKind.TASK)
     return TaskState(id=id, task=task, submitted_at=now, client=client, goal=goal)
 
 
 class Transaction:
     """Goes on with one task. It has no state of its own."""
 
-    def __init__(self, state: TaskState, context: Context) -> None:
+    def __init__(self, state: TaskState, context: TaskManagerContext) -> None:
         self.state, self._context = state, context
         self._scope = TaskScope(state, context)
         self._participants = ParticipantEvents(self._scope)
@@ -59,11 +59,11 @@ class Transaction:
 
     def start(self, now: float) -> Effects:
         state = self.state
-        self._scope.tell(events.TaskStated(effect=state.task.effect), now)
-        self._context.reservations.enter(state.id, state.task.effect, state.task.priority)
-        if state.latest is not None:
-            yield SetTimer(DeadlineDue(state.id), state.latest)
-        yield from self._next(state.goal, (yield from self._pursuit(state.goal).begin(now)), now)
+        self._scope.log_event(events.TaskStated(effect=state.task.effect), now)
+        self._context.reservations.add_task(state.id, state.task.effect, state.task.priority)
+        if state.latest_finish is not None:
+            yield SetTimer(DeadlineDue(state.id), state.latest_finish)
+        yield from self._apply_action(state.goal, (yield from self._executor(state.goal).begin(now)), now)
 
     def discovered(self, purpose: ForPlan | ForLook, offers: tuple[Offer, ...] | str, now: float) -> Effects:
         """The services on offer are known, or why they cannot be."""
@@ -72,26 +72,26 @@ class Transaction:
             return
         execution = self._execution(purpose.goal)
         if execution is not None:
-            yield from self._next(execution, (yield from self._pursuit(execution).discovered(purpose.serial, offers, now)), now)
+            yield from self._apply_action(execution, (yield from self._executor(execution).discovered(purpose.serial, offers, now)), now)
 
     def planned(self, question: PlanWanted, answer: Answer, now: float) -> Effects:
         """The planner's answer."""
         execution = self._execution(question.goal)
         if execution is not None:
-            yield from self._next(execution, (yield from self._pursuit(execution).planned(question, answer, now)), now)
+            yield from self._apply_action(execution, (yield from self._executor(execution).planned(question, answer, now)), now)
 
     def receive(self, message: Message, now: float) -> Effects:
         """A message of the protocol from a participant."""
-        yield from self._go_on((yield from self._participants.receive(message, now)), now)
+        yield from self._apply_goal_action((yield from self._participants.receive(message, now)), now)
 
-    def undelivered(self, message: Message, reason: str, now: float) -> Effects:
+    def delivery_failed(self, message: Message, reason: str, now: float) -> Effects:
         """A message never arrived."""
-        yield from self._go_on((yield from self._participants.undelivered(message, reason, now)), now)
+        yield from self._apply_goal_action((yield from self._participants.delivery_failed(message, reason, now)), now)
 
     def report_answered(self, answer: Message, now: float) -> EffectsReturning[tuple[int, tuple[str, ...]] | None]:
         """The Repository answered a report. The version of the map that is to be known before it is `settled`, with what is wrong with it;
         None: it is settled."""
-        version, problems = settled_at(answer)
+        version, problems = settlement(answer)
         if version is not None and version > self._context.replica.version:
             return version, problems
         yield from self.settled(problems, now)
@@ -100,27 +100,27 @@ class Transaction:
     def settled(self, problems: tuple[str, ...], now: float) -> Effects:
         """A report is on the map that is known here, or there is something wrong with it."""
         reports = self.state.reports
-        match reports.waiting[0].about:
-            case OfNobody() as about:
-                self._observation.assumed(about, problems, now)
-            case about:
-                self._participants.settled(about, problems, now)
-        if reports.over():
+        match reports.waiting[0].subject:
+            case UnobservedSubject() as subject:
+                self._observation.assumed(subject, problems, now)
+            case subject:
+                self._participants.settled(subject, problems, now)
+        if reports.settle_first():
             yield from self.proceed(now)
         else:
-            yield from reports.next(self.state.id, self._context, now)
+            yield from reports.send_next(self.state.id, self._context, now)
 
-    def ring(self, timer: BidsDue | SilenceDue | OverdueDue | DeadlineDue | StopDue, now: float) -> Effects:
+    def timer_fired(self, timer: BidsDue | SilenceDue | OverdueDue | DeadlineDue | StopDue, now: float) -> Effects:
         """A timer of the task rang."""
         match timer:
             case BidsDue(goal=goal):
                 execution = self._execution(goal)
                 if execution is not None:
-                    yield from self._next(execution, (yield from self._pursuit(execution).bids_due(now)), now)
+                    yield from self._apply_action(execution, (yield from self._executor(execution).bids_due(now)), now)
             case SilenceDue(participant=participant):
-                yield from self._go_on((yield from self._participants.silent(participant, now)), now)
+                yield from self._apply_goal_action((yield from self._participants.silent(participant, now)), now)
             case OverdueDue(participant=participant):
-                yield from self._go_on((yield from self._participants.overdue(participant, now)), now)
+                yield from self._apply_goal_action((yield from self._participants.overdue(participant, now)), now)
             case DeadlineDue():
                 yield from self._stop(now, Outcome.FAILED, (f"the deadline of {self.state.task.deadline:g} s is over",))
             case StopDue():
@@ -129,12 +129,12 @@ class Transaction:
     def restarted(self, now: float) -> Effects:
         """The Task Manager was away."""
         for execution in self.state.executions:
-            yield from self._pursuit(execution).ask_anew(now)
+            yield from self._executor(execution).ask_anew(now)
         yield from self.proceed(now)
 
     def freed(self, now: float) -> Effects:
         """What the task waits for is free."""
-        self._pursuit(self.state.goal).freed(now)
+        self._executor(self.state.goal).freed(now)
         yield from self.proceed(now)
 
     def cancel(self, now: float, reason: str) -> Effects:
@@ -147,94 +147,94 @@ class Transaction:
         """Do whatever comes next. Nothing does while a report is on its way to the map (FRP, property 5)."""
         state = self.state
         self._context.touched[state.id] = None
-        if state.outcome is not None or state.reports.pending or state.looks.asking is not None:
+        if state.outcome is not None or state.reports.pending or state.look_queue.current_look is not None:
             return
         if state.ending is not None and state.undoing is None and state.members.working:
             return
-        if state.looks.wanted:
+        if state.look_queue.unseen:
             yield from self._observation.begin(now)
-        elif state.aside:
-            execution = state.aside[-1]
-            yield from self._next(execution, (yield from self._pursuit(execution).proceed(now)), now)
+        elif state.side_goals:
+            execution = state.side_goals[-1]
+            yield from self._apply_action(execution, (yield from self._executor(execution).proceed(now)), now)
         elif state.undoing is not None:
             yield from self._undo(state.undoing, now)
         elif state.ending is not None:
             yield SetTimer(StopDue(state.id), None)
             works = state.log.to_undo()
-            self._keep_to_itself(works)
-            state.undoing = Undoing.of(works, by_others=True)
+            self._reserve_objects(works)
+            state.undoing = Undoing.from_works(works, by_other_services=True)
             yield from self._undo(state.undoing, now)
         else:
-            yield from self._next(state.goal, (yield from self._pursuit(state.goal).proceed(now)), now)
+            yield from self._apply_action(state.goal, (yield from self._executor(state.goal).proceed(now)), now)
 
-    def _go_on(self, goes_on: GoesOn, now: float) -> Effects:
-        if goes_on is not None:
-            execution, next = goes_on
-            yield from self._next(execution if execution is not None else self.state.goal, next, now)
+    def _apply_goal_action(self, goal_action: GoalAction, now: float) -> Effects:
+        if goal_action is not None:
+            execution, action = goal_action
+            yield from self._apply_action(execution if execution is not None else self.state.goal, action, now)
 
-    def _next(self, execution: GoalExecution, next: Next | None, now: float) -> Effects:
+    def _apply_action(self, execution: GoalExecution, action: NextAction | None, now: float) -> Effects:
         """What the pursuit of a goal could not settle by itself."""
-        match next:
-            case GoOn():
+        match action:
+            case Proceed():
                 yield from self.proceed(now)
-            case Reached():
-                yield from self._reached(execution, now)
-            case CannotBeHad(reasons):
-                yield from self._cannot_be_had(execution, reasons, now)
+            case GoalReached():
+                yield from self._goal_reached(execution, now)
+            case GoalUnreachable(reasons):
+                yield from self._goal_unreachable(execution, reasons, now)
             case StepLost(step, reasons):
-                if not (yield from self._handled(execution, step, now)):
-                    yield from self._next(execution, (yield from self._pursuit(execution).recover(step, reasons, now)), now)
+                if not (yield from self._try_handler(execution, step, now)):
+                    yield from self._apply_action(execution, (yield from self._executor(execution).recover(step, reasons, now)), now)
             case NoPlanFound(reasons):
-                if not (yield from self._unblocked(execution, reasons, now)):
-                    yield from self._next(execution, (yield from self._pursuit(execution).without_plan(reasons, now)), now)
+                if not (yield from self._try_unblocking(execution, reasons, now)):
+                    yield from self._apply_action(execution, (yield from self._executor(execution).without_plan(reasons, now)), now)
 
-    def _reached(self, execution: GoalExecution, now: float) -> Effects:
+    def _goal_reached(self, execution: GoalExecution, now: float) -> Effects:
         """What was pursued is so."""
         state = self.state
         if execution is state.goal:
             yield from self._end(now, Outcome.ACCOMPLISHED)
             return
-        state.aside.remove(execution)
+        state.side_goals.remove(execution)
         if execution.kind is GoalKind.LOOK:
-            self._looked(execution, now)
+            self._look_completed(execution, now)
         elif execution.kind is GoalKind.UNDO and state.undoing is not None:
-            self._compensation(state.undoing).achieved(now)
+            self._compensation(state.undoing).goal_reached(now)
         yield from self.proceed(now)
 
-    def _cannot_be_had(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> Effects:
+    def _goal_unreachable(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> Effects:
         """What was pursued cannot be had."""
         state = self.state
         if execution is state.goal:
             yield from self._stop(now, Outcome.FAILED, reasons)
             return
-        state.aside.remove(execution)
-        work = state.log.numbered(execution.work) if execution.work is not None else None
-        self._scope.tell(events.GoalFailed(goal=execution.kind, step=work.label if work else "the task", reasons=reasons), now)
+        state.side_goals.remove(execution)
+        work = state.log.work_by_number(execution.work) if execution.work is not None else None
+        self._scope.log_event(events.GoalFailed(goal=execution.kind, step=work.label if work else "the task", reasons=reasons), now)
         if execution.kind is GoalKind.LOOK and execution.look is not None:
-            yield from self._look((yield from self._observation.next_way(execution.look, now)), now)
+            yield from self._look((yield from self._observation.next_plan(execution.look, now)), now)
             return
         if execution.kind is GoalKind.UNDO and state.undoing is not None:
             if work is not None:
                 work.note = work.note or reasons[0]
-            self._compensation(state.undoing).tried()
+            self._compensation(state.undoing).goal_failed()
         yield from self.proceed(now)
 
-    def _handled(self, execution: GoalExecution, step: str, now: float) -> EffectsReturning[bool]:
+    def _try_handler(self, execution: GoalExecution, step: str, now: float) -> EffectsReturning[bool]:
         """Whether a procedure that was laid down for the failure of the step is begun. The step is recovered after it."""
         assert execution.workflow is not None, "a step of it was lost"
         state, run = self.state, execution.workflow.runs[step]
         work = next((work for work in reversed(state.log.works) if work.key == run.key), None)
         if work is None or state.ending is not None:
             return False
-        for handler in fitting(state.task.handlers, work, Occasion.FAILURE, self._context.replica):
+        for handler in fitting_handlers(state.task.handlers, work, Occasion.FAILURE, self._context.replica):
             if handler.effect not in run.handled:
                 run.handled.add(handler.effect)
-                self._scope.tell(events.HandlerBegun(effect=handler.effect), now, run)
+                self._scope.log_event(events.HandlerBegun(effect=handler.effect), now, run)
                 yield from self._pursue(handler.effect, GoalKind.HANDLER, work, now)
                 return True
         return False
 
-    def _unblocked(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> EffectsReturning[bool]:
+    def _try_unblocking(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> EffectsReturning[bool]:
         """Whether what failures left is being undone by those that failed, so that there may be a plan again (FRP, third rung)."""
         state = self.state
         works = [work for work in state.log.interrupted() if self._can_undo(work)]
@@ -242,70 +242,70 @@ class Transaction:
             return False
         if state.goal.workflow is not None and state.goal.workflow.busy:
             return False
-        self._scope.tell(events.FailuresUndone(reasons=reasons), now)
+        self._scope.log_event(events.FailuresUndone(reasons=reasons), now)
         state.blocked = reasons
-        state.undoing = Undoing.of(works, by_others=False)
+        state.undoing = Undoing.from_works(works, by_other_services=False)
         yield from self.proceed(now)
         return True
 
     def _can_undo(self, work: Work) -> bool:
-        member = self.state.members.get(work.participant)
-        return member is not None and member.state in INTERRUPTED and member.lost_at is None
+        member = self.state.members.find_member(work.participant)
+        return member is not None and member.state in INTERRUPTED and member.lost_version is None
 
     def _pursue(self, goal: str, kind: GoalKind, work: Work, now: float, plan: Plan | None = None, look: Look | None = None) -> Effects:
         state = self.state
-        state.goals += 1
-        execution = GoalExecution.of(state.id, state.goals, goal, kind, work.number, look)
-        state.aside.append(execution)
-        yield from self._next(execution, (yield from self._pursuit(execution).begin(now, plan)), now)
+        state.goal_count += 1
+        execution = GoalExecution.create(state.id, state.goal_count, goal, kind, work.number, look)
+        state.side_goals.append(execution)
+        yield from self._apply_action(execution, (yield from self._executor(execution).begin(now, plan)), now)
 
     # Undoing
 
-    def _keep_to_itself(self, works: Iterable[Work]) -> None:
+    def _reserve_objects(self, works: Iterable[Work]) -> None:
         """Nobody else has to do with what is going to be undone, but for those who have it already."""
         reservations = self._context.reservations
         for work in works:
-            wanted = Reservation(changes=frozenset(work.concerned))
-            if not reservations.holders(self.state.id, wanted):
-                reservations.hold(self.state.id, wanted)
+            reservation = Reservation(changes=frozenset(work.concerned))
+            if not reservations.holders(self.state.id, reservation):
+                reservations.hold(self.state.id, reservation)
 
     def _undo(self, undoing: Undoing, now: float) -> Effects:
         state = self.state
         match (yield from self._compensation(undoing).proceed(now)):
-            case ToRestore(goal, work):
+            case RestorationGoal(goal, work):
                 yield from self._pursue(goal, GoalKind.UNDO, work, now)
             case True if state.ending is not None:
                 yield from self._end(now, state.ending)
             case True:
                 state.undoing = None
-                if undoing.restored or self._scope.services.once_more():
-                    yield from self._pursuit(state.goal).again(now)
+                if undoing.restored or self._scope.services.readmit_failed():
+                    yield from self._executor(state.goal).plan_anew(now)
                 else:
                     yield from self._stop(now, Outcome.FAILED, state.blocked)
 
     # Looking
 
-    def _look(self, by: LookBy | None, now: float) -> Effects:
+    def _look(self, look_plan: LookPlan | None, now: float) -> Effects:
         """Have it looked at so; otherwise go on."""
-        if by is None:
+        if look_plan is None:
             yield from self.proceed(now)
             return
-        work = self.state.log.numbered(by.look.work)
-        yield from self._pursue(str(by.plan.steps[0].effect), GoalKind.LOOK, work, now, by.plan, by.look)
+        work = self.state.log.work_by_number(look_plan.look.work)
+        yield from self._pursue(str(look_plan.plan.steps[0].effect), GoalKind.LOOK, work, now, look_plan.plan, look_plan.look)
 
-    def _looked(self, execution: GoalExecution, now: float) -> None:
+    def _look_completed(self, execution: GoalExecution, now: float) -> None:
         """The finding is on the map, as every report is; the step that was lost begins where it says."""
         assert execution.look is not None, "whoever looks knows for what"
         state = self.state
         labels = {run.label for run in execution}
-        finding = next((work.situation for work in reversed(state.log.works) if work.label in labels), None)
-        lost = state.log.numbered(execution.look.work)
-        lost.situation = finding or lost.situation
-        self._scope.tell(events.LookFound(situation=finding), now, lost)
-        for other in state.executions:
-            for run in other:
-                if run.key == lost.key and run.failure is not None and finding is not None:
-                    run.reported = parse(finding)
+        observed_situation = next((work.situation for work in reversed(state.log.works) if work.label in labels), None)
+        lost = state.log.work_by_number(execution.look.work)
+        lost.situation = observed_situation or lost.situation
+        self._scope.log_event(events.LookFound(situation=observed_situation), now, lost)
+        for other_execution in state.executions:
+            for run in other_execution:
+                if run.key == lost.key and run.failure is not None and observed_situation is not None:
+                    run.reported = parse(observed_situation)
 
     # Ending
 
@@ -314,16 +314,16 @@ class Transaction:
         if state.outcome is not None or state.ending is not None:
             return
         state.ending = outcome
-        state.reasons = (*reasons, f"it was {waiting_text(state.goal.waits)}") if state.goal.waits is not None else reasons
+        state.reasons = (*reasons, f"it was {waiting_text(state.goal.waiting_for)}") if state.goal.waiting_for is not None else reasons
         if outcome is Outcome.CANCELLED:
-            self._scope.tell(events.Stopping(reason=reasons[0]), now)
+            self._scope.log_event(events.Stopping(reason=reasons[0]), now)
         for execution in state.executions:
-            yield from self._pursuit(execution).abandon()
+            yield from self._executor(execution).abandon()
             if execution.look is not None:
-                state.looks.again(execution.look)
-        state.aside.clear()
+                state.look_queue.requeue(execution.look)
+        state.side_goals.clear()
         state.undoing = None
-        state.looks.drop()
+        state.look_queue.drop()
         yield SetTimer(DeadlineDue(state.id), None)
         yield from self._scope.participants.stop(reasons[0], now)
         yield SetTimer(StopDue(state.id), now + STOP_TIME)
@@ -336,23 +336,23 @@ class Transaction:
             return
         for member in state.members.working:
             if member.state is State.COMPENSATING:
-                yield from self._scope.participants.send_home(member, now)
+                yield from self._scope.participants.force_end(member, now)
             elif not member.halting:
-                yield from self._scope.participants.give_up(member)
+                yield from self._scope.participants.give_up_member(member)
                 event = events.ServiceLost(service=member.offer.service, stopping=True)
-                yield from self._go_on(self._participants.lost(member, event, now), now)
+                yield from self._apply_goal_action(self._participants.lost(member, event, now), now)
         yield from self.proceed(now)
 
     def _end(self, now: float, outcome: Outcome) -> Effects:
         state = self.state
         yield from self._scope.participants.end(outcome, now)
         state.outcome, state.ended_at = outcome, now
-        self._context.reservations.leave(state.id)
+        self._context.reservations.remove_task(state.id)
         if outcome is not Outcome.ACCOMPLISHED:
             state.reasons += tuple(work.in_words() for work in state.log if work.matters)
         for timer in (DeadlineDue(state.id), StopDue(state.id)):
             yield SetTimer(timer, None)
-        self._scope.tell(events.TaskEnded(outcome=outcome, reasons=state.reasons), now)
+        self._scope.log_event(events.TaskEnded(outcome=outcome, reasons=state.reasons), now)
         yield Record(record(state))
         state.messages.clear()
         self._scope.participants.forget(run.participant for run in state.goal)
@@ -362,8 +362,8 @@ class Transaction:
     def _execution(self, number: int) -> GoalExecution | None:
         return next((execution for execution in self.state.executions if execution.number == number), None)
 
-    def _pursuit(self, execution: GoalExecution) -> GoalPursuit:
-        return GoalPursuit(execution, self._scope)
+    def _executor(self, execution: GoalExecution) -> GoalExecutor:
+        return GoalExecutor(execution, self._scope)
 
     def _compensation(self, undoing: Undoing) -> Compensation:
         state = self.state
@@ -375,19 +375,19 @@ class Transaction:
             members=state.members,
             participants=self._scope.participants,
             context=self._context,
-            tell=self._scope.tell,
+            log_event=self._scope.log_event,
         )
 
     @property
     def _observation(self) -> Observation:
         state = self.state
         return Observation(
-            state.looks,
+            state.look_queue,
             owner=state.id,
             log=state.log,
             members=state.members,
             services=self._scope.services,
             reports=state.reports,
             context=self._context,
-            tell=self._scope.tell,
+            log_event=self._scope.log_event,
         )

@@ -15,7 +15,7 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.paging import fit_page
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun
-from somrs.task_manager.transaction.state import Noted, TaskState
+from somrs.task_manager.transaction.state import LoggedEvent, TaskState
 
 STEP_STATE = {
     Progress.OPEN: State.NEW,
@@ -23,7 +23,7 @@ STEP_STATE = {
     Progress.ARRANGED: State.COMMITTED,
     Progress.EXECUTING: State.EXECUTING,
     Progress.REPORTING: State.EXECUTING,
-    Progress.DONE: State.COMPLETED,
+    Progress.COMPLETED: State.COMPLETED,
 }
 """How a step looks to clients who know the protocol's states only."""
 
@@ -52,24 +52,24 @@ def view(task: TaskState) -> TaskView:
     )
 
 
-def view_in_parts(task: TaskState, after: int) -> tuple[TaskView, int | None]:
+def view_in_parts(task: TaskState, offset: int) -> tuple[TaskView, int | None]:
     """A transaction with as many of its steps and its work behind the first `after` as fit a message; how many that makes, or None if
     these are the last."""
-    seen = view(task)
-    parts = [*seen.steps, *seen.work]
-    page = [*fit_page(parts[after:], len(parts))]
+    task_view = view(task)
+    parts = [*task_view.steps, *task_view.work]
+    page = [*fit_page(parts[offset:], len(parts))]
     if len(page) == len(parts):
-        return seen, None
-    steps, work = tuple(one for one in page if isinstance(one, StepView)), tuple(one for one in page if isinstance(one, WorkView))
-    count = after + len(page)
-    return structs.replace(seen, steps=steps, work=work), count if count < len(parts) else None
+        return task_view, None
+    steps, work = tuple(part for part in page if isinstance(part, StepView)), tuple(part for part in page if isinstance(part, WorkView))
+    count = offset + len(page)
+    return structs.replace(task_view, steps=steps, work=work), count if count < len(parts) else None
 
 
 def row(task: TaskState) -> TaskRow:
     """A transaction in a list."""
     workflow = task.goal.workflow
     working = [member for member in task.members.working if member.state in WORKING]
-    count, done = (workflow.count, workflow.count_done) if workflow is not None else (0, 0)
+    count, done_count = (workflow.step_count, workflow.done_count) if workflow is not None else (0, 0)
     under_way = sum(member.fraction for member in working if workflow is not None and workflow.held_by(member) is not None)
     return TaskRow(
         task=task.id,
@@ -84,15 +84,15 @@ def row(task: TaskState) -> TaskRow:
         deadline=task.task.deadline,
         priority=task.task.priority,
         steps=count,
-        done=done,
-        fraction=min(1.0, (done + under_way) / count) if count else float(task.outcome is Outcome.ACCOMPLISHED),
+        done=done_count,
+        fraction=min(1.0, (done_count + under_way) / count) if count else float(task.outcome is Outcome.ACCOMPLISHED),
         setbacks=task.setbacks,
         services=tuple(member.offer.service for member in working),
     )
 
 
 def _run_view(task: TaskState, plan: Plan, run: StepRun) -> StepView:
-    member = task.members.known(run.participant)
+    member = task.members.find_known_member(run.participant)
     return step_view(
         run.step,
         plan,
@@ -131,22 +131,22 @@ def step_view(
     )
 
 
-def previewed(found: object) -> Previewed:
+def preview_reply(result: object) -> Previewed:
     """What the planner found, for a client that wanted to see only."""
-    match found:
+    match result:
         case Plan():
-            steps = tuple(step_view(step, found) for step in found.topological())
-            return Previewed(steps=steps, explanation="" if found.steps else "nothing to do: it is so already")
+            steps = tuple(step_view(step, result) for step in result.topological())
+            return Previewed(steps=steps, explanation="" if result.steps else "nothing to do: it is so already")
         case NoPlan():
-            obstacles = tuple(Obstacle(one.value) for one in found.obstacles)
-            return Previewed(steps=(), explanation=found.explanation, reasons=found.reasons, obstacles=obstacles)
+            obstacles = tuple(Obstacle(obstacle.value) for obstacle in result.obstacles)
+            return Previewed(steps=(), explanation=result.explanation, reasons=result.reasons, obstacles=obstacles)
         case FormulaError():
-            return Previewed(steps=(), explanation=str(found), reasons=(str(found),))
-        case str(why):
-            return Previewed(steps=(), explanation=why, reasons=(why,))
+            return Previewed(steps=(), explanation=str(result), reasons=(str(result),))
+        case str(reason):
+            return Previewed(steps=(), explanation=reason, reasons=(reason,))
         case _:
-            why = f"planning failed: {found}"
-            return Previewed(steps=(), explanation=why, reasons=(why,))
+            reason = f"planning failed: {result}"
+            return Previewed(steps=(), explanation=reason, reasons=(reason,))
 
 
 def contract_view(member: Member) -> ContractView:
@@ -157,7 +157,7 @@ def contract_view(member: Member) -> ContractView:
         participant=member.id,
         service=member.offer.service,
         step=member.label,
-        state=member.left_in or session.state,
+        state=member.final_state or session.state,
         accepted="Accept" in session.sent_messages,
         refused="Refuse" in session.received_messages,
         price=terms.price if terms is not None else None,
@@ -166,27 +166,27 @@ def contract_view(member: Member) -> ContractView:
         valid_until=terms.valid_until if terms is not None else None,
         start=member.bid.start if member.bid is not None else None,
         finish=member.bid.finish if member.bid is not None else None,
-        reason=member.last_word or (session.reason if member.left_in in (None, State.ENDED) else ""),
+        reason=member.exit_reason or (session.reason if member.final_state in (None, State.ENDED) else ""),
     )
 
 
 def _reasons(task: TaskState) -> tuple[str, ...]:
     """Why it ended, or ends, or what it waits for."""
-    return task.reasons or ((waiting_text(task.goal.waits),) if task.goal.waits is not None else ())
+    return task.reasons or ((waiting_text(task.goal.waiting_for),) if task.goal.waiting_for is not None else ())
 
 
-def event_view(number: int, noted: Noted) -> TaskEvent:
+def event_view(number: int, noted: LoggedEvent) -> TaskEvent:
     """Something that happened."""
     return TaskEvent(
         number=number, at=noted.at, text=sentence(noted.event), step=noted.step, goal=noted.goal, kind=noted.kind, event=noted.event
     )
 
 
-def message_view(at: float, message: Message) -> MessageView:
+def message_view(logged_at: float, message: Message) -> MessageView:
     """A message as it passed."""
     header = message.header
     return MessageView(
-        at=at,
+        at=logged_at,
         type=type(message.body).__name__,
         sender=header.sender,
         recipient=header.recipient,

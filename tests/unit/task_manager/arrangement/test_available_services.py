@@ -13,7 +13,7 @@ from somrs.ontology.types import WORKING
 from somrs.planner.model.plan import Step
 from somrs.planner.model.problem import LostService
 from somrs.protocol.messages.directory import Offer
-from somrs.task_manager.arrangement.available_services import MOST_FAILURES, AvailableServices, KnownServices, named
+from somrs.task_manager.arrangement.available_services import MOST_FAILURES, AvailableServices, KnownServices, service_names
 from somrs.task_manager.execution.workflow import StepRun
 from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
 
@@ -39,9 +39,9 @@ def available(*offers: Offer) -> tuple[AvailableServices, KnownServices, Replica
 
 def test_what_is_on_offer_no_more_is_forgotten_but_not_its_type() -> None:
     services, state, replica = available(offer("Robot1", WORK), offer("Robot2", WORK))
-    assert named(services.usable) == ("Robot1.Work", "Robot2.Work")
+    assert service_names(services.usable) == ("Robot1.Work", "Robot2.Work")
     services.discovered((offer("Robot3"),))
-    assert named(services.usable) == ("Robot3.TransferObject",)
+    assert service_names(services.usable) == ("Robot3.TransferObject",)
     assert state.types == {"TransferObject": TRANSFER, "Work": WORK}
     assert services.type_of(step_run("Work").step) == WORK
     defined = ServiceType(name="Work", effect="Jar001.Clean = FALSE")
@@ -53,14 +53,14 @@ def test_who_failed_or_would_not_serve_is_not_asked_and_the_planner_hears_why() 
     services, state, _ = available(*map(offer, ("Robot1", "Robot2", "Robot3", "Robot4")))
     services.failed("Robot1.TransferObject", "it broke")
     services.exclude({"Robot1.TransferObject": "too heavy", "Robot2.TransferObject": "too far"})
-    assert named(services.usable) == ("Robot3.TransferObject", "Robot4.TransferObject")
-    assert services.lost_to_it == [
+    assert service_names(services.usable) == ("Robot3.TransferObject", "Robot4.TransferObject")
+    assert services.excluded_services == [
         LostService(TRANSFER, "Robot1.TransferObject", "it broke"),
         LostService(TRANSFER, "Robot2.TransferObject", "too far"),
     ]
     run = step_run()
     run.excluded = {"Robot4.TransferObject": "too late"}
-    assert named(services.able(run)) == ("Robot3.TransferObject",)
+    assert service_names(services.able_offers(run)) == ("Robot3.TransferObject",)
     assert services.broken is state.broken
 
 
@@ -71,9 +71,9 @@ def test_who_failed_a_few_times_in_a_row_may_be_asked_again(failures: int, may: 
     for _ in range(failures):
         services.failed("Robot1.TransferObject", "it broke")
     assert state.failures.get("Robot1.TransferObject", 0) == failures
-    assert named(services.once_more()) == (("Robot1.TransferObject",) if may else ())
+    assert service_names(services.readmit_failed()) == (("Robot1.TransferObject",) if may else ())
     assert (services.broken == {}) is may
-    assert named(services.once_more()) == (), "what is not broken is asked anyway"
+    assert service_names(services.readmit_failed()) == (), "what is not broken is asked anyway"
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_a_device_that_is_known_to_be_broken_is_not_asked_again(provider: str, w
     if working is not None:
         replica.map = replica.map.changed([ValueSet(provider, WORKING, working)])
     services.failed(f"{provider}.TransferObject", "it broke")
-    assert named(services.once_more()) == ((f"{provider}.TransferObject",) if may else ())
+    assert service_names(services.readmit_failed()) == ((f"{provider}.TransferObject",) if may else ())
 
 
 def test_for_a_step_those_are_asked_again_that_can_do_it() -> None:
@@ -94,14 +94,14 @@ def test_for_a_step_those_are_asked_again_that_can_do_it() -> None:
         one.excluded = {"Robot1.TransferObject": "it broke", "Robot2.TransferObject": "too heavy"}
     services.failed("Robot1.TransferObject", "it broke")
     services.failed("Robot1.Work", "it broke")
-    assert named(services.once_more(run)) == ("Robot1.TransferObject",)
+    assert service_names(services.readmit_failed(run)) == ("Robot1.TransferObject",)
     assert services.broken == {"Robot1.Work": "it broke"}
     assert (run.excluded, other.excluded) == (
         {"Robot2.TransferObject": "too heavy"},
         {"Robot1.TransferObject": "it broke", "Robot2.TransferObject": "too heavy"},
     )
     services.failed("Robot1.TransferObject", "it broke")
-    assert named(services.once_more(run)) == ("Robot1.TransferObject",), "the step has not excluded it any more"
+    assert service_names(services.readmit_failed(run)) == ("Robot1.TransferObject",), "the step has not excluded it any more"
 
 
 def test_what_a_service_completed_or_that_it_fell_silent_ends_the_count_of_its_failures() -> None:
@@ -119,7 +119,7 @@ def test_what_a_service_completed_or_that_it_fell_silent_ends_the_count_of_its_f
         "Robot2.TransferObject": "fell silent",
         "Robot3.TransferObject": "fell silent",
     }
-    assert services.once_more() == []
+    assert services.readmit_failed() == []
 
 
 @pytest.mark.parametrize(

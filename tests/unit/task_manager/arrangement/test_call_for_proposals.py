@@ -16,7 +16,7 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.arrangement.call_for_proposals import Arrangement, Call, Calls, call_for
+from somrs.task_manager.arrangement.call_for_proposals import Arrangement, CallForProposals, OpenCalls, make_call
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.timers import BidsDue
@@ -26,12 +26,12 @@ TIMER = BidsDue("task1", 1)
 EFFECT = "Jar1.Clean = TRUE"
 
 
-def call(key: str, until: float, same: str | None = None) -> Call:
-    return Call(step=key, key=key, same=same, invited=(f"for {key}",), earliest=0.0, latest=None, until=until)
+def call(key: str, until: float, same: str | None = None) -> CallForProposals:
+    return CallForProposals(step=key, key=key, device_group=same, invited=(f"for {key}",), earliest=0.0, latest=None, reply_by=until)
 
 
-def opened(*calls: Call) -> Calls:
-    found = Calls(timer=TIMER)
+def opened(*calls: CallForProposals) -> OpenCalls:
+    found = OpenCalls(timer=TIMER)
     for one in calls:
         carried_out(found.open(one))
     return found
@@ -41,23 +41,23 @@ def opened(*calls: Call) -> Calls:
 
 
 def test_the_timer_is_set_for_the_call_that_is_over_first() -> None:
-    calls, first, second = Calls(timer=TIMER), call("a", 20.0), call("b", 10.0)
+    calls, first, second = OpenCalls(timer=TIMER), call("a", 20.0), call("b", 10.0)
     assert [*calls.open(first)] == [SetTimer(TIMER, 20.0)]
     assert [*calls.open(second)] == [SetTimer(TIMER, 10.0)]
     assert [*calls.open(call("c", 30.0))] == []
-    assert (len(calls), [one.key for one in calls], calls.woken) == (3, ["a", "b", "c"], 10.0)
+    assert (len(calls), [one.key for one in calls], calls.timer_at) == (3, ["a", "b", "c"], 10.0)
     assert [*calls.close(second)] == [SetTimer(TIMER, 20.0)]
     assert [one.key for one in calls] == ["a", "c"]
-    assert [*calls.drop()] == [SetTimer(TIMER, None)]
-    assert (len(calls), calls.woken) == (0, None)
-    assert [*calls.drop()] == []
+    assert [*calls.close_all()] == [SetTimer(TIMER, None)]
+    assert (len(calls), calls.timer_at) == (0, None)
+    assert [*calls.close_all()] == []
 
 
 @pytest.mark.parametrize(("now", "due"), [(9.998, ""), (9.999, "a"), (10.0, "a"), (19.0, "a"), (20.0, "ab")])
 def test_a_call_is_due_when_its_time_is_over(now: float, due: str) -> None:
     calls = opened(call("a", 10.0), call("b", 20.0))
     assert "".join(one.key for one in calls.due(now)) == due
-    assert [*calls.wake()] == [SetTimer(TIMER, 10.0)], "none was closed, and the timer has rung"
+    assert [*calls.set_timer()] == [SetTimer(TIMER, 10.0)], "none was closed, and the timer has rung"
 
 
 def test_a_call_that_is_closed_or_made_anew_meanwhile_is_not_due() -> None:
@@ -74,13 +74,13 @@ def test_a_call_that_is_closed_or_made_anew_meanwhile_is_not_due() -> None:
 def test_a_participant_answers_the_call_that_it_was_invited_to() -> None:
     table, calls = Table(), opened(call("a", 10.0), call("b", 10.0))
     member = table.invited("a")
-    assert calls.of(member) is None
+    assert calls.find_call(member) is None
     calls.pending["a"].invited = ("somebody", member.id)
-    assert calls.of(member) is calls.pending["a"]
+    assert calls.find_call(member) is calls.pending["a"]
     member.step = "b"
-    assert calls.of(member) is None
+    assert calls.find_call(member) is None
     member.step = "c"
-    assert calls.of(member) is None
+    assert calls.find_call(member) is None
 
 
 @pytest.mark.parametrize(
@@ -104,11 +104,11 @@ class Asking:
     def __init__(self, *offers: Offer, latest: float | None = None, precondition: str | None = None, **step: Any) -> None:
         self.table = Table()
         wanted = Step("step1", "Work", {"Object": Name("Jar1")}, parse(step.pop("effect", EFFECT)), **step)
-        self.workflow = Workflow.of(Plan((wanted,)), "1.1/")
+        self.workflow = Workflow.from_plan(Plan((wanted,)), "1.1/")
         self.arrangement = Arrangement(self.workflow, self.table.members, self.table.participants)
         self.run = self.workflow.runs["step1"]
         self.run.precondition = parse(precondition) if precondition is not None else None
-        self.effects, self.call = carried_out(self.arrangement.call(self.run, offers, 100.0, latest, 50.0))
+        self.effects, self.call = carried_out(self.arrangement.invite_services(self.run, offers, 100.0, latest, 50.0))
 
     def member(self, name: str) -> Member:
         (found,) = [member for member in self.table.members if member.offer.provider == name]
@@ -118,7 +118,7 @@ class Asking:
         member, terms = self.member(name), frp.Terms(effect=EFFECT, price=price, duration=duration)
         self.table.says(member, terms)
         assert member.session.terms_id is not None
-        self.arrangement.offered(self.call, member, terms, member.session.terms_id)
+        self.arrangement.add_bid(self.call, member, terms, member.session.terms_id)
         return member
 
     def award(self, *broken: str, busy: dict[str, tuple[float, float]] | None = None) -> tuple[list[Effect], Member | None]:
@@ -146,7 +146,9 @@ def test_all_are_asked_the_same() -> None:
     members = [*asking.table.members]
     assert [(member.step, member.label) for member in members] == [("1.1/step1", "step1")] * 3
     invited = tuple(member.id for member in members)
-    expected = Call(step="step1", key="1.1/step1", same="g", invited=invited, earliest=100.0, latest=200.0, until=60.0)
+    expected = CallForProposals(
+        step="step1", key="1.1/step1", device_group="g", invited=invited, earliest=100.0, latest=200.0, reply_by=60.0
+    )
     assert structs.asdict(asking.call) == structs.asdict(expected)
     assert asking.run.progress is Progress.ARRANGING
     assert (asking.arrangement.invited(asking.call), asking.arrangement.run(asking.call)) == (members, asking.run)
@@ -154,10 +156,10 @@ def test_all_are_asked_the_same() -> None:
 
 def test_they_have_as_long_as_is_said() -> None:
     asking = Asking()
-    effects, made = carried_out(asking.arrangement.call(asking.run, [offer("Robot1")], 100.0, None, 50.0, 3.0))
+    effects, made = carried_out(asking.arrangement.invite_services(asking.run, [offer("Robot1")], 100.0, None, 50.0, 3.0))
     ((body, until),) = sends(effects)
     assert isinstance(body, frp.Arrange)
-    assert (body.reply_by, until, made.until) == (53.0, 53.0, 53.0)
+    assert (body.reply_by, until, made.reply_by) == (53.0, 53.0, 53.0)
 
 
 @pytest.mark.parametrize(
@@ -178,7 +180,7 @@ def test_the_precondition_is_as_it_is_now_but_for_a_step_that_several_could_do(
     asking.run.step = Step(
         "step1", "Work", {}, parse(EFFECT), precondition, provider="Robot1", alternative_providers=alike, device_group="g"
     )
-    effects, _ = carried_out(asking.arrangement.call(asking.run, [offer("Robot2")], 100.0, None, 50.0))
+    effects, _ = carried_out(asking.arrangement.invite_services(asking.run, [offer("Robot2")], 100.0, None, 50.0))
     ((body, _),) = sends(effects)
     assert isinstance(body, frp.Arrange)
     assert body.precondition == asked
@@ -191,11 +193,11 @@ def test_each_of_those_that_could_do_it_is_asked_for_what_it_would_do_itself() -
 
 def test_a_call_is_answered_when_nobody_is_awaited() -> None:
     asking = Asking(offer("Robot1"), offer("Robot2"))
-    assert not asking.arrangement.answered(asking.call)
+    assert not asking.arrangement.is_answered(asking.call)
     asking.offers("Robot1", 5.0)
-    assert not asking.arrangement.answered(asking.call)
+    assert not asking.arrangement.is_answered(asking.call)
     asking.table.says(asking.member("Robot2"), frp.Refuse(reason="too heavy"))
-    assert asking.arrangement.answered(asking.call)
+    assert asking.arrangement.is_answered(asking.call)
 
 
 def test_the_bid_that_the_policy_prefers_is_accepted_and_everybody_else_is_dismissed() -> None:
@@ -215,7 +217,7 @@ def test_the_bid_that_the_policy_prefers_is_accepted_and_everybody_else_is_dismi
         "Robot3": (other, 60.0 + DAY),
         "Robot4": (frp.Cancel(reason="no answer in time"), 60.0 + DAY),
     }
-    assert (late.last_word, asking.run.excluded) == ("did not answer", {"Robot4.Work": "did not answer"})
+    assert (late.exit_reason, asking.run.excluded) == ("did not answer", {"Robot4.Work": "did not answer"})
     run = asking.run
     assert (run.progress, run.participant, run.provider, run.start, run.finish) == (
         Progress.ARRANGED,
@@ -283,14 +285,14 @@ def test_when_a_step_is_not_wanted_any_more_all_are_dismissed() -> None:
 def test_whose_terms_ran_out_may_be_asked_once_more() -> None:
     asking = Asking(offer("Robot1"), offer("Robot2"))
     arrangement, run = asking.arrangement, asking.run
-    arrangement.left(asking.call, asking.member("Robot2"), "too heavy")
+    arrangement.participant_left(asking.call, asking.member("Robot2"), "too heavy")
     assert (run.excluded, run.lapsed) == ({"Robot2.Work": "too heavy"}, set())
     member = asking.offers("Robot1", 1.0)
-    arrangement.left(asking.call, member, "expired")
+    arrangement.participant_left(asking.call, member, "expired")
     assert (run.excluded, run.lapsed, asking.member("Robot1").bid) == ({"Robot2.Work": "too heavy"}, {"Robot1.Work"}, None)
     assert member.session.terms_id is not None
-    arrangement.offered(asking.call, member, frp.Terms(effect=EFFECT, price=1.0, duration=30.0), member.session.terms_id)
-    arrangement.left(asking.call, member, "expired again")
+    arrangement.add_bid(asking.call, member, frp.Terms(effect=EFFECT, price=1.0, duration=30.0), member.session.terms_id)
+    arrangement.participant_left(asking.call, member, "expired again")
     assert (run.excluded, [one.bid for one in asking.table.members]) == (
         {"Robot2.Work": "too heavy", "Robot1.Work": "expired again"},
         [None, None],
@@ -307,5 +309,5 @@ def test_a_bid_says_when_the_step_would_begin_and_end() -> None:
 
 def test_a_call_is_for_its_step() -> None:
     run = StepRun(step=Step("step1", "Work", {}, parse(EFFECT), device_group="g"), label="undo1.step1", key="2.1/step1")
-    found = call_for(run, iter(("a", "b")), earliest=1.0, latest=2.0, until=3.0)
+    found = make_call(run, iter(("a", "b")), earliest=1.0, latest=2.0, reply_by=3.0)
     assert structs.astuple(found) == ("step1", "2.1/step1", "g", ("a", "b"), 1.0, 2.0, 3.0)

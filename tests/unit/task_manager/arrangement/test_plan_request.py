@@ -15,11 +15,11 @@ from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Discover, Offer
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
 from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester
-from somrs.task_manager.context import Context, Quotes
+from somrs.task_manager.context import Quotes, TaskManagerContext
 from somrs.task_manager.device_queue import DeviceQueues
 from somrs.task_manager.execution.workflow import Progress, Workflow
 from somrs.task_manager.requests import ForPlan, Requests
-from somrs.task_manager.reservations import Held, Reservation, Reservations
+from somrs.task_manager.reservations import BlockedPlan, Reservation, Reservations
 from somrs.task_manager.timers import Answer, PlanWanted
 from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
 from tests.unit.task_manager.execution.test_participants import carried_out
@@ -42,9 +42,9 @@ def offer(name: str, service_type: ServiceType = TRANSFER) -> Offer:
     return Offer(service=service, provider=name, provider_type="DeliveryRobot", address=name, service_type=service_type)
 
 
-def context() -> Context:
+def context() -> TaskManagerContext:
     """Nothing was asked of anybody yet, and nobody has anything."""
-    return Context(
+    return TaskManagerContext(
         replica=Replica("tm", "repository", laboratory(), MAP, 7),
         requests=Requests(address="tm", repository="repository", registry="registry"),
         reservations=Reservations(),
@@ -62,8 +62,8 @@ class Requesting:
     def __init__(self, *held: str, before: Workflow | None = None, holds: bool = True, effect: str = WISH) -> None:
         self.context = context()
         self.reservations = self.context.reservations
-        self.reservations.enter("other", "")
-        self.reservations.enter("task1", WISH)
+        self.reservations.add_task("other", "")
+        self.reservations.add_task("task1", WISH)
         if held:
             self.others(*held)
         self.services = AvailableServices(KnownServices(), self.context.replica)
@@ -95,7 +95,7 @@ def test_first_the_services_on_offer_are_asked_for() -> None:
     effects = [*requesting.requester.begin(5.0)]
     assert [effect.message.body for effect in effects if isinstance(effect, Send)] == [Discover()]
     (request,) = requesting.context.requests.pending.values()
-    assert (request.purpose, request.until) == (ForPlan("task1", 3, 2), 35.0)
+    assert (request.purpose, request.expires_at) == (ForPlan("task1", 3, 2), 35.0)
     assert carried_out(requesting.requester.discovered("the registry is out of order")) == ([], "the registry is out of order")
     assert [*requesting.requester.withdraw()] == [], "the planner was not asked"
 
@@ -103,19 +103,23 @@ def test_first_the_services_on_offer_are_asked_for() -> None:
 def test_the_planner_is_asked_for_a_plan_with_what_may_be_used() -> None:
     requesting = Requesting("Jar002")
     requesting.services.exclude({"Robot2.TransferObject": "it broke"})
-    requesting.context.quotes.given("Robot1.TransferObject", 4.0, 60.0)
+    requesting.context.quotes.record_quote("Robot1.TransferObject", 4.0, 60.0)
     problem = requesting.discovered(offer("Robot1"), offer("Robot2"))
     assert (str(problem.goal), problem.excluded, problem.map) == (WISH, frozenset({"Jar002"}), MAP)
     assert [(one.providers, one.prices) for one in problem.services] == [(("Robot1",), (("Robot1", 4.0),))]
     assert problem.lost == (LostService(TRANSFER, "Robot2.TransferObject", "it broke"),)
     assert (problem.rest, problem.promised) == ((), frozenset())
-    assert (requesting.request.attempt, requesting.request.avoided, requesting.request.regardless) == (1, frozenset({"Jar002"}), False)
+    assert (requesting.request.attempt, requesting.request.avoided, requesting.request.ignores_reservations) == (
+        1,
+        frozenset({"Jar002"}),
+        False,
+    )
     assert [*requesting.requester.withdraw()] == [Withdraw(PlanWanted("task1", 3, 2, 1))]
 
 
 def test_what_still_stands_of_the_plan_before_is_kept() -> None:
-    before = Workflow.of(Plan((step("a"), step("b", "Jar002"), step("c", "Robot1"))))
-    for id, progress in (("a", Progress.DONE), ("b", Progress.ARRANGED), ("c", Progress.ARRANGING)):
+    before = Workflow.from_plan(Plan((step("a"), step("b", "Jar002"), step("c", "Robot1"))))
+    for id, progress in (("a", Progress.COMPLETED), ("b", Progress.ARRANGED), ("c", Progress.ARRANGING)):
         before.move(before.runs[id], progress)
     problem = Requesting(before=before).discovered(offer("Robot1"))
     assert ([one.id for one in problem.rest], problem.promised) == (["b", "c"], frozenset({"b"}))
@@ -148,8 +152,8 @@ def test_whether_there_would_be_a_plan_without_others_is_found_out() -> None:
     requesting.discovered(offer("Robot1"))
     effects, found = requesting.answered(NONE)
     problem = requesting.asked(effects)
-    assert (found, problem.excluded, requesting.request.attempt, requesting.request.regardless) == (None, frozenset(), 2, True)
-    assert requesting.answered(PLAN) == ([], Held(wanted=WANTED, by={"other": frozenset({"Jar001"})}, plan=PLAN))
+    assert (found, problem.excluded, requesting.request.attempt, requesting.request.ignores_reservations) == (None, frozenset(), 2, True)
+    assert requesting.answered(PLAN) == ([], BlockedPlan(reservation=WANTED, holders={"other": frozenset({"Jar001"})}, plan=PLAN))
     assert "task1" not in requesting.reservations.held
     assert requesting.answered(NONE) == ([], NONE), "it is not asked a third time"
 
@@ -166,8 +170,8 @@ def test_when_others_have_taken_it_meanwhile_another_plan_is_looked_for_first() 
     requesting.others("Jar001")
     effects, found = requesting.answered(PLAN)
     assert (found, requesting.asked(effects).excluded) == (None, frozenset({"Jar001", "Jar002"}))
-    assert (requesting.request.attempt, requesting.request.regardless) == (2, False)
-    assert requesting.answered(PLAN) == ([], Held(wanted=WANTED, by={"other": frozenset({"Jar001"})}, plan=PLAN))
+    assert (requesting.request.attempt, requesting.request.ignores_reservations) == (2, False)
+    assert requesting.answered(PLAN) == ([], BlockedPlan(reservation=WANTED, holders={"other": frozenset({"Jar001"})}, plan=PLAN))
 
 
 def test_what_is_had_regardless_of_others_is_waited_for_though_they_were_not_avoided() -> None:
@@ -176,4 +180,4 @@ def test_what_is_had_regardless_of_others_is_waited_for_though_they_were_not_avo
     requesting.answered(NONE)
     requesting.others("Jar001")
     effects, found = requesting.answered(PLAN)
-    assert (effects, type(found)) == ([], Held)
+    assert (effects, type(found)) == ([], BlockedPlan)

@@ -11,7 +11,16 @@ from somrs.planner.model.plan import Step
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import Terms
-from somrs.task_manager.execution.bids import Bid, able, about, bid, choose, fitted, precondition_now, service_types
+from somrs.task_manager.execution.bids import (
+    Bid,
+    able_offers,
+    choose_bid,
+    fit_bid,
+    make_bid,
+    precondition_now,
+    relevant_situation,
+    service_types,
+)
 from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
 
 TYPES = {
@@ -32,7 +41,7 @@ def offered(who: str, price: float, start: float, finish: float) -> Bid:
 @pytest.mark.parametrize(("start_from", "start"), [(None, 5.0), (3.0, 5.0), (8.0, 8.0), (0.0, 5.0)])
 def test_a_bid_starts_when_the_step_can_and_the_service_is_free(start_from: float | None, start: float) -> None:
     terms = Terms(effect="", price=1.0, duration=10.0, start_from=start_from)
-    assert bid("who", terms, "id", 5.0) == Bid(participant="who", terms=terms, terms_id="id", start=start, finish=start + 10.0)
+    assert make_bid("who", terms, "id", 5.0) == Bid(participant="who", terms=terms, terms_id="id", start=start, finish=start + 10.0)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +57,7 @@ def test_a_bid_starts_when_the_step_can_and_the_service_is_free(start_from: floa
     ],
 )
 def test_a_bid_begins_after_what_its_device_is_committed_to(busy: list[tuple[float, float]], start: float) -> None:
-    found = fitted(offered("who", 1.0, 10.0, 20.0), busy)
+    found = fit_bid(offered("who", 1.0, 10.0, 20.0), busy)
     assert (found.start, found.finish, found.participant) == (start, start + 10.0, "who")
 
 
@@ -69,7 +78,7 @@ def test_a_bid_begins_after_what_its_device_is_committed_to(busy: list[tuple[flo
 )
 def test_the_policy_prefers(policy: Policy, value: float, bids: list[tuple[str, float, float]], chosen: str) -> None:
     made = [offered(who, price, 0.0, finish) for who, price, finish in bids]
-    assert choose(made, Submit(effect="", policy=policy, time_value=value), 3.0).participant == chosen
+    assert choose_bid(made, Submit(effect="", policy=policy, time_value=value), 3.0).participant == chosen
 
 
 def offer(service_type: str, provider: str = "Robot1") -> Offer:
@@ -92,7 +101,7 @@ def offer(service_type: str, provider: str = "Robot1") -> Offer:
 def test_who_can_be_asked(wanted: str, provider: str | None, alike: tuple[str, ...], excluded: tuple[str, ...], found: list[str]) -> None:
     offers = [offer("Work"), offer("Work", "Robot2"), offer("FinestWork"), offer("Lost"), offer("Circle")]
     step = Step("step1", wanted, {}, parse("Jar001.Clean = TRUE"), provider=provider, alternative_providers=alike)
-    assert [one.service for one in able(step, offers, TYPES, excluded)] == found
+    assert [one.service for one in able_offers(step, offers, TYPES, excluded)] == found
 
 
 def test_a_type_that_comes_with_an_offer_goes_before_that_of_the_ontology() -> None:
@@ -129,5 +138,5 @@ def test_a_precondition_that_cannot_hold_is_an_error(precondition: str, why: str
     ],
 )
 def test_of_a_situation_that_is_told_which_concerns_the_step_and_is_still_so(situation: str | None, said: str | None) -> None:
-    found = about(STEP, parse(situation) if situation is not None else None, MAP, laboratory())
+    found = relevant_situation(STEP, parse(situation) if situation is not None else None, MAP, laboratory())
     assert (str(found) if found is not None else None) == said

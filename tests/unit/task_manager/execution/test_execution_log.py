@@ -15,7 +15,7 @@ from somrs.planner.model.plan import Step
 from somrs.protocol.messages.clients import WorkView
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.execution.execution_log import ExecutionLog, Work, concerned, undone
+from somrs.task_manager.execution.execution_log import ExecutionLog, Work, concerned_objects, situation_to_restore
 from somrs.task_manager.execution.workflow import StepRun
 from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
 from tests.unit.task_manager.execution.test_participants import Table
@@ -42,14 +42,14 @@ MOVED, CLEANED = "Jar001 isOn Shelf2", "Jar001.Clean = TRUE"
 )
 def test_what_is_restored(effect: str, restored: str | None) -> None:
     step = Step(id="s1", service_type="Any", inputs={}, effect=parse(effect))
-    found = undone(step, NOW, laboratory())
+    found = situation_to_restore(step, NOW, laboratory())
     assert (str(found) if found is not None else None) == restored
 
 
 def test_that_nothing_is_known_of_an_object_is_not_restored() -> None:
     lost = NOW.changed([ValueSet("Jar001", "Unknown", True)])
     step = Step(id="s1", service_type="Any", inputs={}, effect=parse("Jar001.Unknown = FALSE"))
-    assert undone(step, lost, laboratory()) is None
+    assert situation_to_restore(step, lost, laboratory()) is None
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_that_nothing_is_known_of_an_object_is_not_restored() -> None:
 )
 def test_what_a_step_concerns(effect: str, provider: str | None, objects: tuple[str, ...]) -> None:
     step = Step(id="s1", service_type="Any", inputs={}, effect=parse(effect), provider=provider)
-    assert concerned(step, NOW, laboratory()) == objects
+    assert concerned_objects(step, NOW, laboratory()) == objects
 
 
 # The log
@@ -76,7 +76,7 @@ def test_what_a_step_concerns(effect: str, provider: str | None, objects: tuple[
 def begin(log: ExecutionLog, effect: str = MOVED, goal: GoalKind = GoalKind.TASK, kind: ServiceKind = ServiceKind.PHYSICAL) -> Work:
     """The next work on the map, which stays as it is; as if by a participant of its own."""
     inputs = {"Object": Name("Jar001")}
-    number = log.begun + 1
+    number = log.work_count + 1
     run = StepRun(step=Step(f"step{number}", "TransferObject", {**inputs}, parse(effect)), label=f"l{number}", key=f"k{number}", goal=goal)
     member = Table().invited()
     member.id = f"p{number}"
@@ -98,13 +98,13 @@ def test_what_is_begun_is_noted_with_what_it_takes_away() -> None:
     first, second = begin(log), begin(log, CLEANED, GoalKind.UNDO)
     assert [*log] == [first, second]
     assert (first.number, first.label, first.key, first.step.id) == (1, "l1", "k1", "step1")
-    assert (first.participant, first.service, first.provider, first.began) == ("p1", "Robot1.Work", "Robot1", 11.0)
+    assert (first.participant, first.service, first.provider, first.started_at) == ("p1", "Robot1.Work", "Robot1", 11.0)
     assert first.service_type == TRANSFER
-    assert (str(first.before), first.concerned, first.goal) == ("Jar001 isOn Shelf1", ("Jar001",), GoalKind.TASK)
-    assert (first.state, first.result, first.ended, first.taken_over, first.took_over) == (State.EXECUTING, None, None, False, None)
-    assert (second.number, second.before, second.goal, log.begun) == (2, None, GoalKind.UNDO, 2)
+    assert (str(first.prior_situation), first.concerned, first.goal) == ("Jar001 isOn Shelf1", ("Jar001",), GoalKind.TASK)
+    assert (first.state, first.result, first.ended, first.superseded, first.supersedes) == (State.EXECUTING, None, None, False, None)
+    assert (second.number, second.prior_situation, second.goal, log.work_count) == (2, None, GoalKind.UNDO, 2)
     looked = begin(log, kind=ServiceKind.COGNITIVE)
-    assert (looked.before, looked.concerned) == (None, ())
+    assert (looked.prior_situation, looked.concerned) == (None, ())
 
 
 @pytest.mark.parametrize(
@@ -124,12 +124,12 @@ def test_what_was_interrupted_is_taken_over_by_what_goes_on_with_it(
 ) -> None:
     log = ExecutionLog()
     first = ended(log, state, goal=goals[0])
-    first.before = parse("Jar001 isOn Washer1")
+    first.prior_situation = parse("Jar001 isOn Washer1")
     second = begin(log, effect, goals[1])
-    assert (first.taken_over, second.took_over) == (taken_over, 1 if taken_over else None)
-    assert (str(second.before) == "Jar001 isOn Washer1") is taken_over
+    assert (first.superseded, second.supersedes) == (taken_over, 1 if taken_over else None)
+    assert (str(second.prior_situation) == "Jar001 isOn Washer1") is taken_over
     log.drop(second)
-    assert ([*log], first.taken_over, log.begun) == ([first], False, 2)
+    assert ([*log], first.superseded, log.work_count) == ([first], False, 2)
 
 
 @pytest.mark.parametrize(("effect", "taken_over"), [("Jar002 isOn Platform001", True), (CLEANED, True), (MOVED, False)])
@@ -138,17 +138,17 @@ def test_only_what_was_done_last_to_the_same_objects_is_taken_over(effect: str, 
     first = ended(log, State.FAILED)
     ended(log, State.COMPLETED, effect, GoalKind.UNDO if effect == MOVED else GoalKind.TASK)
     begin(log)
-    assert first.taken_over is taken_over
+    assert first.superseded is taken_over
 
 
 def test_work_is_found_by_its_number_and_by_who_did_it() -> None:
     log, table = ExecutionLog(), Table()
     works = [begin(log) for _ in range(3)]
     member = table.invited()
-    assert log.of(member) is None
+    assert log.work_of(member) is None
     works[0].participant = works[1].participant = member.id
-    assert log.of(member) is works[1]
-    assert [log.numbered(number) for number in (1, 2, 3)] == works
+    assert log.work_of(member) is works[1]
+    assert [log.work_by_number(number) for number in (1, 2, 3)] == works
 
 
 @pytest.mark.parametrize(
@@ -192,7 +192,7 @@ def test_last_things_are_undone_first() -> None:
 )
 def test_the_client_has_to_know_of_what_changed_things(kind: ServiceKind, goal: GoalKind, taken_over: bool, matters: bool) -> None:
     work = begin(ExecutionLog(), goal=goal, kind=kind)
-    work.taken_over = taken_over
+    work.superseded = taken_over
     assert work.matters is matters
 
 
@@ -205,7 +205,7 @@ def test_work_ends_once() -> None:
 
 @pytest.mark.parametrize(("situation", "told"), [("Jar001 isOn Shelf1 AND Robot1 isInside RoomA", True), ("Robot1 isInside RoomA", False)])
 def test_a_situation_tells_of_work_when_it_speaks_of_what_that_changes(situation: str, told: bool) -> None:
-    assert begin(ExecutionLog()).is_told_of_by(parse(situation)) is told
+    assert begin(ExecutionLog()).is_described_by(parse(situation)) is told
 
 
 def test_work_as_clients_see_it() -> None:

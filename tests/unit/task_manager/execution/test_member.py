@@ -11,10 +11,10 @@ from tests.unit.task_manager.execution.test_participants import OFFER, Table
 
 
 def test_of_one_that_was_not_asked_nothing_is_known() -> None:
-    member = Table().participants.known(OFFER, "step1", "1.1/step1")
-    assert (member.state, member.bid, member.told, member.lost_at, member.left_in) == (State.NEW, None, None, None, None)
-    assert (member.fraction, member.heard_at, member.begins_by, member.changed) == (0.0, 0.0, 0.0, 0)
-    assert (member.note, member.last_word) == ("", "")
+    member = Table().participants.make_member(OFFER, "step1", "1.1/step1")
+    assert (member.state, member.bid, member.last_order, member.lost_version, member.final_state) == (State.NEW, None, None, None, None)
+    assert (member.fraction, member.last_heard_time, member.begins_by, member.change_number) == (0.0, 0.0, 0.0, 0)
+    assert (member.note, member.exit_reason) == ("", "")
     assert (member.queried, member.reported, member.reporting, member.halting, member.tried_to_undo) == (False,) * 5
 
 

@@ -17,11 +17,11 @@ from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.events import Event, ServiceOverdue, ServiceSilent
 from somrs.protocol.messages.frp import Outcome, State
-from somrs.task_manager.context import Context, Quotes
+from somrs.task_manager.context import Quotes, TaskManagerContext
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from somrs.task_manager.execution.bids import Bid
 from somrs.task_manager.execution.member import Member
-from somrs.task_manager.execution.participants import Members, Participants, sent_home
+from somrs.task_manager.execution.participants import Members, Participants, answer_stranger
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
 from somrs.task_manager.timers import OverdueDue, SilenceDue
@@ -55,7 +55,7 @@ class Table:
         self.noted: list[tuple[float, Message]] = []
         self.replica = Replica(ME, "repository", version=7)
         self.touched: dict[str, None] = {}
-        context = Context(
+        context = TaskManagerContext(
             replica=self.replica,
             requests=Requests(address=ME, repository="repository", registry="registry"),
             reservations=Reservations(),
@@ -128,7 +128,7 @@ class Table:
                 self.says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 100.0)
                 carried_out(self.participants.compensate(member, "Jar1.Clean = FALSE", 100.0))
             case State.UNREACHABLE:
-                carried_out(self.participants.give_up(member))
+                carried_out(self.participants.give_up_member(member))
         assert member.state is state
         return member
 
@@ -158,15 +158,15 @@ def test_who_is_asked_is_a_participant_of_its_own_each_time() -> None:
     assert (sent.header.sender, sent.header.recipient, sent.header.transaction) == (ME, OFFER.address, "task1")
     assert [at for at, _ in table.noted] == [3.0, 4.0]
     assert table.noted[0][1] == sent
-    assert (table.members.asked, table.members.changes, first.changed, second.changed) == (2, 2, 1, 2)
+    assert (table.members.invited_count, table.members.change_count, first.change_number, second.change_number) == (2, 2, 1, 2)
 
 
 def test_who_is_known_only_is_not_asked() -> None:
     table = Table()
     table.invited()
-    found = table.participants.known(OFFER, "step2", "1.1/step2")
+    found = table.participants.make_member(OFFER, "step2", "1.1/step2")
     assert (found.id, found.number, found.state) == ("Robot1.Work#step2.2", 2, State.NEW)
-    assert (table.members.asked, len([*table.members])) == (1, 1)
+    assert (table.members.invited_count, len([*table.members])) == (1, 1)
 
 
 def test_what_is_told_is_kept_up_for_as_long_as_it_matters() -> None:
@@ -178,7 +178,7 @@ def test_what_is_told_is_kept_up_for_as_long_as_it_matters() -> None:
     effects, _ = carried_out(table.participants.execute(member, EXECUTE, 60.0))
     told = frp.Execute(inputs={}, begin_by=80.0)
     assert sends(effects) == [(told, 80.0)]
-    assert (member.told, member.begins_by) == (told, 80.0)
+    assert (member.last_order, member.begins_by) == (told, 80.0)
     assert table.queues.at_work == {"Robot1": [AtWork("task1", "Robot1.Work#step1")]}
     effects, _ = carried_out(table.participants.halt(member, "enough", 61.0))
     assert sends(effects) == [(frp.Stop(reason="enough"), 81.0)]
@@ -200,19 +200,19 @@ def test_a_service_has_ten_times_as_long_as_it_said_from_when_it_is_to_start_and
         SetTimer(SilenceDue("task1", member.id), 120.0),
         SetTimer(OverdueDue("task1", member.id), overdue),
     ]
-    assert (member.heard_at, member.queried) == (100.0, False)
+    assert (member.last_heard_time, member.queried) == (100.0, False)
 
 
 def test_who_has_done_something_is_told_to_undo_it() -> None:
     table = Table()
     member = table.in_state(State.COMPLETED)
-    member.reported, member.lost_at = True, 3
+    member.reported, member.lost_version = True, 3
     effects, could = carried_out(table.participants.compensate(member, "Jar1.Clean = FALSE", 200.0))
     assert could is True
     assert sends(effects) == [(frp.Compensate(situation="Jar1.Clean = FALSE", begin_by=220.0), 220.0)]
     assert wakes(effects) == {"SilenceDue": 220.0, "OverdueDue": 500.0}
     assert (member.reported, member.state) == (False, State.COMPENSATING)
-    assert [one.lost_at for one in table.members] == [None]
+    assert [one.lost_version for one in table.members] == [None]
     assert table.queues.at_work == {"Robot1": [AtWork("task1", member.id)] * 2}
 
 
@@ -220,9 +220,9 @@ def test_who_has_done_something_is_told_to_undo_it() -> None:
 def test_who_cannot_be_told_to_undo_is_left_alone(state: State) -> None:
     table = Table()
     member = table.in_state(state)
-    before = (member.reported, member.lost_at)
+    before = (member.reported, member.lost_version)
     assert carried_out(table.participants.compensate(member, "Jar1.Clean = FALSE", 200.0)) == ([], False)
-    assert (member.reported, member.lost_at, member.state) == (*before, state)
+    assert (member.reported, member.lost_version, member.state) == (*before, state)
 
 
 @pytest.mark.parametrize(
@@ -275,20 +275,20 @@ def test_everybody_hears_of_the_end(state: State, body: FrpBody, left_in: State)
     member = table.in_state(state)
     effects, _ = carried_out(table.participants.end(Outcome.FAILED, 300.0))
     assert sends(effects) == [(body, 300.0 + DAY)]
-    assert member.left_in is left_in
-    assert member.lost_at == (7 if state in (State.EXECUTING, State.COMPENSATING) else None)
+    assert member.final_state is left_in
+    assert member.lost_version == (7 if state in (State.EXECUTING, State.COMPENSATING) else None)
 
 
 def test_after_the_end_those_are_kept_that_may_report_yet() -> None:
     table = Table()
     done, lost, reported = table.invited(), table.invited(), table.invited()
-    lost.lost_at = 3
-    reported.lost_at, reported.reported = 3, True
+    lost.lost_version = 3
+    reported.lost_version, reported.reported = 3, True
     table.participants.forget([None, "nobody", done.id])
     assert [*table.members] == [lost]
     assert table.members.former == {done.id: done}
-    assert [table.members.known(id) for id in (lost.id, done.id, reported.id, None)] == [lost, done, None, None]
-    assert [table.members.get(id) for id in (lost.id, done.id, None)] == [lost, None, None]
+    assert [table.members.find_known_member(id) for id in (lost.id, done.id, reported.id, None)] == [lost, done, None, None]
+    assert [table.members.find_member(id) for id in (lost.id, done.id, None)] == [lost, None, None]
 
 
 # Who is at work
@@ -332,15 +332,15 @@ def test_what_a_participant_says_is_noted_and_counts_as_a_sign_of_life() -> None
     table = Table()
     member = table.executing()
     member.queried = True
-    changes, noted = table.members.changes, len(table.noted)
+    changes, noted = table.members.change_count, len(table.noted)
     effects, received = table.says(member, frp.Progress(fraction=0.5), 110.0)
     assert effects == []
     assert received is not None
     assert (received[0], received[1].moved) == (member, True)
-    assert (member.heard_at, member.queried, member.begins_by) == (110.0, False, 0.0)
-    assert (table.members.changes, [at for at, _ in table.noted[noted:]]) == (changes, [110.0])
+    assert (member.last_heard_time, member.queried, member.begins_by) == (110.0, False, 0.0)
+    assert (table.members.change_count, [at for at, _ in table.noted[noted:]]) == (changes, [110.0])
     table.says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 111.0)
-    assert (table.members.changes, member.changed) == (changes + 1, changes + 1)
+    assert (table.members.change_count, member.change_number) == (changes + 1, changes + 1)
 
 
 def test_who_has_come_to_an_end_is_not_watched_any_more_and_who_comes_back_is() -> None:
@@ -371,10 +371,10 @@ def test_who_has_come_to_an_end_is_not_watched_any_more_and_who_comes_back_is() 
 def test_who_was_not_reached_by_what_it_was_told_is_told_again(state: State, status: State, again: bool) -> None:
     table = Table()
     member = table.in_state(state)
-    told = member.told
+    told = member.last_order
     effects, _ = table.says(member, frp.Status(state=status), 110.0)
     assert [until for _, until in sends(effects)] == ([130.0] if again else [])
-    assert (type(member.told), member.begins_by) == (type(told), 130.0 if again else 120.0)
+    assert (type(member.last_order), member.begins_by) == (type(told), 130.0 if again else 120.0)
 
 
 def test_a_stranger_is_sent_home() -> None:
@@ -401,7 +401,7 @@ def test_who_is_sent_home_hears_it_where_it_wants_its_answers(
     transaction: str | None, participant: str | None, reply_to: str, recipients: list[str]
 ) -> None:
     header = Header(sender=OFFER.address, recipient=ME, message_id="1", reply_to=reply_to, transaction=transaction, participant=participant)
-    sent = sent_home(Message(header=header, body=frp.Completed(situation="")), ME)
+    sent = answer_stranger(Message(header=header, body=frp.Completed(situation="")), ME)
     found = [effect.message.header for effect in sent if isinstance(effect, Send)]
     assert [header.recipient for header in found] == recipients
     assert all((header.sender, header.transaction, header.participant) == (ME, transaction, participant) for header in found)
@@ -422,15 +422,15 @@ def test_who_is_sent_home_hears_it_where_it_wants_its_answers(
 def test_who_cannot_be_reached_is_out_unless_it_works(state: State, body: FrpBody, out: bool, said: list[tuple[object, float]]) -> None:
     table = Table()
     member = table.in_state(state)
-    changes = table.members.changes
-    effects, found = carried_out(table.participants.undelivered(table.message(member.id, body), "no route", 50.0))
+    changes = table.members.change_count
+    effects, found = carried_out(table.participants.delivery_failed(table.message(member.id, body), "no route", 50.0))
     assert found is (member if out else None)
     assert sends(effects) == said
-    assert member.last_word == ("could not be reached: no route" if out else "")
-    assert member.changed == (table.members.changes if out else changes)
-    assert (table.members.changes > changes) is out
-    assert member.lost_at == (7 if state is State.COMMITTED else None)
-    assert carried_out(table.participants.undelivered(table.message("nobody", body), "no route", 50.0)) == ([], None)
+    assert member.exit_reason == ("could not be reached: no route" if out else "")
+    assert member.change_number == (table.members.change_count if out else changes)
+    assert (table.members.change_count > changes) is out
+    assert member.lost_version == (7 if state is State.COMMITTED else None)
+    assert carried_out(table.participants.delivery_failed(table.message("nobody", body), "no route", 50.0)) == ([], None)
 
 
 # Silence, and lateness
@@ -456,7 +456,7 @@ def test_who_is_silent_is_asked_and_then_given_up(begun: bool, until: float) -> 
     effects, given_up = carried_out(table.participants.silent(member.id, until))
     assert given_up is member
     assert wakes(effects) == {"SilenceDue": None, "OverdueDue": None}
-    assert (member.state, member.lost_at, member.changed) == (State.UNREACHABLE, 7, table.members.changes)
+    assert (member.state, member.lost_version, member.change_number) == (State.UNREACHABLE, 7, table.members.change_count)
     assert len(table.told) == 1
 
 
@@ -501,15 +501,15 @@ def test_whoever_watches_the_task_hears_of_a_contract_that_changed() -> None:
     table = Table()
     member = table.executing()
     table.touched.clear()
-    carried_out(table.participants.give_up(member))
+    carried_out(table.participants.give_up_member(member))
     assert table.touched == {"task1": None}
 
 
 def test_who_is_given_up_twice_is_lost_once() -> None:
     table = Table()
     member = table.in_state(State.UNREACHABLE)
-    changes = table.members.changes
+    changes = table.members.change_count
     table.replica.version = 9
-    assert carried_out(table.participants.give_up(member)) == ([], None)
-    assert (member.lost_at, table.members.changes) == (7, changes)
+    assert carried_out(table.participants.give_up_member(member)) == ([], None)
+    assert (member.lost_version, table.members.change_count) == (7, changes)
     assert isinstance(member.session, CoordinatorSession)

@@ -10,7 +10,7 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
-from somrs.task_manager.execution.reports import About, OfNobody, OfProgress, OfWork, Report, Reports, settled_at
+from somrs.task_manager.execution.reports import ProgressSubject, Report, Reports, ReportSubject, UnobservedSubject, WorkSubject, settlement
 from somrs.task_manager.requests import ForReport
 from tests.unit.task_manager.arrangement.test_plan_request import context
 
@@ -21,16 +21,16 @@ def updates(effects: list[Effect]) -> list[Body]:
 
 def test_reports_go_one_after_the_other() -> None:
     reports, world = Reports(), context()
-    first = Report(update=UpdateMap(situation="Jar001 isOn Shelf1"), about=OfProgress("p"))
-    second = Report(update=UpdateMap(situation="Jar001 isOn Shelf2"), about=OfWork("p", "Jar001 isOn Shelf2"))
+    first = Report(update=UpdateMap(situation="Jar001 isOn Shelf1"), subject=ProgressSubject("p"))
+    second = Report(update=UpdateMap(situation="Jar001 isOn Shelf2"), subject=WorkSubject("p", "Jar001 isOn Shelf2"))
     assert reports.pending is False
-    assert updates([*reports.put("task1", first, world, 5.0)]) == [first.update]
-    assert [*reports.put("task1", second, world, 6.0)] == []
+    assert updates([*reports.add_report("task1", first, world, 5.0)]) == [first.update]
+    assert [*reports.add_report("task1", second, world, 6.0)] == []
     assert (reports.waiting, reports.pending) == ([first, second], True)
-    assert reports.over() is False
-    assert updates([*reports.next("task1", world, 7.0)]) == [second.update]
+    assert reports.settle_first() is False
+    assert updates([*reports.send_next("task1", world, 7.0)]) == [second.update]
     assert [request.purpose for request in world.requests.pending.values()] == [ForReport("task1")] * 2
-    assert (reports.over(), reports.pending) == (True, False)
+    assert (reports.settle_first(), reports.pending) == (True, False)
 
 
 @pytest.mark.parametrize(
@@ -44,10 +44,12 @@ def test_reports_go_one_after_the_other() -> None:
 )
 def test_a_report_is_settled_when_the_map_shows_what_came_of_it(body: Body, version: int | None, problems: tuple[str, ...]) -> None:
     answer = Message(header=Header(sender="repository", recipient="tm", message_id="1", reply_to="repository"), body=body)
-    assert settled_at(answer) == (version, problems)
+    assert settlement(answer) == (version, problems)
 
 
-@pytest.mark.parametrize("about", [OfProgress("p"), OfWork("p", "Jar001 isOn Shelf1", "it contradicts"), OfNobody("Jar001", 3)])
-def test_what_a_report_is_about_is_known_when_it_is_read_back(about: About) -> None:
-    report = Report(update=UpdateMap(situation="Jar001 isOn Shelf1"), about=about)
+@pytest.mark.parametrize(
+    "about", [ProgressSubject("p"), WorkSubject("p", "Jar001 isOn Shelf1", "it contradicts"), UnobservedSubject("Jar001", 3)]
+)
+def test_what_a_report_is_about_is_known_when_it_is_read_back(about: ReportSubject) -> None:
+    report = Report(update=UpdateMap(situation="Jar001 isOn Shelf1"), subject=about)
     assert Codec[Report](Report).decode(encode(report)) == report

@@ -22,7 +22,7 @@ def step(id: str, object: str = "Jar1", **more: Any) -> Step:
 def chain() -> Workflow:
     """The second step waits for the first, the third for both; the fourth for nobody."""
     links = (Link("a", "b", ""), Link("a", "c", ""), Link("b", "c", ""))
-    return Workflow.of(Plan(tuple(step(id, f"Jar{id}") for id in "abcd"), links), "1.1/", "undo1.", GoalKind.UNDO)
+    return Workflow.from_plan(Plan(tuple(step(id, f"Jar{id}") for id in "abcd"), links), "1.1/", "undo1.", GoalKind.UNDO)
 
 
 def ids(runs: list[StepRun]) -> str:
@@ -36,12 +36,12 @@ def member(table: Table, step: str) -> Member:
 def taken(workflow: Workflow, id: str, table: Table, start: float = 0.0, finish: float = 10.0) -> Member:
     run = workflow.runs[id]
     who = member(table, run.key)
-    workflow.take(run, who, start, finish)
+    workflow.assign(run, who, start, finish)
     return who
 
 
 def state(workflow: Workflow) -> tuple[str, str, bool, bool, bool]:
-    return ids(workflow.open), ids(workflow.ready), workflow.arranged, workflow.busy, workflow.done
+    return ids(workflow.open), ids(workflow.ready), workflow.arranged, workflow.busy, workflow.is_completed
 
 
 def test_steps_are_known_by_their_names() -> None:
@@ -49,8 +49,8 @@ def test_steps_are_known_by_their_names() -> None:
     assert [(run.label, run.key, run.goal) for run in workflow] == [
         (f"undo1.{id}", f"1.1/{id}", GoalKind.UNDO) for id in ("a", "b", "c", "d")
     ]
-    assert [run.step.id for run in workflow.before("c")] == ["a", "b"]
-    plain = Workflow.of(Plan((step("a"),)))
+    assert [run.step.id for run in workflow.predecessors("c")] == ["a", "b"]
+    plain = Workflow.from_plan(Plan((step("a"),)))
     assert [(run.label, run.key, run.goal) for run in plain] == [("a", "a", GoalKind.TASK)]
 
 
@@ -70,15 +70,15 @@ def test_steps_are_arranged_when_those_before_are_promised_and_begin_when_they_a
     assert state(workflow) == ("", "d", True, True, False)
     workflow.move(workflow.runs["a"], Progress.REPORTING)
     assert state(workflow) == ("", "d", True, True, False)
-    workflow.move(workflow.runs["a"], Progress.DONE)
+    workflow.move(workflow.runs["a"], Progress.COMPLETED)
     assert state(workflow) == ("", "bd", True, False, False)
-    assert (ids(workflow.rest), workflow.count, workflow.count_done) == ("bcd", 4, 1)
-    workflow.lose(workflow.runs["b"])
+    assert (ids(workflow.remaining), workflow.step_count, workflow.done_count) == ("bcd", 4, 1)
+    workflow.release(workflow.runs["b"])
     assert state(workflow) == ("b", "d", False, False, False)
     for id in "bcd":
-        workflow.move(workflow.runs[id], Progress.DONE)
+        workflow.move(workflow.runs[id], Progress.COMPLETED)
     assert state(workflow) == ("", "", True, False, True)
-    assert (ids(workflow.rest), workflow.count_done) == ("", 4)
+    assert (ids(workflow.remaining), workflow.done_count) == ("", 4)
 
 
 def test_what_is_known_of_a_workflow_is_known_when_it_is_read_back() -> None:
@@ -86,31 +86,31 @@ def test_what_is_known_of_a_workflow_is_known_when_it_is_read_back() -> None:
     taken(workflow, "a", table, 1.0, 2.0)
     taken(workflow, "b", table, 3.0, 4.0)
     taken(workflow, "d", table, 5.0, 6.0)
-    workflow.move(workflow.runs["a"], Progress.DONE)
+    workflow.move(workflow.runs["a"], Progress.COMPLETED)
     workflow.move(workflow.runs["d"], Progress.EXECUTING)
-    workflow.fail(workflow.runs["c"], "broken")
+    workflow.set_failure(workflow.runs["c"], "broken")
     read = Workflow(workflow.plan, workflow.runs)
     assert state(read) == state(workflow) == ("c", "b", False, True, False)
     assert read.failed is workflow.failed is workflow.runs["c"]
     assert sorted(read.promised("Robot1")) == sorted(workflow.promised("Robot1")) == [(3.0, 4.0), (5.0, 6.0)]
-    assert (read.count, read.count_done) == (4, 1)
+    assert (read.step_count, read.done_count) == (4, 1)
 
 
 def test_a_service_has_a_step_until_it_loses_it() -> None:
     workflow, table = chain(), Table()
     run = workflow.runs["a"]
-    run.waits = True
+    run.is_waiting = True
     who = taken(workflow, "a", table, 1.0, 2.0)
-    assert (run.participant, run.provider, run.start, run.finish, run.waits) == (who.id, "Robot1", 1.0, 2.0, False)
+    assert (run.participant, run.provider, run.start, run.finish, run.is_waiting) == (who.id, "Robot1", 1.0, 2.0, False)
     assert (workflow.run_of(who), workflow.held_by(who)) == (run, run)
     other = member(table, run.key)
     assert (workflow.run_of(other), workflow.held_by(other)) == (run, None)
     assert workflow.held_by(member(table, "elsewhere")) is None
-    workflow.lose(run, "it broke")
+    workflow.release(run, "it broke")
     assert (run.progress, run.participant, run.provider, run.failure) == (Progress.OPEN, None, None, "it broke")
     assert workflow.failed is run
     assert [*workflow.promised("Robot1")] == []
-    workflow.fail(run, None)
+    workflow.set_failure(run, None)
     assert [one.failure for one in workflow] == [None] * 4
     assert workflow.failed is None
 
@@ -118,7 +118,7 @@ def test_a_service_has_a_step_until_it_loses_it() -> None:
 def test_the_first_of_the_steps_that_failed_is_recovered_first() -> None:
     workflow = chain()
     for id in "db":
-        workflow.lose(workflow.runs[id], "it broke")
+        workflow.release(workflow.runs[id], "it broke")
     assert workflow.failed is workflow.runs["b"]
 
 
@@ -128,7 +128,7 @@ def test_a_step_can_start_when_those_before_it_are_promised_to_be_over() -> None
     taken(workflow, "b", table, 50.0, 70.0)
     assert workflow.earliest_start(workflow.runs["c"], 10.0) == 70.0
     assert workflow.earliest_start(workflow.runs["c"], 80.0) == 80.0
-    workflow.move(workflow.runs["b"], Progress.DONE)
+    workflow.move(workflow.runs["b"], Progress.COMPLETED)
     assert workflow.earliest_start(workflow.runs["c"], 10.0) == 50.0
     assert workflow.earliest_start(workflow.runs["a"], 10.0) == 10.0
 
@@ -146,10 +146,10 @@ def test_a_step_can_start_when_those_before_it_are_promised_to_be_over() -> None
     ],
 )
 def test_a_new_plan_takes_over_what_stands_of_the_old_one(steps: list[Step], taken_over: str) -> None:
-    old, table = Workflow.of(Plan((step("a", "Jara"),)), "1.1/"), Table()
+    old, table = Workflow.from_plan(Plan((step("a", "Jara"),)), "1.1/"), Table()
     who = taken(old, "a", table, 3.0, 4.0)
     old.runs["a"].precondition = parse("Jara.Open = TRUE")
-    new = Workflow.of(Plan(tuple(steps)), "1.2/")
+    new = Workflow.from_plan(Plan(tuple(steps)), "1.2/")
     left = [*new.adopt(old, table.members)]
     adopted = [run for run in new if run.progress is Progress.ARRANGED]
     assert left == ([] if taken_over else [who])
@@ -159,22 +159,22 @@ def test_a_new_plan_takes_over_what_stands_of_the_old_one(steps: list[Step], tak
         assert (str(run.precondition), who.step) == ("Jara.Open = TRUE", run.key)
 
 
-@pytest.mark.parametrize("progress", [Progress.OPEN, Progress.ARRANGING, Progress.EXECUTING, Progress.DONE])
+@pytest.mark.parametrize("progress", [Progress.OPEN, Progress.ARRANGING, Progress.EXECUTING, Progress.COMPLETED])
 def test_of_an_old_plan_only_what_is_promised_is_taken_over(progress: Progress) -> None:
-    old, table = Workflow.of(Plan((step("a"), step("b"))), "1.1/"), Table()
+    old, table = Workflow.from_plan(Plan((step("a"), step("b"))), "1.1/"), Table()
     taken(old, "a", table)
     old.move(old.runs["a"], progress)
     second = taken(old, "b", table)
     old.runs["a"].provider = OFFER.provider
-    new = Workflow.of(Plan((step("x"),)), "1.2/")
+    new = Workflow.from_plan(Plan((step("x"),)), "1.2/")
     assert [*new.adopt(old, table.members)] == []
     assert new.runs["x"].participant == second.id
 
 
 def test_two_promises_are_taken_over_by_two_steps() -> None:
-    old, table = Workflow.of(Plan((step("a"), step("b"), step("c"))), "1.1/"), Table()
+    old, table = Workflow.from_plan(Plan((step("a"), step("b"), step("c"))), "1.1/"), Table()
     who = [taken(old, id, table) for id in "abc"]
-    new = Workflow.of(Plan((step("x"), step("y"))), "1.2/")
+    new = Workflow.from_plan(Plan((step("x"), step("y"))), "1.2/")
     assert [*new.adopt(old, table.members)] == [who[2]]
     assert [run.participant for run in new] == [who[0].id, who[1].id]
 
@@ -182,7 +182,7 @@ def test_two_promises_are_taken_over_by_two_steps() -> None:
 def test_steps_of_one_device_are_bound_together() -> None:
     alike: dict[str, Any] = {"provider": "Robot2", "alike": ("Robot1",)}
     steps = (step("a", same="g", **alike), step("b", same="g", **alike), step("c", same="h", **alike), step("d", provider="Robot2"))
-    workflow = Workflow.of(Plan(steps))
+    workflow = Workflow.from_plan(Plan(steps))
     workflow.bind(workflow.runs["d"], "Robot1")
     assert [run.step.provider for run in workflow] == ["Robot2"] * 4
     workflow.bind(workflow.runs["b"], "Robot1")

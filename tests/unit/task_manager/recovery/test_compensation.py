@@ -14,7 +14,7 @@ from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
-from somrs.task_manager.recovery.compensation import Attempt, Compensation, ToRestore, Undoing
+from somrs.task_manager.recovery.compensation import Attempt, Compensation, RestorationGoal, Undoing
 from somrs.task_manager.reservations import Reservation
 from tests.unit.planner.test_planning import MAP, TRANSFER
 from tests.unit.task_manager.arrangement.test_plan_request import context
@@ -34,8 +34,8 @@ def work(number: int, participant: str = "nobody", before: str | None = THERE, j
         participant=participant,
         service="Robot1.Work",
         provider="Robot1",
-        began=1.0,
-        before=parse(before) if before is not None else None,
+        started_at=1.0,
+        prior_situation=parse(before) if before is not None else None,
         concerned=(jar,),
         state=State.COMPLETED,
         note="it broke",
@@ -47,7 +47,7 @@ class Ending:
 
     def __init__(self, *works: Work, by_others: bool = True, handlers: tuple[Handler, ...] = (), table: Table | None = None) -> None:
         self.table, self.context, self.works = table or Table(), context(), works
-        self.state = Undoing.of(works, by_others=by_others)
+        self.state = Undoing.from_works(works, by_other_services=by_others)
         self.told: list[tuple[Event, float, Work]] = []
         self.compensation = Compensation(
             self.state,
@@ -57,10 +57,10 @@ class Ending:
             members=self.table.members,
             participants=self.table.participants,
             context=self.context,
-            tell=lambda event, now, work: self.told.append((event, now, work)),
+            log_event=lambda event, now, work: self.told.append((event, now, work)),
         )
 
-    def proceeds(self, now: float = 9.0) -> tuple[list[Effect], bool | ToRestore]:
+    def proceeds(self, now: float = 9.0) -> tuple[list[Effect], bool | RestorationGoal]:
         return carried_out(self.compensation.proceed(now))
 
 
@@ -72,11 +72,11 @@ def test_what_is_as_it_was_is_undone() -> None:
     works = work(1, before="Jar001 isOn Shelf1"), work(2)
     works[1].state = State.COMPENSATED
     ending = Ending(*works)
-    assert ending.state.left == [1, 2]
+    assert ending.state.remaining_numbers == [1, 2]
     assert ending.proceeds() == ([], True)
     assert ending.told == [(events.WorkUndone(), 9.0, one) for one in works]
     assert [one.state for one in works] == [State.COMPENSATED] * 2
-    assert (ending.state.restored, ending.state.work, ending.state.left) == (2, None, [])
+    assert (ending.state.restored, ending.state.work, ending.state.remaining_numbers) == (2, None, [])
 
 
 @pytest.mark.parametrize("state", [State.COMPLETED, State.FAILED, State.STOPPED, State.UNREACHABLE])
@@ -89,7 +89,7 @@ def test_what_changed_nothing_is_not_undone_whatever_others_did_since(state: Sta
     one.state, one.situation = state, situation
     nothing = nothing and state is not State.UNREACHABLE
     effects, found = Ending(one).proceeds()
-    assert (effects, found) == ([], True if nothing else ToRestore(THERE, one))
+    assert (effects, found) == ([], True if nothing else RestorationGoal(THERE, one))
     assert one.state is (State.COMPENSATED if nothing else state)
 
 
@@ -113,10 +113,10 @@ def test_the_attempts_are_made_one_after_the_other() -> None:
     )
     ending = Ending(work(1, member.id), handlers=handlers, table=table)
     (one,) = ending.works
-    assert ending.proceeds() == ([], ToRestore(HERE, one))
-    assert (ending.state.pursued, ending.state.attempts) == (True, [Attempt.PARTICIPANT, Attempt.OTHERS, Attempt.NONE])
+    assert ending.proceeds() == ([], RestorationGoal(HERE, one))
+    assert (ending.state.pursued, ending.state.attempts) == (True, [Attempt.PARTICIPANT, Attempt.OTHER_SERVICES, Attempt.NO_SERVICE])
     assert ending.proceeds() == ([], False), "it is pursued"
-    ending.compensation.tried()
+    ending.compensation.goal_failed()
     effects, found = ending.proceeds(10.0)
     assert (sends(effects), found) == ([(frp.Compensate(situation=THERE, begin_by=30.0), 30.0)], False)
     assert ending.proceeds(11.0) == ([], False), "it is at it"
@@ -124,8 +124,8 @@ def test_the_attempts_are_made_one_after_the_other() -> None:
     member.halting = True
     assert ending.proceeds(12.0) == ([], False), "it moves yet"
     member.halting = False
-    assert ending.proceeds(13.0) == ([], ToRestore(THERE, one))
-    ending.compensation.tried()
+    assert ending.proceeds(13.0) == ([], RestorationGoal(THERE, one))
+    ending.compensation.goal_failed()
     assert ending.proceeds(14.0) == ([], True)
     assert ending.told == [
         (events.UndoneByHandler(effect=HERE), 9.0, one),
@@ -139,14 +139,14 @@ def test_the_attempts_are_made_one_after_the_other() -> None:
 def test_what_others_restored_is_undone_and_the_next_is_gone_on_with() -> None:
     ending = Ending(work(2), work(1, before="Jar002 isOn Platform001", jar="Jar002"))
     first, second = ending.works
-    assert ending.proceeds() == ([], ToRestore(THERE, first))
-    ending.compensation.achieved(20.0)
+    assert ending.proceeds() == ([], RestorationGoal(THERE, first))
+    ending.compensation.goal_reached(20.0)
     assert (first.state, ending.state.restored, ending.state.pursued, ending.state.work) == (State.COMPENSATED, 1, False, None)
     assert ending.told[-1] == (events.WorkUndone(), 20.0, first)
-    assert ending.proceeds(21.0) == ([], ToRestore("Jar002 isOn Platform001", second))
-    assert ending.state.left == []
+    assert ending.proceeds(21.0) == ([], RestorationGoal("Jar002 isOn Platform001", second))
+    assert ending.state.remaining_numbers == []
     ending.state.work = None
-    ending.compensation.achieved(22.0)
+    ending.compensation.goal_reached(22.0)
     assert (ending.state.pursued, ending.state.restored) == (False, 1)
 
 

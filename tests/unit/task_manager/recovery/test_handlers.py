@@ -11,7 +11,7 @@ from somrs.kernel.replica import Replica
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Step
 from somrs.task_manager.execution.execution_log import Work
-from somrs.task_manager.recovery.handlers import fitting
+from somrs.task_manager.recovery.handlers import fitting_handlers
 from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
 
 AWAY, BACK = "?Object isOn Platform001", "?Object isOn Shelf1"
@@ -48,8 +48,8 @@ def test_those_fit_that_are_for_the_step_and_the_situation(of_task: list[Handler
         participant="p",
         service="Robot1.TransferObject",
         provider="Robot1",
-        began=1.0,
+        started_at=1.0,
     )
-    found = fitting(of_task, work, Occasion.FAILURE, Replica("tm", "repository", laboratory(), MAP))
+    found = fitting_handlers(of_task, work, Occasion.FAILURE, Replica("tm", "repository", laboratory(), MAP))
     bound = [effect.replace("?Object", "Jar001").replace("?Provider", "Robot1") for effect in effects]
     assert found == [Handler(on=Occasion.FAILURE, effect=effect) for effect in bound]

@@ -25,12 +25,12 @@ def test_nothing_is_planned_anew_for_ever_without_anything_done() -> None:
     replans = Replans()
     replans.planned(5)
     for _ in range(MOST_REPLANS):
-        assert not replans.spent
+        assert not replans.is_exhausted
         replans.count()
-    assert replans.spent
+    assert replans.is_exhausted
     assert str(replans) == "planned anew 8 times already, and nothing was done"
-    replans.done()
-    assert not replans.spent
+    replans.step_completed()
+    assert not replans.is_exhausted
 
 
 def test_nothing_is_planned_anew_for_ever_though_much_is_done() -> None:
@@ -38,8 +38,8 @@ def test_nothing_is_planned_anew_for_ever_though_much_is_done() -> None:
     for steps in (2, 3, 1):
         replans.planned(steps)
     for _ in range(MOST_REPLANS + 3):
-        assert not replans.spent
+        assert not replans.is_exhausted
         replans.count()
-        replans.done()
-    assert replans.spent
+        replans.step_completed()
+    assert replans.is_exhausted
     assert str(replans) == "planned anew 11 times already"

@@ -75,7 +75,7 @@ def moved(desk: Desk, situation: str) -> None:
 def test_steps_follow_each_other_to_the_goal() -> None:
     desk = chain()
     assert bodies(desk.says(frp.Completed(situation="Jar001 isOn Platform001"), 50.0, by=member(desk, "a"))) == ["UpdateMap", "Execute"]
-    assert [run.progress for run in desk.task.goal] == [Progress.DONE, Progress.EXECUTING]
+    assert [run.progress for run in desk.task.goal] == [Progress.COMPLETED, Progress.EXECUTING]
     effects = desk.says(frp.Completed(situation="Tin001 isOn Platform001"), 90.0, by=member(desk, "b", TWO))
     assert (bodies(effects), desk.task.outcome) == (["UpdateMap", "End", "End"], Outcome.ACCOMPLISHED)
 
@@ -144,7 +144,7 @@ def test_a_new_plan_keeps_what_still_stands_of_the_one_before() -> None:
         ("step2", "1.2/step2", Progress.ARRANGED, "Robot2"),
     ]
     assert member(desk, "b", TWO).step == "1.2/step2"
-    assert (desk.task.goal.replans.all, desk.task.goal.replans.fruitless, desk.task.goal.replans.steps) == (1, 1, 2)
+    assert (desk.task.goal.replans.total, desk.task.goal.replans.fruitless, desk.task.goal.replans.steps) == (1, 1, 2)
 
 
 def test_whose_step_is_not_in_the_new_plan_is_sent_home() -> None:
@@ -199,7 +199,7 @@ def test_a_step_that_turns_out_to_be_so_is_done() -> None:
         (events.StepFailed(service=ONE, description="fell over", situation=WISH), *STEP),
         (events.FoundSo(), *STEP),
     ]
-    assert (desk.task.outcome, [run.progress for run in desk.task.goal]) == (Outcome.ACCOMPLISHED, [Progress.DONE])
+    assert (desk.task.outcome, [run.progress for run in desk.task.goal]) == (Outcome.ACCOMPLISHED, [Progress.COMPLETED])
 
 
 def test_the_only_one_that_can_do_it_may_try_again() -> None:
@@ -283,7 +283,7 @@ def test_when_a_plan_is_given_up_nobody_goes_on_with_it() -> None:
         ("b", Progress.ARRANGED, "Robot2"),
         ("c", Progress.EXECUTING, "Robot2"),
     ]
-    desk.task.goal.replans.all = 100
+    desk.task.goal.replans.total = 100
     effects = desk.says(frp.Failed(description="stuck", situation="Jar002 isHeldBy Robot2"), 5.0, by=member(desk, "c", TWO))
     assert (bodies(effects), goodbyes(effects)) == (["UpdateMap", "Stop", "Cancel"], ["the plan was given up"] * 2)
     assert (desk.task.ending, desk.task.reasons) == (Outcome.FAILED, ("failed: stuck", "planned anew 100 times already"))
@@ -300,7 +300,7 @@ def handling(effect: str, *, held: bool = False) -> Desk:
     terms(desk, "b", 2.0, 20.0, 10.0)
     desk.held = held
     desk.says(frp.Failed(description="stuck", situation="Jar001 isOn Cupboard001"), 5.0, by=member(desk, "a"))
-    assert (desk.task.phase, [one.kind for one in desk.task.aside]) == (Phase.RECOVERING, [GoalKind.HANDLER])
+    assert (desk.task.phase, [one.kind for one in desk.task.side_goals]) == (Phase.RECOVERING, [GoalKind.HANDLER])
     return desk
 
 
@@ -330,7 +330,7 @@ def test_a_procedure_is_done_when_what_it_demands_is_so() -> None:
     since = len(desk.task.events)
     desk.says(frp.Completed(situation=aside), 90.0, TWO)
     assert [type(one).__name__ for one in told(desk, since)] == ["StepCompleted", "ServiceReplaced", "ServicesAsked"]
-    assert (desk.task.aside, desk.task.phase) == ([], Phase.ARRANGING)
+    assert (desk.task.side_goals, desk.task.phase) == ([], Phase.ARRANGING)
 
 
 def test_when_a_procedure_is_given_up_nobody_is_asked_for_it_any_more() -> None:
@@ -344,11 +344,11 @@ def test_when_a_procedure_is_given_up_nobody_is_asked_for_it_any_more() -> None:
     terms(desk, "a", 1.0, 10.0, 20.0)
     terms(desk, "b", 2.0, 20.0, 10.0)
     desk.says(frp.Failed(description="stuck", situation="Jar001 isOn Cupboard001"), 5.0, by=member(desk, "a"))
-    (aside,) = desk.task.aside
+    (aside,) = desk.task.side_goals
     assert [(run.label, run.progress) for run in aside] == [("handler2.x", Progress.ARRANGING), ("handler2.y", Progress.ARRANGING)]
-    aside.replans.all = 100
+    aside.replans.total = 100
     effects = desk.says(frp.Refuse(reason="too heavy"), 6.0, by=member(desk, "handler2.y", TWO))
-    assert (desk.task.aside, goodbyes(effects)) == ([], ["the plan was given up"])
+    assert (desk.task.side_goals, goodbyes(effects)) == ([], ["the plan was given up"])
     assert member(desk, "handler2.x", TWO).state is State.ENDED
 
 
@@ -364,10 +364,10 @@ def test_who_has_to_wait_lets_go_of_who_is_committed() -> None:
     assert (bodies(effects), goodbyes(effects)) == (["UpdateMap", "Discover", "Cancel"], ["the task has to wait for others"])
     waits = events.WaitsForTasks(tasks={"other": "another wish"}, objects=("Jar001",))
     assert told(desk, since)[1:] == [events.Replanned(reasons=("failed: stuck",)), waits]
-    assert (desk.task.phase, desk.task.goal.waits, [run.provider for run in desk.task.goal]) == (Phase.WAITING, waits, [None, None])
+    assert (desk.task.phase, desk.task.goal.waiting_for, [run.provider for run in desk.task.goal]) == (Phase.WAITING, waits, [None, None])
     reservations = desk.manager.state.reservations
     assert (desk.task.id in reservations.held, [*reservations.waiting]) == (False, [desk.task.id])
-    reservations.leave("other")
+    reservations.remove_task("other")
     since = len(desk.task.events)
     effects = desk.says_client(clients.ReadTasks(), 6.0)
     assert [type(one).__name__ for one in told(desk, since)] == ["GoesOn", "Planned", "ServicesAsked", "ServicesAsked"]

@@ -163,7 +163,7 @@ def test_a_task_from_its_statement_to_its_end() -> None:
     assert {effect.timer: effect.at for effect in effects if isinstance(effect, SetTimer) and not isinstance(effect.timer, SilenceDue)}[
         DeadlineDue(desk.task.id)
     ] is None
-    assert (desk.manager.open, desk.task.messages, desk.task.passed, desk.task.setbacks) == ([], [], 6, 0)
+    assert (desk.manager.open, desk.task.messages, desk.task.message_count, desk.task.setbacks) == ([], [], 6, 0)
 
 
 def test_who_refuses_is_not_asked_again_and_the_next_is_taken() -> None:
@@ -173,7 +173,7 @@ def test_who_refuses_is_not_asked_again_and_the_next_is_taken() -> None:
     effects = desk.says(frp.Refuse(reason="too heavy"), 2.0)
     assert desk.news(since)[0] == (events.ServiceRefused(service=ONE, reason="too heavy"), *STEP)
     assert bodies(effects) == ["Accept", "Execute"]
-    assert desk.member().last_word == "too heavy"
+    assert desk.member().exit_reason == "too heavy"
     assert [run.excluded for run in desk.task.goal] == [{ONE: "too heavy"}]
 
 
@@ -194,7 +194,7 @@ def test_what_was_not_begun_leaves_nothing_to_undo() -> None:
     assert desk.news(since)[0] == (events.NotBegun(service=ONE, description="too late"), *STEP)
     assert (desk.task.log.works, desk.reports) == ([], [])
     assert bodies(effects)[-1] == "Arrange"
-    assert desk.member().last_word == "too late"
+    assert desk.member().exit_reason == "too late"
 
 
 @pytest.mark.parametrize(
@@ -222,7 +222,7 @@ def test_what_a_failure_left_is_on_the_map_before_another_is_asked(body: FrpBody
     (run,) = desk.task.goal
     assert (run.excluded, str(run.reported), desk.task.services.broken) == ({ONE: note}, BEFORE, {ONE: note})
     assert desk.task.services.failures == {ONE: 1}
-    assert desk.task.looks.wanted == []
+    assert desk.task.look_queue.unseen == []
 
 
 def test_a_failure_of_which_nothing_is_known_is_looked_at() -> None:
@@ -302,7 +302,7 @@ def test_the_report_of_one_that_was_given_up_is_put_on_the_map_after_the_end(lat
     desk.rings(StopDue(desk.task.id), 70.0)
     assert desk.task.outcome is Outcome.CANCELLED
     assert [*desk.task.members] == [member]
-    lost_at, before = member.lost_at, len(desk.reports)
+    lost_at, before = member.lost_version, len(desk.reports)
     for _ in range(2):
         desk.says(late, 80.0)
     assert desk.reports[before:] == [UpdateMap(situation=BEFORE, author=ONE, expected_version=lost_at)]
@@ -379,4 +379,4 @@ def test_a_procedure_that_was_laid_down_for_a_failure_is_begun_once_for_a_step()
         assert (events.HandlerBegun(effect=aside) in told) is bool(begun)
         if service == ONE:
             desk.offer(6.0, TWO)
-    assert (desk.task.goals, desk.task.aside) == (2, [])
+    assert (desk.task.goal_count, desk.task.side_goals) == (2, [])

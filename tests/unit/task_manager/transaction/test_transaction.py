@@ -66,7 +66,7 @@ def looking() -> tuple[Desk, int]:
 
 def test_a_task_that_was_just_stated_is_nobodys_and_has_one_goal() -> None:
     task = new_task("t", Submit(effect=WISH), 3.0)
-    assert (task.id, task.client, task.submitted_at, task.goals, [*task.executions]) == ("t", "", 3.0, 1, [task.goal])
+    assert (task.id, task.client, task.submitted_at, task.goal_count, [*task.executions]) == ("t", "", 3.0, 1, [task.goal])
     assert (task.goal.number, task.goal.goal, task.goal.kind, task.goal.calls.timer) == (1, WISH, GoalKind.TASK, BidsDue("t", 1))
 
 
@@ -109,7 +109,7 @@ def test_what_was_looked_at_is_what_the_step_begins_with() -> None:
     first, second = desk.task.log.works
     assert (first.situation, first.state, second.label, second.goal) == (THERE, State.FAILED, "look2.step1", GoalKind.LOOK)
     (run,) = desk.task.goal
-    assert (str(run.reported), desk.task.aside, desk.task.phase) == (THERE, [], Phase.ARRANGING)
+    assert (str(run.reported), desk.task.side_goals, desk.task.phase) == (THERE, [], Phase.ARRANGING)
     (arrange,) = [one.message.body for one in effects if isinstance(one, Send) and isinstance(one.message.body, frp.Arrange)]
     assert arrange.precondition == THERE
 
@@ -124,7 +124,7 @@ def test_when_nobody_can_look_the_map_says_that_nothing_is_known(refuses: bool) 
     (report,) = desk.reports
     assert (report.author, report.situation, report.expected_version) == ("nobody could look", None, 0)
     assert desk.replica.map.objects["Jar002"].values["Unknown"] is True
-    assert (desk.task.aside, desk.task.looks.wanted, desk.task.looks.begun) == ([], [], 1)
+    assert (desk.task.side_goals, desk.task.look_queue.unseen, desk.task.look_queue.look_count) == ([], [], 1)
 
 
 def test_a_map_that_does_not_take_it_knows_otherwise() -> None:
@@ -144,7 +144,7 @@ def test_a_look_that_was_called_off_is_begun_anew_before_anything_is_undone() ->
         BidsDue(desk.task.id, 2),
         BidsDue(desk.task.id, 3),
     ]
-    assert [(one.number, one.goal) for one in desk.task.aside] == [(3, "Jar002.Unknown = FALSE")]
+    assert [(one.number, one.goal) for one in desk.task.side_goals] == [(3, "Jar002.Unknown = FALSE")]
     desk.offer(7.0, EYE)
     since = len(desk.task.events)
     effects = desk.says(frp.Completed(situation=BACK), 8.0, EYE)
@@ -162,7 +162,7 @@ def test_a_look_for_which_nobody_was_found_yet_is_begun_anew_too() -> None:
     since = len(desk.task.events)
     assert bodies(desk.says_client(clients.CancelTask(task=desk.task.id), 6.0)) == ["Discover", "Cancelling", "UpdateMap", "Compensate"]
     assert kinds(desk, since)[:2] == ["Stopping", "NobodyLooks"]
-    assert (desk.task.looks.begun, desk.task.looks.asking, desk.task.looks.wanted) == (2, None, [])
+    assert (desk.task.look_queue.look_count, desk.task.look_queue.current_look, desk.task.look_queue.unseen) == (2, None, [])
     late = desk.give(Received(reply(discover, Discovered(offers=desk.offers), "registry")), 7.0)
     assert [type(one).__name__ for one in late] == ["Wake"], "it was asked for the look that was called off"
 
@@ -185,7 +185,7 @@ def test_a_procedure_that_cannot_be_had_is_told_of_and_the_step_is_recovered() -
         (events.ServiceReplaced(), *STEP),
         (events.ServicesAsked(services=(TWO,)), *STEP),
     ]
-    assert (desk.task.aside, desk.task.goals, desk.task.setbacks) == ([], 2, 2)
+    assert (desk.task.side_goals, desk.task.goal_count, desk.task.setbacks) == ([], 2, 2)
 
 
 def test_a_procedure_needs_nothing_that_others_have() -> None:
@@ -221,7 +221,7 @@ def waits() -> tuple[Desk, TaskState, TaskState]:
     assert bodies(effects) == ["Discover", "Submitted"]
     event = events.WaitsForTasks(tasks={first.id: WISH}, objects=("Jar002",))
     assert [one.event for one in second.events[1:]] == [event]
-    assert (second.phase, second.goal.waits) == (Phase.WAITING, event)
+    assert (second.phase, second.goal.waiting_for) == (Phase.WAITING, event)
     return desk, first, second
 
 
@@ -232,7 +232,7 @@ def test_who_waits_for_another_goes_on_when_that_one_has_ended() -> None:
     effects = desk.says_client(clients.CancelTask(task=first.id), 4.0)
     assert bodies(effects) == ["Cancel", "Cancel", "Cancelling", "Discover", "Arrange", "Arrange"]
     assert [type(one.event).__name__ for one in second.events[2:]] == ["GoesOn", "Planned", "ServicesAsked"]
-    assert (second.phase, second.goal.waits, second.goal.goes_on, view(second).reasons) == (Phase.ARRANGING, None, False, ())
+    assert (second.phase, second.goal.waiting_for, second.goal.resumed, view(second).reasons) == (Phase.ARRANGING, None, False, ())
 
 
 def test_who_never_got_what_it_waited_for_says_so() -> None:

@@ -10,7 +10,7 @@ from somrs.protocol.messages import clients, frp
 from somrs.protocol.messages.clients import ContractView, MessageView, Phase, Policy, Previewed, StepView, TaskRow
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Outcome, State
-from somrs.task_manager.transaction.views import contract_view, message_view, previewed, row, step_view, view, view_in_parts
+from somrs.task_manager.transaction.views import contract_view, message_view, preview_reply, row, step_view, view, view_in_parts
 from tests.unit.task_manager.test_preview import CHAIN
 from tests.unit.task_manager.transaction.test_participant_events import BEFORE, ONE, TWO, WISH, Desk
 
@@ -127,7 +127,7 @@ def test_a_step_names_those_before_it_once_and_why_each_time() -> None:
     ids=["nothing", "plan", "none", "formula", "why", "other"],
 )
 def test_what_the_planner_found_is_told(found: object, told: Previewed) -> None:
-    assert previewed(found) == told
+    assert preview_reply(found) == told
 
 
 def test_a_contract_is_seen_from_the_asking_to_the_end() -> None:
