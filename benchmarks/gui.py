@@ -27,7 +27,7 @@ import pages
 
 from somrs.client.client import Addresses
 from somrs.devices.simulator.link.connection import RobotGaveUp
-from somrs.devices.simulator.link.lines import Answer, Ask, Follow, Mover, Poses, Welcome, Work, read_by_server, written
+from somrs.devices.simulator.link.lines import Answer, Ask, Follow, Mover, Poses, RobotStatus, Welcome, encode_line, read_by_server
 from somrs.devices.simulator.link.link import RobotLink
 from somrs.ports import Reservation
 
@@ -189,12 +189,12 @@ async def player() -> AsyncIterator[str]:
     """Speaks the operator's part of the robot link, and tells of robots that move all the time."""
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        writer.write(written(Welcome(time=0.0)))
+        writer.write(encode_line(Welcome(time=0.0)))
         with contextlib.suppress(asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):  # the last, at the end of all
             await reader.readuntil(b"\n")
             while not isinstance(asked := read_by_server(await reader.readuntil(b"\n")), Ask) or not isinstance(asked.question, Follow):
                 pass
-            writer.write(written(Answer(id=asked.id)))
+            writer.write(encode_line(Answer(id=asked.id)))
             await play(writer)
         writer.close()
 
@@ -206,7 +206,7 @@ async def player() -> AsyncIterator[str]:
 
 async def play(writer: asyncio.StreamWriter) -> None:
     movers = tuple(Mover(name=f"Robot{i}", numbers=9) for i in range(ROBOTS))
-    robots = {mover.name: Work(doing="DriveTo") for mover in movers}
+    robots = {mover.name: RobotStatus(activity="DriveTo") for mover in movers}
     everyone, began, tick = tuple(range(ROBOTS)), time.monotonic(), 0
     while True:
         clock = time.monotonic()
@@ -218,7 +218,7 @@ async def play(writer: asyncio.StreamWriter) -> None:
             arm = (math.sin(turn), 0.57 + 0.2 * random.random(), 0.3, 0.0, 0.05)
             values += [round(value, 4) for value in (*pose, *arm)]
         line = Poses(time=clock, clock=clock, movers=movers if not tick else None, moved=everyone, values=tuple(values), robots=robots)
-        writer.write(written(line))
+        writer.write(encode_line(line))
         await writer.drain()
         tick += 1
         robots = {}

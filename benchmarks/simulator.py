@@ -19,7 +19,7 @@ from beside import side_by_side
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from somrs.devices.simulator.link.commands import Command, Done, DriveTo, Gave, Grip, Place
+from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, DriveTo, Grip, Place
 from somrs.devices.simulator.motion.navigation import Navigator, length
 from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
@@ -36,7 +36,7 @@ Jobs = dict[str, tuple[Command, ...]]
 Box = tuple[float, float, float, float]
 
 CARRY: Jobs = {
-    "Robot1": (Grip(object="Jar002"), Place(on="Platform001")),
+    "Robot1": (Grip(object="Jar002"), Place(support="Platform001")),
     "Robot2": (DriveTo(x=2.0, y=6.9), DriveTo(x=10.6, y=4.0)),
 }
 DELIVER: Jobs = {
@@ -49,8 +49,8 @@ def work(simulation: Simulation, jobs: Jobs) -> None:
     """Step until the robots have done their jobs."""
     open_jobs = {robot: list(commands) for robot, commands in jobs.items()}
 
-    def go_on(robot: str, end: Done | Gave | None = None) -> None:
-        if isinstance(end, Gave):
+    def go_on(robot: str, end: CommandDone | CommandGivenUp | None = None) -> None:
+        if isinstance(end, CommandGivenUp):
             raise SystemExit(f"{robot} gave up: {end.description}")
         if open_jobs[robot]:
             simulation.command(robot, open_jobs[robot].pop(0), lambda end: go_on(robot, end))

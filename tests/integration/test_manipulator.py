@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from somrs.devices.simulator.drivers.manipulator import Manipulator, Spot, where
+from somrs.devices.simulator.drivers.manipulator import Manipulator, Spot, read_spot
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.entish.formula import conjuncts
@@ -66,7 +66,7 @@ async def desk(
     async with simulator(speed) as server, OperatorLink(server.host, server.port) as operator:
         repository = Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map))
         device = kind(name, f"{server.host}:{server.port}")
-        device.away = away
+        device.reconnect_timeout = away
         ask = asking(repository, lambda: 0.0)
         device.map = MapReader(ask)
         observed: list[asyncio.Task[Body]] = []
@@ -115,8 +115,8 @@ def test_a_jar_is_carried_and_it_says_where_it_is_to_the_millimetre() -> None:
     async def test() -> None:
         async with desk() as at:
             map = await at.perform(order())
-            truth = await at.operator.seen("Jar1")
-            assert truth.on == "Platform1"
+            truth = await at.operator.observe("Jar1")
+            assert truth.support == "Platform1"
             assert map.has_fact("isOn", ("Jar1", "Platform1"))
             values = map.objects["Jar1"].values
             assert [values[f"Position{axis}"] for axis in "XYZ"] == [round(v, 3) for v in (truth.x, truth.y, truth.z)]
@@ -198,7 +198,7 @@ def test_a_drive_that_dies_in_mid_transport_is_told_exactly_and_another_robot_go
             await at.operator.schedule("Robot1", Fault.DRIVE, carried=2.5)
             with pytest.raises(ServiceFailed, match="drive of Robot1 is dead") as failed:
                 await at.do(Perform(order()))
-            truth = await at.operator.seen("Jar1")
+            truth = await at.operator.observe("Jar1")
             situation = failed.value.situation
             assert situation is not None
             first = [str(part) for part in conjuncts(parse(situation))][:4]
@@ -225,7 +225,7 @@ def test_a_drive_that_dies_in_mid_transport_is_told_exactly_and_another_robot_go
             at_floor = " AND ".join(first[:3])
             assert isinstance(await other.do(Quote(order(precondition=at_floor))), Quoted)
             assert (await other.perform(order(precondition=at_floor))).has_fact("isOn", ("Jar1", "Platform1"))
-            assert (await at.operator.seen("Jar1")).on == "Platform1"
+            assert (await at.operator.observe("Jar1")).support == "Platform1"
             await second.close()
 
     run(test())
@@ -262,7 +262,7 @@ def test_a_link_that_is_lost_fails_with_what_was_known_last() -> None:
 def test_a_link_that_is_lost_for_a_moment_does_not_end_the_work(after: float | None, carried: float | None) -> None:
     async def test() -> None:
         async with desk(away=6.0) as at:
-            await at.operator.schedule("Robot1", Fault.LINK, after=after, carried=carried)
+            await at.operator.schedule("Robot1", Fault.LINK, delay=after, carried=carried)
             working = asyncio.create_task(at.perform(order()))
             while not (await at.operator.robots())["Robot1"].faults:
                 await asyncio.sleep(0.01)
@@ -271,7 +271,7 @@ def test_a_link_that_is_lost_for_a_moment_does_not_end_the_work(after: float | N
             await at.operator.repair("Robot1", Fault.LINK)
             map = await working
             assert map.has_fact("isOn", ("Jar1", "Platform1"))
-            assert (await at.operator.seen("Jar1")).on == "Platform1"
+            assert (await at.operator.observe("Jar1")).support == "Platform1"
 
     run(test())
 
@@ -315,8 +315,8 @@ def test_stopped_in_the_middle_it_puts_the_jar_down_and_says_where() -> None:
             await asyncio.gather(working, return_exceptions=True)
             done = await at.do(Halt(order()))
             assert isinstance(done, WorkDone)
-            truth = await at.operator.seen("Jar1")
-            assert truth.on == "Floor1"
+            truth = await at.operator.observe("Jar1")
+            assert truth.support == "Floor1"
             map = after(done.situation)
             assert map.has_fact("isOn", ("Jar1", "Floor1"))
             assert map.objects["Jar1"].values["PositionX"] == pytest.approx(truth.x, abs=0.002)
@@ -330,7 +330,7 @@ def test_stopped_before_it_gripped_it_leaves_the_jar_alone() -> None:
         async with desk() as at:
             done = await at.do(Halt(order()))
             assert isinstance(done, WorkDone)
-            assert (await at.operator.seen("Jar1")).on == "Table1"
+            assert (await at.operator.observe("Jar1")).support == "Table1"
             assert after(done.situation).has_fact("isOn", ("Jar1", "Table1"))
 
     run(test())
@@ -344,7 +344,7 @@ def test_what_was_done_is_undone() -> None:
             done = await at.do(Undo(order(), was))
             assert isinstance(done, WorkDone)
             assert after(done.situation).has_fact("isOn", ("Jar1", "Table1"))
-            truth = await at.operator.seen("Jar1")
+            truth = await at.operator.observe("Jar1")
             assert math.dist((truth.x, truth.y), (1.15, 4)) < 0.02
             with pytest.raises(ServiceFailed, match="does not say on what"):
                 await at.do(Undo(order(), "Jar1.Color = Red"))
@@ -371,10 +371,10 @@ def test_a_device_without_a_simulator_says_what_is_missing() -> None:
 
 
 def test_where_a_formula_says_that_a_thing_is() -> None:
-    assert where("Jar1", parse("Jar1 isOn ?Shelf AND Jar2 isOn Table2")) == Spot()
-    assert where("Jar1", parse("Jar1 isOn Table1 AND Jar1.PositionX = 1")) == Spot(on="Table1")
-    assert where("Jar1", parse("Jar1.PositionX = 1 AND Jar1.PositionY = 2")) == Spot(at=(1, 2))
-    assert where("Jar1", None) == Spot()
+    assert read_spot("Jar1", parse("Jar1 isOn ?Shelf AND Jar2 isOn Table2")) == Spot()
+    assert read_spot("Jar1", parse("Jar1 isOn Table1 AND Jar1.PositionX = 1")) == Spot(support="Table1")
+    assert read_spot("Jar1", parse("Jar1.PositionX = 1 AND Jar1.PositionY = 2")) == Spot(position=(1, 2))
+    assert read_spot("Jar1", None) == Spot()
 
 
 def test_nothing_is_carried_to_where_nothing_can_be_put() -> None:

@@ -24,7 +24,7 @@ def test_a_patrol_finds_a_jar_that_stands_where_it_was_and_measures_it() -> None
         async with lab() as at:
             patrol = await at.open("Patrol1")
             situation = await at.found(patrol, "Jar1")
-            truth = await at.operator.seen("Jar1")
+            truth = await at.operator.observe("Jar1")
             map = after(situation)
             assert map.has_fact("isOn", ("Jar1", "Table1"))
             values = map.objects["Jar1"].values
@@ -106,7 +106,7 @@ def test_a_patrol_that_breaks_says_so() -> None:
     async def test() -> None:
         async with lab() as at:
             patrol = await at.open("Patrol1")
-            await at.operator.schedule("Patrol1", Fault.DRIVE, after=3.0)
+            await at.operator.schedule("Patrol1", Fault.DRIVE, delay=3.0)
             with pytest.raises(ServiceFailed, match="drive of Patrol1 is dead") as failed:
                 await at.do(patrol, Perform(looking("Jar1")))
             assert after(failed.value.situation).objects["Patrol1"].values["Working"] is False
@@ -149,7 +149,7 @@ def test_a_patrol_that_is_stopped_stands_and_one_that_is_undone_has_nothing_to_u
             stopped = after(done.situation).objects["Patrol1"].values
             await asyncio.sleep(0.3)
             robot = (await at.operator.robots())["Patrol1"]
-            assert robot.doing is None
+            assert robot.activity is None
             assert (stopped["PositionX"], stopped["PositionY"]) == pytest.approx((robot.x, robot.y), abs=0.3)
             (capability,) = patrol.profile().capabilities
             assert capability.undoable, "else a Service Manager would report it as stranded"

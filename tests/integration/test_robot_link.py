@@ -49,14 +49,14 @@ from somrs.devices.simulator.link.lines import (
     Mover,
     Order,
     Poses,
+    RobotStatus,
     State,
     Unheard,
     Ways,
     Welcome,
-    Work,
+    encode_line,
     read_by_client,
     read_by_server,
-    written,
 )
 from somrs.devices.simulator.link.link import OperatorLink, RobotLink
 from somrs.devices.simulator.server.server import MOST_STATES, Server
@@ -94,12 +94,12 @@ lines: st.SearchStrategy[ClientLine] = st.one_of(
 
 @given(lines)
 def test_a_line_is_read_as_it_was_written(line: ClientLine) -> None:
-    text = written(line)
+    text = encode_line(line)
     assert text.count(b"\n") == 1
     assert read_by_server(text) == line
 
 
-@given(st.binary() | st.text().map(str.encode) | lines.map(lambda line: written(line)[:-3]))
+@given(st.binary() | st.text().map(str.encode) | lines.map(lambda line: encode_line(line)[:-3]))
 def test_what_is_no_line_is_a_wire_error(line: bytes) -> None:
     for read in (read_by_server, read_by_client):
         with contextlib.suppress(WireError):
@@ -125,7 +125,7 @@ class Raw:
 
     async def states_until(self, order: Order) -> list[dict[str, Any]]:
         """What it says of itself until the order is carried out."""
-        self.writer.write(written(order))
+        self.writer.write(encode_line(order))
         said = []
         while (line := await self.hear())["say"] == "state":
             said.append(line)
@@ -149,8 +149,8 @@ def test_a_robot_carries_a_jar_and_says_where_it_is_all_the_time() -> None:
             await robot.approach("Platform1")
             done = await robot.place("Platform1")
             assert done.state.holding is None
-            (seen,) = [one for one in done.seen if one.object == "Jar1"]
-            assert seen.on == "Platform1"
+            (seen,) = [one for one in done.object_states if one.object == "Jar1"]
+            assert seen.support == "Platform1"
             assert seen.z == pytest.approx(0.3, abs=0.005)
             assert abs(seen.x - 6.5) < 0.4
             assert robot.state is not None
@@ -159,7 +159,7 @@ def test_a_robot_carries_a_jar_and_says_where_it_is_all_the_time() -> None:
             assert times == sorted(times)
             assert len(states) > 10
             around = await robot.sense()
-            assert "Jar1" in [one.object for one in around.seen]
+            assert "Jar1" in [one.object for one in around.object_states]
 
     run(test())
 
@@ -189,7 +189,7 @@ def test_a_command_ends_the_one_before_and_stop_stops() -> None:
             going = asyncio.create_task(robot.drive_to(7, 5))
             await asyncio.sleep(0.3)
             assert robot.state is not None
-            assert robot.state.doing == "DriveTo"
+            assert robot.state.activity == "DriveTo"
             stopped = await robot.stop()
             with pytest.raises(RobotGaveUp) as gave:
                 await going
@@ -304,9 +304,9 @@ def test_a_drive_that_dies_under_way_leaves_the_jar_on_the_floor_and_says_where(
             assert state is not None
             assert state.faults == (Fault.DRIVE,)
             assert 1.5 < math.dist((state.x, state.y), (gripped.x, gripped.y)) < 2.1
-            (jar,) = [one for one in gave.value.seen if one.object == "Jar1"]
-            truth = await operator.seen("Jar1")
-            assert truth.on == jar.on == "Floor1"
+            (jar,) = [one for one in gave.value.object_states if one.object == "Jar1"]
+            truth = await operator.observe("Jar1")
+            assert truth.support == jar.support == "Floor1"
             assert math.dist((jar.x, jar.y), (truth.x, truth.y)) < 0.003
             with pytest.raises(RobotGaveUp):
                 await robot.drive_to(2, 2)
@@ -331,7 +331,7 @@ def test_a_gripper_that_sticks_once_it_has_put_the_jar_down() -> None:
             await robot.approach("Platform1")
             done = await robot.place("Platform1")
             assert done.state.faults == ()
-            assert (await operator.seen("Jar1")).on == "Platform1"
+            assert (await operator.observe("Jar1")).support == "Platform1"
             assert (await robot.status()).state.faults == (Fault.GRIPPER,)
             await robot.approach("Jar1")
             with pytest.raises(RobotGaveUp) as gave:
@@ -350,10 +350,10 @@ def test_a_fault_after_some_time_and_one_that_is_called_off() -> None:
             RobotLink(server.host, server.port, "Robot1") as robot,
             OperatorLink(server.host, server.port) as operator,
         ):
-            await operator.schedule("Robot1", Fault.DRIVE, after=1.0)
+            await operator.schedule("Robot1", Fault.DRIVE, delay=1.0)
             await operator.repair("Robot1", Fault.DRIVE)
             await robot.drive_to(2, 4.5)
-            await operator.schedule("Robot1", Fault.DRIVE, after=1.0)
+            await operator.schedule("Robot1", Fault.DRIVE, delay=1.0)
             before = (await operator.clock()).time
             with pytest.raises(RobotGaveUp) as gave:
                 await robot.drive_to(7, 5)
@@ -363,7 +363,7 @@ def test_a_fault_after_some_time_and_one_that_is_called_off() -> None:
             with pytest.raises(UsageError, match="say when"):
                 await operator.schedule("Robot1", Fault.DRIVE)
             with pytest.raises(UsageError, match="Robot1, Robot2"):
-                await operator.schedule("Robot9", Fault.DRIVE, after=1)
+                await operator.schedule("Robot9", Fault.DRIVE, delay=1)
 
     run(test())
 
@@ -373,10 +373,10 @@ def test_a_simulator_that_is_slow_is_no_silent_robot() -> None:
 
     async def speak(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.readuntil(b"\n")
-        writer.write(written(Welcome(robot="Robot1", time=0.0)))
+        writer.write(encode_line(Welcome(robot="Robot1", time=0.0)))
         for line in lines:
             await go_on.acquire()
-            writer.write(written(line))
+            writer.write(encode_line(line))
         await ended.wait()
         writer.close()
 
@@ -411,7 +411,7 @@ def test_a_silent_robot_is_noticed_and_heard_again_when_repaired() -> None:
             RobotLink(server.host, server.port, "Robot1", silence=1.4) as robot,
             OperatorLink(server.host, server.port) as operator,
         ):
-            await operator.schedule("Robot1", Fault.SILENT, after=1.0)
+            await operator.schedule("Robot1", Fault.SILENT, delay=1.0)
             with pytest.raises(RobotGaveUp) as gave:
                 await robot.drive_to(7, 5)
             assert gave.value.reason == "silent"
@@ -431,7 +431,7 @@ def test_a_cut_link_is_noticed_at_once_and_made_again_after_repair() -> None:
             RobotLink(server.host, server.port, "Robot1") as robot,
             OperatorLink(server.host, server.port) as operator,
         ):
-            await operator.schedule("Robot1", Fault.LINK, after=1.0)
+            await operator.schedule("Robot1", Fault.LINK, delay=1.0)
             with pytest.raises(RobotGaveUp) as gave:
                 await robot.drive_to(7, 5)
             assert gave.value.reason == "link-lost"
@@ -448,15 +448,15 @@ def test_a_robot_whose_controller_is_gone_stops() -> None:
     async def test() -> None:
         async with simulator(speed=4) as server, OperatorLink(server.host, server.port) as operator:
             client = await raw(server, {"robot": "Robot1"})
-            client.writer.write(written(Order(id=1, command=DriveTo(x=7, y=5))))
+            client.writer.write(encode_line(Order(id=1, command=DriveTo(x=7, y=5))))
             await asyncio.sleep(0.4)
-            assert (await operator.robots())["Robot1"].doing == "DriveTo"
+            assert (await operator.robots())["Robot1"].activity == "DriveTo"
             client.writer.transport.abort()
             await asyncio.sleep(0.3)
             first = (await operator.robots())["Robot1"]
             await asyncio.sleep(0.3)
             second = (await operator.robots())["Robot1"]
-            assert first.doing is None
+            assert first.activity is None
             assert math.dist((first.x, first.y), (second.x, second.y)) < 0.02
 
     run(test())
@@ -487,15 +487,15 @@ def test_nobody_there_and_nobody_known() -> None:
 def test_operators_see_the_truth_and_move_things() -> None:
     async def test() -> None:
         async with simulator() as server, OperatorLink(server.host, server.port) as operator:
-            jar = await operator.seen("Jar1")
-            assert jar.on == "Table1"
+            jar = await operator.observe("Jar1")
+            assert jar.support == "Table1"
             assert math.dist((jar.x, jar.y), (1.15, 4)) < 0.01
             await operator.move("Jar1", 3, 3, 0.0)
             await operator.idle()
-            assert (await operator.seen("Jar1")).on == "Floor1"
+            assert (await operator.observe("Jar1")).support == "Floor1"
             assert set(await operator.robots()) == {"Robot1", "Robot2"}
             with pytest.raises(UsageError, match="Jar9"):
-                await operator.seen("Jar9")
+                await operator.observe("Jar9")
             with pytest.raises(UsageError, match="Table1"):
                 await operator.move("Table1", 3, 3, 0)
 
@@ -508,7 +508,7 @@ class Followed:
     def __init__(self) -> None:
         self.movers: tuple[Mover, ...] = ()
         self.poses: dict[str, tuple[float, ...]] = {}
-        self.robots: dict[str, Work] = {}
+        self.robots: dict[str, RobotStatus] = {}
         self.lines: list[Poses] = []
 
     def hear(self, line: Poses) -> None:
@@ -565,11 +565,11 @@ def test_who_follows_poses_knows_where_everything_is() -> None:
             assert math.dist(jar[:2], (x + reach * math.cos(yaw + turret), y + reach * math.sin(yaw + turret))) < 0.05, "it is in the hand"
             await robot.place("Platform1")
             await operator.idle()
-            seen = await operator.seen("Jar1")
+            seen = await operator.observe("Jar1")
             await until(lambda: math.dist(followed.poses["Jar1"][:3], (seen.x, seen.y, seen.z)) < 0.002)
             moved = {followed.movers[i].name for line in followed.lines[1:] for i in line.moved}
             assert moved == {"Robot1", "Jar1"}, "nothing is said of what stands still"
-            await until(lambda: followed.robots["Robot1"] == Work())
+            await until(lambda: followed.robots["Robot1"] == RobotStatus())
 
     run(test())
 
@@ -608,7 +608,7 @@ def test_in_a_world_at_rest_time_passes_without_any_physics() -> None:
             asked_again, last = time.monotonic(), (await operator.clock()).time
             assert 4 * (asked_again - told - 0.5) < last - first < 4 * (time.monotonic() - asked + 0.5)
             assert server.simulation.scene.data.time == calculated
-            await operator.schedule("Robot2", Fault.GRIPPER, after=1.0)
+            await operator.schedule("Robot2", Fault.GRIPPER, delay=1.0)
             await until(lambda: server.simulation.robots["Robot2"].faults)
 
     run(test())
@@ -808,7 +808,7 @@ def test_states_come_at_the_rate_that_was_asked_for_and_not_in_floods() -> None:
             async with simulator(speed) as server:
                 begun = time.monotonic()
                 client = await raw(server, {"robot": "Robot1", "rate": rate})
-                client.writer.write(written(Order(id=1, command=DriveTo(x=7, y=5))))
+                client.writer.write(encode_line(Order(id=1, command=DriveTo(x=7, y=5))))
                 times: list[float] = []
                 while len(times) < 10:
                     if (line := await client.hear())["say"] == "state":
@@ -838,7 +838,7 @@ def test_one_who_does_not_listen_keeps_nobody_waiting() -> None:
         async with simulator() as server, RobotLink(server.host, server.port, "Robot1") as robot:
             deaf = await raw(server, {"robot": "Robot2", "rate": 1000})
             for i in range(3000):
-                deaf.writer.write(written(Order(id=i, command=Status())))
+                deaf.writer.write(encode_line(Order(id=i, command=Status())))
             await robot.drive_to(2, 4.5)
 
     run(test())

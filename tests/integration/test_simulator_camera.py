@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.devices.simulator.world.camera import Camera, following, opengl, overview, region
+from somrs.devices.simulator.world.camera import Camera, close_up, opengl, overview, region
 from somrs.errors import SimulationError
 from tests.support.simulator_room import ONTOLOGY, room, thing
 
@@ -25,7 +25,7 @@ def gl() -> str:
 def test_pictures_show_the_room(gl: str) -> None:
     simulation = Simulation(room(), ONTOLOGY)
     camera = Camera(simulation.scene, 400, 300)
-    views = (overview(simulation.scene), region(simulation.scene, 6.5, 1.5, 1.5), following(simulation.scene, "Robot1"))
+    views = (overview(simulation.scene), region(simulation.scene, 6.5, 1.5, 1.5), close_up(simulation.scene, "Robot1"))
     pictures = [np.asarray(Image.open(io.BytesIO(camera.picture(view)))) for view in views]
     assert all(picture.shape == (300, 400, 3) and picture.std() > 15 for picture in pictures)
     simulation.add(thing("Cup1", "Cup", 6.5, 1.5, 0.3, Color="Green"))

@@ -6,13 +6,13 @@ import itertools
 import math
 import random
 
-from somrs.devices.simulator.link.commands import Done, DriveTo, Fault, Gave
+from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault
 from somrs.devices.simulator.motion.traffic import Capsule, segment_distance
 from somrs.ontology.objects import Map, Object
 from tests.support.simulator_room import Run, box, robot, room, shell
 
 
-def drive_all(run: Run, goals: dict[str, tuple[float, float]], limit: float = 120.0) -> dict[str, Done | Gave]:
+def drive_all(run: Run, goals: dict[str, tuple[float, float]], limit: float = 120.0) -> dict[str, CommandDone | CommandGivenUp]:
     ends = {name: run.start(name, DriveTo(x=x, y=y)) for name, (x, y) in goals.items()}
     run.until(lambda: all(ends.values()), limit)
     return {name: end[0] for name, end in ends.items()}
@@ -21,7 +21,7 @@ def drive_all(run: Run, goals: dict[str, tuple[float, float]], limit: float = 12
 def test_two_robots_that_change_places_pass_each_other() -> None:
     run = Run(room((1.5, 3, 0), (6.5, 3, math.pi)))
     ends = drive_all(run, {"Robot1": (6.5, 3), "Robot2": (1.5, 3)})
-    assert all(isinstance(end, Done) for end in ends.values()), ends
+    assert all(isinstance(end, CommandDone) for end in ends.values()), ends
     assert not run.collisions
 
 
@@ -33,7 +33,7 @@ def test_crossing_robots_never_touch() -> None:
             continue
         run = Run(room((*places[0], 0), (*places[1], 0)))
         ends = drive_all(run, {"Robot1": places[2], "Robot2": places[3]})
-        assert all(isinstance(end, Done) for end in ends.values()), ends
+        assert all(isinstance(end, CommandDone) for end in ends.values()), ends
         assert not run.collisions
 
 
@@ -49,14 +49,14 @@ def corridor() -> list[Object]:
 def test_robots_that_meet_in_a_corridor_do_not_wait_for_ever() -> None:
     run = Run(Map([*corridor(), robot("Robot1", (1, 0.2, 0)), robot("Robot2", (11, -0.2, math.pi), 0.6)]))
     ends = drive_all(run, {"Robot1": (11, 0), "Robot2": (1, 0)})
-    assert all(isinstance(end, Done) for end in ends.values()), ends
+    assert all(isinstance(end, CommandDone) for end in ends.values()), ends
     assert not run.collisions
 
 
 def test_an_idle_robot_makes_way() -> None:
     run = Run(Map([*corridor(), robot("Robot1", (6, 0, 0)), robot("Robot2", (11, 0, math.pi))]))
     ends = drive_all(run, {"Robot2": (1, 0)})
-    assert isinstance(ends["Robot2"], Done), ends
+    assert isinstance(ends["Robot2"], CommandDone), ends
     assert not run.collisions
 
 
@@ -64,7 +64,7 @@ def test_a_robot_that_cannot_pass_gives_up_after_a_while() -> None:
     run = Run(Map([*corridor(), robot("Robot1", (6, 0, 0)), robot("Robot2", (11, 0, math.pi))]))
     run.simulation.fault("Robot1", Fault.DRIVE)
     end = run.do("Robot2", DriveTo(x=1, y=0))
-    assert isinstance(end, Gave)
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "blocked"
     assert "Robot1" in end.description
 
@@ -77,7 +77,7 @@ def doorway(open: bool) -> Map:
 
 def test_a_closed_door_blocks_and_an_open_one_does_not() -> None:
     shut = Run(doorway(open=False)).do("Robot1", DriveTo(x=6, y=3))
-    assert isinstance(shut, Gave)
+    assert isinstance(shut, CommandGivenUp)
     assert shut.reason == "unreachable"
     run = Run(doorway(open=True))
     run.all("Robot1", DriveTo(x=6, y=3))

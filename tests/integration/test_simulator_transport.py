@@ -7,18 +7,18 @@ import random
 
 import pytest
 
-from somrs.devices.simulator.link.commands import Approach, Done, DriveTo, Fault, Gave, Grip, Place, PutDown, Sense, Stop
+from somrs.devices.simulator.link.commands import Approach, CommandDone, CommandGivenUp, DriveTo, Fault, Grip, Place, PutDown, Sense, Stop
 from somrs.ontology.objects import Map, Object
 from tests.support.simulator_room import Run, box, robot, room, shell, thing
 
-TRANSFER = (Approach(object="Jar002"), Grip(object="Jar002"), Approach(object="Platform001"), Place(on="Platform001"))
+TRANSFER = (Approach(object="Jar002"), Grip(object="Jar002"), Approach(object="Platform001"), Place(support="Platform001"))
 
 
 def test_a_robot_carries_the_jar_to_the_platform() -> None:
     run = Run(room())
     run.all("Robot1", *TRANSFER)
-    seen = run.simulation.seen("Jar002")
-    assert seen.on == "Platform001"
+    seen = run.simulation.observe("Jar002")
+    assert seen.support == "Platform001"
     assert abs(seen.z - 0.3) < 0.005
     assert run.simulation.scene.upright("Jar002")
     assert not run.collisions
@@ -29,7 +29,7 @@ def test_what_is_held_is_on_nothing() -> None:
     run = Run(room())
     run.all("Robot1", Grip(object="Jar002"))
     assert run.simulation.state("Robot1").holding == "Jar002"
-    assert run.simulation.seen("Jar002").on is None
+    assert run.simulation.observe("Jar002").support is None
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -45,16 +45,16 @@ def test_a_jar_that_a_broken_robot_put_down_is_taken_on_by_another(seed: int) ->
     run.step()
     x, y = run.simulation.state("Robot1").x, run.simulation.state("Robot1").y
     run.until(lambda: ends)
-    end, jar = ends[0], run.simulation.seen("Jar002")
-    assert isinstance(end, Gave)
+    end, jar = ends[0], run.simulation.observe("Jar002")
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "drive-dead"
     assert end.state.holding is None
-    assert [(seen.object, seen.on) for seen in end.seen if seen.object == "Jar002"] == [("Jar002", "Floor1")]
+    assert [(seen.object, seen.support) for seen in end.object_states if seen.object == "Jar002"] == [("Jar002", "Floor1")]
     assert abs(jar.z) < 0.005
     assert run.simulation.scene.upright("Jar002")
     assert abs(end.state.x - x) + abs(end.state.y - y) < 0.02, "the dead robot rolled on"
     run.all("Robot2", *TRANSFER)
-    assert run.simulation.seen("Jar002").on == "Platform001"
+    assert run.simulation.observe("Jar002").support == "Platform001"
     assert not run.collisions
 
 
@@ -77,15 +77,15 @@ SUPPORTS = [
 )
 def test_things_of_all_forms_go_to_all_heights(name: str, on: str) -> None:
     run = Run(room((2.5, 2, 0), (5.5, 4.5, 3.1), [*SUPPORTS, *THINGS]))
-    run.all("Robot1", Grip(object=name), Place(on=on))
-    assert run.simulation.seen(name).on == on
+    run.all("Robot1", Grip(object=name), Place(support=on))
+    assert run.simulation.observe(name).support == on
     assert run.simulation.scene.upright(name)
 
 
 def test_a_thing_is_put_just_where_it_was_wanted() -> None:
     run = Run(room())
-    run.all("Robot1", Grip(object="Jar002"), Place(on="Table001", x=4.2, y=4.95))
-    seen = run.simulation.seen("Jar002")
+    run.all("Robot1", Grip(object="Jar002"), Place(support="Table001", x=4.2, y=4.95))
+    seen = run.simulation.observe("Jar002")
     assert abs(seen.x - 4.2) < 0.02
     assert abs(seen.y - 4.95) < 0.02
 
@@ -98,16 +98,16 @@ def test_put_down_works_with_a_dead_drive() -> None:
     assert run.simulation.state("Robot1").holding is None
     assert run.simulation.scene.upright("Jar002")
     end = run.do("Robot1", DriveTo(x=4, y=3))
-    assert isinstance(end, Gave)
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "drive-dead"
-    assert "Jar002" in [seen.object for seen in end.seen], "where the jar was left is said with the next answer"
+    assert "Jar002" in [seen.object for seen in end.object_states], "where the jar was left is said with the next answer"
 
 
 def test_put_down_leaves_the_thing_right_here() -> None:
     run = Run(room())
     run.all("Robot1", Grip(object="Jar002"), DriveTo(x=3, y=2.5), PutDown())
-    seen = run.simulation.seen("Jar002")
-    assert seen.on == "Floor1"
+    seen = run.simulation.observe("Jar002")
+    assert seen.support == "Floor1"
     assert abs(seen.x - 3) + abs(seen.y - 2.5) < 1.0
 
 
@@ -115,13 +115,13 @@ def test_a_stuck_gripper_is_said_and_keeps_what_it_holds() -> None:
     run = Run(room())
     run.simulation.fault("Robot1", Fault.GRIPPER)
     end = run.do("Robot1", Grip(object="Jar002"))
-    assert isinstance(end, Gave)
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "gripper-stuck"
     run.simulation.repair("Robot1", Fault.GRIPPER)
     run.all("Robot1", Grip(object="Jar002"))
     run.simulation.fault("Robot1", Fault.GRIPPER)
-    end = run.do("Robot1", Place(on="Platform001"))
-    assert isinstance(end, Gave)
+    end = run.do("Robot1", Place(support="Platform001"))
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "gripper-stuck"
     assert end.state.holding == "Jar002"
 
@@ -148,12 +148,12 @@ def test_stopped_with_its_fingers_on_a_jar_it_lets_go_before_it_leaves() -> None
     robot, scene = run.simulation.robots["Robot1"], run.simulation.scene
     run.all("Robot1", Approach(object="Jar002"))
     run.start("Robot1", Grip(object="Jar002"))
-    run.until(lambda: len(scene.pads("Robot1", "Jar002")) == 2)
+    run.until(lambda: len(scene.touching_fingers("Robot1", "Jar002")) == 2)
     assert robot.holding is None
     run.all("Robot1", Stop(), DriveTo(x=4, y=2))
-    assert run.simulation.seen("Jar002").on == "Cupboard001"
-    run.all("Robot1", Grip(object="Jar002"), Place(on="Platform001"))
-    assert run.simulation.seen("Jar002").on == "Platform001"
+    assert run.simulation.observe("Jar002").support == "Cupboard001"
+    run.all("Robot1", Grip(object="Jar002"), Place(support="Platform001"))
+    assert run.simulation.observe("Jar002").support == "Platform001"
 
 
 def test_stop_ends_the_running_command() -> None:
@@ -162,8 +162,8 @@ def test_stop_ends_the_running_command() -> None:
     for _ in range(100):
         run.step()
     stopped = run.do("Robot1", Stop())
-    assert isinstance(stopped, Done)
-    assert [end.reason for end in ends if isinstance(end, Gave)] == ["stopped"]
+    assert isinstance(stopped, CommandDone)
+    assert [end.reason for end in ends if isinstance(end, CommandGivenUp)] == ["stopped"]
     run.until(lambda: not run.simulation.busy, limit=2)
     now = run.simulation.state("Robot1")
     assert math.dist((now.x, now.y), (stopped.state.x, stopped.state.y)) < 0.003, "it says where it came to a stand"
@@ -174,7 +174,7 @@ def test_stop_ends_the_running_command() -> None:
     [
         (Grip(object="Nothing"), "unknown-object"),
         (Grip(object="Table001"), "not-possible"),
-        (Place(on="Table001"), "not-holding"),
+        (Place(support="Table001"), "not-holding"),
         (PutDown(), "not-holding"),
         (Approach(object="Nothing"), "unknown-object"),
         (DriveTo(x=40, y=3), "unreachable"),
@@ -182,7 +182,7 @@ def test_stop_ends_the_running_command() -> None:
 )
 def test_what_cannot_be_done_is_given_up_with_a_reason(command: Grip, reason: str) -> None:
     end = Run(room()).do("Robot1", command)
-    assert isinstance(end, Gave)
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == reason
     assert end.description
 
@@ -191,8 +191,8 @@ def test_a_full_top_has_no_space() -> None:
     tiny = box("Tiny", "Table", (4, 2, 0), (0.2, 0.2, 0.5))
     run = Run(room(more=[tiny, thing("Cup1", "Cup", 4, 2, 0.5)]))
     run.all("Robot1", Grip(object="Jar002"))
-    end = run.do("Robot1", Place(on="Tiny"))
-    assert isinstance(end, Gave)
+    end = run.do("Robot1", Place(support="Tiny"))
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "no-space"
     assert end.state.holding == "Jar002"
 
@@ -201,7 +201,7 @@ def test_a_robot_without_a_gripper_drives_but_carries_nothing() -> None:
     run = Run(room(more=[robot("Cart1", (4, 2, 0), type="MobileRobot")]))
     run.all("Cart1", DriveTo(x=5, y=3))
     end = run.do("Cart1", Grip(object="Jar002"))
-    assert isinstance(end, Gave)
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "not-possible"
 
 
@@ -210,6 +210,6 @@ def test_sensing_sees_what_nothing_hides() -> None:
     objects: list[Object] = [*shell(), screen, robot("Robot1", (2, 3, 0)), thing("Near", "Cup", 3, 3, 0), thing("Far", "Cup", 6, 3, 0)]
     run = Run(Map(objects))
     end = run.do("Robot1", Sense(radius=10))
-    assert isinstance(end, Done)
-    assert [seen.object for seen in end.seen] == ["Near"]
-    assert end.seen[0].on == "Floor1"
+    assert isinstance(end, CommandDone)
+    assert [seen.object for seen in end.object_states] == ["Near"]
+    assert end.object_states[0].support == "Floor1"

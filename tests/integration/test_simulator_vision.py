@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from somrs.devices.simulator.link.commands import Done, DriveTo, Fault, Gave, Grip, LookAround, LookAt, Seen, Sense
+from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault, Grip, LookAround, LookAt, ObjectState, Sense
 from somrs.ontology.objects import Object
 from somrs.ontology.types import Value
 from tests.support.simulator_room import Run, box, robot, room, thing
@@ -18,10 +18,10 @@ def hung(x: float, y: float, z: float, turned: float, **values: Value) -> Object
     return thing("Camera1", "Camera", x, y, z, RotationZ=turned, **values)
 
 
-def seen(run: Run, viewer: str, radius: float | None = None) -> dict[str, Seen]:
+def seen(run: Run, viewer: str, radius: float | None = None) -> dict[str, ObjectState]:
     done = run.do(viewer, Sense(radius=radius))
-    assert isinstance(done, Done)
-    return {one.object: one for one in done.seen}
+    assert isinstance(done, CommandDone)
+    return {one.object: one for one in done.object_states}
 
 
 def test_a_camera_sees_what_is_in_range_and_in_its_field_of_view() -> None:
@@ -29,7 +29,7 @@ def test_a_camera_sees_what_is_in_range_and_in_its_field_of_view() -> None:
     run = Run(room(more=[hung(0.1, 5.9, 2.3, -0.8, OperationRange=6)]))
     before = seen(run, "Camera1")
     assert {"Jar002", "Robot1"} < set(before)
-    assert before["Jar002"].on == "Cupboard001"
+    assert before["Jar002"].support == "Cupboard001"
     assert (before["Jar002"].x, before["Jar002"].y) == pytest.approx((0.43, 3.9), abs=0.005)
     assert "Platform001" not in before, "it is 8 m away"
     for turned, inside in ((-0.8, True), (2.3, False)):
@@ -55,7 +55,7 @@ def test_what_a_robot_holds_is_seen_in_its_hand() -> None:
     run = Run(room(more=[hung(0.1, 5.9, 2.3, -0.8)]))
     run.all("Robot1", Grip(object="Jar002"), DriveTo(x=2, y=4))
     found = seen(run, "Camera1")
-    assert (found["Jar002"].held_by, found["Jar002"].on) == ("Robot1", None)
+    assert (found["Jar002"].held_by, found["Jar002"].support) == ("Robot1", None)
     assert found["Robot1"].held_by is None
     robot = run.simulation.state("Robot1")
     assert (found["Robot1"].x, found["Robot1"].y, found["Robot1"].yaw) == pytest.approx((robot.x, robot.y, robot.yaw), abs=1e-6)
@@ -66,7 +66,7 @@ def test_what_a_robot_holds_is_seen_in_its_hand() -> None:
 def test_a_camera_takes_no_other_commands() -> None:
     run = Run(room(more=[hung(0.1, 5.9, 2.3, -0.8)]))
     end = run.do("Camera1", DriveTo(x=1, y=1))
-    assert isinstance(end, Gave)
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "not-possible"
     assert not run.simulation.busy
 
@@ -76,12 +76,12 @@ def test_a_robot_goes_where_it_can_see_a_place_and_stops_when_it_sees_the_thing(
     run = Run(room(more=[screen, robot("Patrol1", (5, 4, 0), type="PatrolRobot")]))
     assert "Jar002" not in seen(run, "Patrol1")
     done = run.do("Patrol1", LookAt(x=0.43, y=3.9, z=0.9, object="Jar002"))
-    assert isinstance(done, Done)
-    assert "Jar002" in [one.object for one in done.seen]
+    assert isinstance(done, CommandDone)
+    assert "Jar002" in [one.object for one in done.object_states]
     assert not run.collisions
     start = run.simulation.time
     again = run.do("Patrol1", LookAt(x=7.5, y=5.5, z=0.3, object="Jar002"))
-    assert isinstance(again, Done)
+    assert isinstance(again, CommandDone)
     assert run.simulation.time - start < 2, "it sees the jar already, and need not drive to the other corner"
 
 
@@ -90,8 +90,8 @@ def test_turning_about_it_sees_all_around() -> None:
     ahead = seen(run, "Patrol1")
     assert "Cupboard001" not in ahead, "that is behind it"
     done = run.do("Patrol1", LookAround())
-    assert isinstance(done, Done)
-    assert {"Cupboard001", "Jar002", "Robot1", "Platform001", "Table001"} <= {one.object for one in done.seen}
+    assert isinstance(done, CommandDone)
+    assert {"Cupboard001", "Jar002", "Robot1", "Platform001", "Table001"} <= {one.object for one in done.object_states}
     where = run.simulation.state("Patrol1")
     assert (where.x, where.y) == pytest.approx((2.5, 2.5), abs=0.02)
 
@@ -99,11 +99,11 @@ def test_turning_about_it_sees_all_around() -> None:
 def test_what_cannot_be_seen_from_anywhere_is_given_up() -> None:
     run = Run(room(more=[PATROL]))
     end = run.do("Patrol1", LookAt(x=20, y=20, z=0.5))
-    assert isinstance(end, Gave)
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "unreachable"
     run.simulation.fault("Patrol1", Fault.DRIVE)
     end = run.do("Patrol1", LookAt(x=6, y=5.5, z=0.5))
-    assert isinstance(end, Gave)
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "drive-dead"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 
-from somrs.devices.simulator.link.commands import Command, Done, Gave
+from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
@@ -63,9 +63,9 @@ class Run:
         things = set(self.simulation.scene.things())
         self.collisions |= {pair for pair in self.simulation.scene.robot_contacts() if not things & set(pair)}
 
-    def start(self, robot: str, command: Command) -> list[Done | Gave]:
+    def start(self, robot: str, command: Command) -> list[CommandDone | CommandGivenUp]:
         """Give a command; the list holds its end when that has come."""
-        ends: list[Done | Gave] = []
+        ends: list[CommandDone | CommandGivenUp] = []
         self.simulation.command(robot, command, ends.append)
         return ends
 
@@ -75,7 +75,7 @@ class Run:
             assert self.simulation.time - began < limit, f"nothing came of it in {limit} s of simulated time"
             self.step()
 
-    def do(self, robot: str, command: Command) -> Done | Gave:
+    def do(self, robot: str, command: Command) -> CommandDone | CommandGivenUp:
         ends = self.start(robot, command)
         self.until(lambda: ends)
         return ends[0]
@@ -84,4 +84,4 @@ class Run:
         """The commands one after the other, all of which must be done."""
         for command in commands:
             end = self.do(robot, command)
-            assert isinstance(end, Done), f"{robot} {command}: {end}"
+            assert isinstance(end, CommandDone), f"{robot} {command}: {end}"

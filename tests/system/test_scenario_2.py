@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import resources
 
 from somrs.deployment.system import devices
-from somrs.devices.simulator.link.commands import Done, Gave, Grip, LookAround, Place, Sense, Stop
+from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, Grip, LookAround, Place, Sense, Stop
 from somrs.ontology.files.loading import LoadedModel, load
 from somrs.ontology.objects import Map, ValueSet
 from tests.support.simulator_room import Run
@@ -30,42 +30,42 @@ def test_every_device_of_it_has_a_program() -> None:
 def test_one_robot_puts_all_three_things_on_the_platform() -> None:
     run = Run(site()[1])
     for thing in THINGS:
-        run.all("Robot1", Grip(object=thing), Place(on="Platform001"))
-    assert [run.simulation.seen(thing).on for thing in THINGS] == ["Platform001"] * 3
+        run.all("Robot1", Grip(object=thing), Place(support="Platform001"))
+    assert [run.simulation.observe(thing).support for thing in THINGS] == ["Platform001"] * 3
     assert not run.collisions
 
 
 def test_two_robots_do_it_at_the_same_time() -> None:
     run = Run(site()[1])
     wanted = {"Robot1": ["Jar002"], "Robot2": ["Carton001", "Jar003"]}
-    todo = {name: [c for thing in things for c in (Grip(object=thing), Place(on="Platform001"))] for name, things in wanted.items()}
-    ends: dict[str, list[Done | Gave]] = {}
+    todo = {name: [c for thing in things for c in (Grip(object=thing), Place(support="Platform001"))] for name, things in wanted.items()}
+    ends: dict[str, list[CommandDone | CommandGivenUp]] = {}
     while any(todo.values()) or not all(ends.values()):
         for name, commands in todo.items():
             if commands and (name not in ends or ends[name]):
-                assert not any(isinstance(end, Gave) for end in ends.get(name, []))
+                assert not any(isinstance(end, CommandGivenUp) for end in ends.get(name, []))
                 ends[name] = run.start(name, commands.pop(0))
         assert run.simulation.time < 400
         run.step()
-    assert [run.simulation.seen(thing).on for thing in THINGS] == ["Platform001"] * 3
+    assert [run.simulation.observe(thing).support for thing in THINGS] == ["Platform001"] * 3
     assert not run.collisions
 
 
 def test_the_camera_sees_the_shelf_and_the_patrol_what_is_about_it() -> None:
     run = Run(site()[1])
     camera, patrol = run.do("Camera001", Sense()), run.do("Patrol1", LookAround())
-    assert isinstance(camera, Done)
-    assert isinstance(patrol, Done)
-    assert [one.object for one in camera.seen] == ["Shelf001"]
-    assert "Platform001" in [one.object for one in patrol.seen]
+    assert isinstance(camera, CommandDone)
+    assert isinstance(patrol, CommandDone)
+    assert [one.object for one in camera.object_states] == ["Shelf001"]
+    assert "Platform001" in [one.object for one in patrol.object_states]
 
 
 def test_a_robot_that_is_parked_where_another_has_to_stand_makes_way() -> None:
     map = site()[1]
     there = {"PositionX": 0.945, "PositionY": 5.537, "RotationZ": -2.993}
     run = Run(map.changed([ValueSet("Robot1", path, value) for path, value in there.items()]))
-    run.all("Robot2", Grip(object="Jar002"), Place(on="Platform001"))
-    assert run.simulation.seen("Jar002").on == "Platform001"
+    run.all("Robot2", Grip(object="Jar002"), Place(support="Platform001"))
+    assert run.simulation.observe("Jar002").support == "Platform001"
     assert not run.collisions
 
 
@@ -84,5 +84,5 @@ def test_who_makes_way_for_a_robot_that_is_stopped_meanwhile_goes_on() -> None:
     run.until(lambda: abs(parked.joints["lift"] - height) > 0.02)  # it draws its arm in, to make way
     run.do("Robot2", Stop())
     run.until(lambda: not run.simulation.busy)
-    run.all("Robot2", Grip(object="Jar002"), Place(on="Platform001"))
+    run.all("Robot2", Grip(object="Jar002"), Place(support="Platform001"))
     assert not run.collisions

@@ -13,7 +13,7 @@ from somrs.cli.importing import brought_in
 from somrs.client.client import Client
 from somrs.deployment.system import System, symbolic
 from somrs.devices.symbolic.agent import Faults, Mishap, SymbolicAgent
-from somrs.devices.symbolic.lines import Begin, Came, Do, Estimate, Estimated, Hello, Welcome
+from somrs.devices.symbolic.lines import Apply, Begin, Estimate, Estimated, Hello, Result, Welcome
 from somrs.devices.symbolic.link import ask
 from somrs.devices.symbolic.server import WorldServer
 from somrs.devices.symbolic.world import SymbolicWorld
@@ -67,7 +67,7 @@ def test_what_cannot_be_done_changes_nothing_and_is_told_why(
     before = world.map
     assert world.perform(service, inputs, provider) == why
     assert world.map == before
-    assert not world.deeds
+    assert not world.actions
     assert why in world.rejected[0]
 
 
@@ -75,7 +75,7 @@ def test_what_is_done_holds(world: SymbolicWorld) -> None:
     assert world.perform("load", {"x": "letter", "p": "mill"}, "van1") is None
     assert world.map.has_fact("in", ("letter", "van1"))
     assert not world.map.has_fact("lies", ("letter", "mill"))
-    assert [(deed.service, deed.provider) for deed in world.deeds] == [("load", "van1")]
+    assert [(deed.service, deed.provider) for deed in world.actions] == [("load", "van1")]
     assert world.refusal("load", {"x": "letter", "p": "mill"}, "van1") == "letter lies mill does not hold"
 
 
@@ -83,18 +83,18 @@ def test_what_fails_on_the_way_leaves_a_part_and_says_which(world: SymbolicWorld
     assert world.partly("load", {"x": "letter", "p": "mill"}, "van1") == "letter in van1 AND letter lies mill"
     assert world.map.has_fact("in", ("letter", "van1"))
     assert world.map.has_fact("lies", ("letter", "mill"))
-    assert not world.deeds[0].whole
+    assert not world.actions[0].whole
 
 
 def test_what_cannot_even_begin_leaves_nothing(world: SymbolicWorld) -> None:
     assert world.partly("load", {"x": "letter", "p": "harbour"}, "van1") == "NOT letter in van1 AND NOT letter lies harbour"
-    assert not world.deeds
+    assert not world.actions
 
 
 def test_who_looks_sees_what_holds_and_what_does_no_more(world: SymbolicWorld) -> None:
     world.perform("load", {"x": "letter", "p": "mill"}, "van1")
-    assert world.seen("letter") == "NOT letter lies mill AND letter in van1 AND letter.Unknown = FALSE"
-    assert world.seen("market") == "market.Unknown = FALSE"
+    assert world.describe_object("letter") == "NOT letter lies mill AND letter in van1 AND letter.Unknown = FALSE"
+    assert world.describe_object("market") == "market.Unknown = FALSE"
 
 
 def test_a_service_costs_what_its_type_says(world: SymbolicWorld) -> None:
@@ -121,12 +121,12 @@ def test_a_team_does_an_imported_task(parcels: Imported) -> None:
     (view,) = system.finish(system.submit(parcels.task))
     assert view.outcome is Outcome.ACCOMPLISHED
     assert formula_holds(parcels.goal, world.map, parcels.ontology)
-    assert len(world.deeds) == 12
+    assert len(world.actions) == 12
     assert not world.rejected
 
 
 def test_a_team_recovers_from_works_that_fail_with_a_part_of_their_effect(parcels: Imported) -> None:
-    mishaps = [Mishap(), Mishap(happens=lambda changes: changes[:1]), None, None, Mishap(happens=lambda changes: changes[:1])]
+    mishaps = [Mishap(), Mishap(select_changes=lambda changes: changes[:1]), None, None, Mishap(select_changes=lambda changes: changes[:1])]
 
     def faults(order: Order) -> Mishap | None:
         return mishaps.pop(0) if mishaps else None
@@ -149,11 +149,11 @@ def test_nothing_is_done_before_its_time_is_over(parcels: Imported, world: Symbo
     work = agent.carry_out(Perform(order("load", x="letter", p="mill")))
     seconds, _ = next(work)
     assert seconds == 1
-    assert not world.deeds
+    assert not world.actions
     assert [*agent.carry_out(Halt(order("load", x="letter", p="mill")))] == [(0.0, WorkDone(situation="NOT letter in van1"))]
     seconds, done = next(work)
     assert isinstance(done, WorkDone)
-    assert len(world.deeds) == 1
+    assert len(world.actions) == 1
 
 
 def test_a_device_says_why_it_cannot_and_what_holds(parcels: Imported, world: SymbolicWorld) -> None:
@@ -168,11 +168,11 @@ def test_a_device_that_leaves_is_not_heard_of_again(parcels: Imported, world: Sy
     def half(changes: Sequence[Change]) -> Sequence[Change]:
         return [change for change in changes if isinstance(change, FactAdded)]
 
-    mishap = Mishap(happens=half, leaves=True)
+    mishap = Mishap(select_changes=half, goes_offline=True)
     agent = SymbolicAgent(name="van1", world=world, services=parcels.agents["van1"], faults=lambda order: mishap)
     said = [*agent.carry_out(Perform(order("load", x="letter", p="mill")))]
     assert not any(isinstance(value, WorkDone | ServiceFailed) for _, value in said)
-    assert agent.left
+    assert agent.is_offline
     assert [*agent.carry_out(Quote(order("load", x="letter", p="mill")))] == []
     assert Fact("in", ("letter", "van1")) in set(world.map.facts())
 
@@ -189,16 +189,16 @@ def test_all_devices_share_the_world_of_one_program(parcels: Imported, world: Sy
         assert welcome == Welcome(type="van", services=("drive", "load", "unload"))
         drive = {"from": "mill", "to": "market"}
         assert await ask(where, Estimate(device="van1", service="drive", inputs=drive), Estimated) == Estimated(cost=4, seconds=2)
-        assert (await ask(where, Begin(device="van1", service="drive", inputs=drive), Came)).refusal is None
-        assert not world.deeds
-        came = await ask(where, Do(device="van1", service="drive", inputs=drive), Came)
-        assert came == Came(situation="van1 at market AND NOT van1 at mill")
-        again = await ask(where, Do(device="van1", service="drive", inputs=drive), Came)
+        assert (await ask(where, Begin(device="van1", service="drive", inputs=drive), Result)).refusal is None
+        assert not world.actions
+        came = await ask(where, Apply(device="van1", service="drive", inputs=drive), Result)
+        assert came == Result(situation="van1 at market AND NOT van1 at mill")
+        again = await ask(where, Apply(device="van1", service="drive", inputs=drive), Result)
         assert again.refusal == "van1 at mill does not hold"
         with pytest.raises(RemoteError, match="there is no van7 in this world"):
             await ask(where, Hello(device="van7"), Welcome)
         with pytest.raises(RemoteError, match="no service type fly"):
-            await ask(where, Begin(device="van1", service="fly", inputs={}), Came)
+            await ask(where, Begin(device="van1", service="fly", inputs={}), Result)
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(b"what?\n")
         assert b"is no line of a symbolic world" in await reader.readline()

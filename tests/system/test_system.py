@@ -140,8 +140,8 @@ def test_the_office(tmp_path: Path) -> None:
             second = await client.submit(Submit(effect="Carton001 isOn coe"))
             views = await asyncio.wait_for(asyncio.gather(finished(client, first), finished(client, second)), 200)
             assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 2, views
-            assert (await operator.seen("Coke001")).on == "lounge"
-            assert (await operator.seen("Carton001")).on == "coe"
+            assert (await operator.observe("Coke001")).support == "lounge"
+            assert (await operator.observe("Carton001")).support == "coe"
             nowhere = await wish(client, "Carton002 isOn lounge")
             assert nowhere.outcome is Outcome.FAILED
             assert "Carton002" in nowhere.explanation
@@ -174,7 +174,7 @@ def test_a_new_kind_of_device_joins_while_the_system_runs(tmp_path: Path) -> Non
                 assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
                 assert [step.service_type for step in view.steps] == ["TransferObject", "WashJar", "TransferObject"]
                 assert view.steps[1].service == "Washer001.WashJar"
-                assert (await operator.seen("Jar002")).on == "Platform001"
+                assert (await operator.observe("Jar002")).support == "Platform001"
             finally:
                 washer.send_signal(signal.SIGTERM)
                 assert await asyncio.to_thread(washer.wait, 20) == 0
@@ -205,7 +205,7 @@ def test_the_repository_survives_a_kill_and_its_map_is_gone_on_with_by_its_own_s
                 pass
         async with running(tmp_path / "run", SCENARIO_1) as (_, client, operator):
             assert (await client.query("Jar002 isOn Platform001")).rows
-            assert (await operator.seen("Jar002")).on == "Platform001", "the world is built from the map that was kept"
+            assert (await operator.observe("Jar002")).support == "Platform001", "the world is built from the map that was kept"
 
     asyncio.run(run())
 

@@ -42,11 +42,11 @@ class Faults:
         self.works += 1
         if agent == self.leaver and self.works > self._leaves_at:
             self.gone = True
-            return Mishap(happens=self._some, leaves=True)
+            return Mishap(select_changes=self._some, goes_offline=True)
         if self._dice.random() >= self.share:
             return None
         self.mishaps += 1
-        return Mishap(happens=self._some) if self._dice.random() < 0.5 else Mishap()
+        return Mishap(select_changes=self._some) if self._dice.random() < 0.5 else Mishap()
 
     def _some(self, changes: Sequence[Change]) -> Sequence[Change]:
         """What becomes of some of the objects: each is changed wholly, or not at all, so that none is in no place."""

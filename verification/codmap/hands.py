@@ -54,6 +54,6 @@ class Observer:
             case Quote():
                 yield 0.0, Quoted(price=1.0, duration=STEP_TIME)
             case Perform(order):
-                yield STEP_TIME, WorkDone(situation=self.world.seen(order.inputs["Object"]))
+                yield STEP_TIME, WorkDone(situation=self.world.describe_object(order.inputs["Object"]))
             case _:
                 yield 0.0, WorkDone()

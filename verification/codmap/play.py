@@ -88,7 +88,7 @@ class Play:
     def _watch(self, address: str, event: Input) -> None:
         """Who left is not there any more."""
         name = address.removeprefix("devices/")
-        if name in self.hands and self.hands[name].agent.left and self.world.alive(address):
+        if name in self.hands and self.hands[name].agent.is_offline and self.world.alive(address):
             self.world.kill(address)
 
     @property
@@ -117,7 +117,7 @@ class Play:
 
     def still_possible(self) -> Plan | NoPlan:
         """From the world as it is now to the goal, with the agents that are there."""
-        start, gone = self.imported.problem(), {name for name, hands in self.hands.items() if hands.agent.left}
+        start, gone = self.imported.problem(), {name for name, hands in self.hands.items() if hands.agent.is_offline}
         services = tuple(
             AvailableService(one.service_type, tuple(name for name in one.providers if name not in gone)) for one in start.services
         )

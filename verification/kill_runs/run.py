@@ -125,7 +125,7 @@ class Run:
         for robot, fault in case.play.broken:
             await stage.operator.fault(robot, fault)
         for one in case.play.breaks:
-            await stage.operator.schedule(one.robot, one.fault, after=one.after, carried=one.carried, released=one.released)
+            await stage.operator.schedule(one.robot, one.fault, delay=one.delay, carried=one.carried, released=one.released)
         bystanders = Bystanders(stage.client, f"{case.seed}.{case.attempt}")
         async with contextlib.AsyncExitStack() as opened:
             tail = Tail(stage.data / "messages.jsonl")
@@ -287,7 +287,7 @@ class Run:
         while True:
             await stage.operator.idle()
             map = await stage.client.map()
-            seen = {thing: await stage.operator.seen(thing) for thing in THINGS}
+            seen = {thing: await stage.operator.observe(thing) for thing in THINGS}
             robots = await stage.operator.robots()
             result.unknown = truth.unknown(map, THINGS)
             wrong = [*truth.of_things(map, stage.ontology, seen), *truth.of_robots(map, stage.ontology, robots)]

@@ -131,9 +131,9 @@ class Stage:
         await self.operator.idle()
         parts = []
         for thing in THINGS:
-            seen = await self.operator.seen(thing)
-            if seen.on != HOMES[thing]:
-                raise Trouble(f"{thing} was put on {HOMES[thing]}, and is on {seen.on}")
+            seen = await self.operator.observe(thing)
+            if seen.support != HOMES[thing]:
+                raise Trouble(f"{thing} was put on {HOMES[thing]}, and is on {seen.support}")
             places = [f"{thing}.Position{axis} = {value:.3f}" for axis, value in zip("XYZ", (seen.x, seen.y, seen.z), strict=True)]
             parts += [f"{thing} isOn {HOMES[thing]}", f"{thing}.Unknown = FALSE", *places]
         parts += [f"{device}.Working = TRUE" for device in DEVICES]

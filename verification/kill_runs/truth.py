@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct
 
-from somrs.devices.simulator.link.commands import RobotState, Seen
+from somrs.devices.simulator.link.commands import ObjectState, RobotState
 from somrs.ontology.objects import Map, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import value_of
@@ -161,13 +161,13 @@ def lost_updates(acknowledged: Acknowledged, history: Iterable[Event]) -> Iterat
 # The map and the world
 
 
-def of_things(map: Map, ontology: Ontology, seen: Mapping[str, Seen]) -> Iterator[str]:
+def of_things(map: Map, ontology: Ontology, seen: Mapping[str, ObjectState]) -> Iterator[str]:
     """The map says where each thing is; or that it does not know, which `unknown` tells."""
     for name, one in seen.items():
         if map.objects[name].values.get("Unknown") is True:
             continue
         known = {relation: [a[1] for a in map.facts_with(relation, 0, name)] for relation in ("isOn", "isHeldBy")}
-        true = {"isOn": [one.on] if one.on and not one.held_by else [], "isHeldBy": [one.held_by] if one.held_by else []}
+        true = {"isOn": [one.support] if one.support and not one.held_by else [], "isHeldBy": [one.held_by] if one.held_by else []}
         if known != true:
             yield f"{name}: the map has {_placed(known)}, and in the world it is {_placed(true)}"
         elif not one.held_by:

@@ -25,7 +25,7 @@ import msgspec
 from somrs.api.bodies import movers, scene_of
 from somrs.api.context import Context
 from somrs.api.simulator_gateway import link
-from somrs.devices.simulator.link.lines import Mover, Poses, Work
+from somrs.devices.simulator.link.lines import Mover, Poses, RobotStatus
 from somrs.errors import RemoteError
 
 RATE = 20.0
@@ -43,7 +43,7 @@ class PosesNews(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     table: int | None = None
     movers: tuple[Mover, ...] | None = None
-    robots: dict[str, Work] = {}
+    robots: dict[str, RobotStatus] = {}
     source: str | None = None
     alive: bool | None = None
 
@@ -61,7 +61,7 @@ class PoseFeed:
         self._table = 0
         self._movers: tuple[Mover, ...] = ()
         self._rows: list[Row] = []
-        self._works: dict[str, Work] = {}
+        self._works: dict[str, RobotStatus] = {}
         self._clock, self._time, self._alive = 0.0, 0.0, True
         self._news: list[Message] = []
         """For those who saw the tick before."""
@@ -121,9 +121,9 @@ class PoseFeed:
         bodies = sorted(scene.bodies, key=lambda body: body.name)
         table = tuple(Mover(name=body.name, numbers=4 if body.kind == "robot" else 6) for body in bodies)
         rows = [(body.x, body.y, body.z, body.yaw, 0.0, 0.0)[: mover.numbers] for body, mover in zip(bodies, table, strict=True)]
-        works = {body.name: Work() for body in bodies if body.kind == "robot"}
+        works = {body.name: RobotStatus() for body in bodies if body.kind == "robot"}
         held = {body.at.object: body.name for body in bodies if body.at is not None and body.at.relation == "isHeldBy"}
-        works.update({robot: Work(holding=thing) for robot, thing in held.items() if robot in works})
+        works.update({robot: RobotStatus(holding=thing) for robot, thing in held.items() if robot in works})
         anew = table != self._movers or not self._tick
         moved = tuple(i for i, row in enumerate(rows) if anew or row != self._rows[i])
         return Poses(

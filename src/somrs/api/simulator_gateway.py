@@ -41,7 +41,7 @@ async def robots(simulator: str | None) -> Mapping[str, Simulated]:
 def _simulated(state: RobotState) -> Simulated:
     """Rounded, so that what stands still does not change."""
     x, y, yaw = (round(value, 2) for value in (state.x, state.y, state.yaw))
-    return Simulated(x=x, y=y, yaw=yaw, holding=state.holding, doing=state.doing, faults=state.faults)
+    return Simulated(x=x, y=y, yaw=yaw, holding=state.holding, doing=state.activity, faults=state.faults)
 
 
 async def break_or_mend(simulator: str | None, robot: str, fault: Fault, *, repair: bool) -> None:

@@ -145,7 +145,7 @@ async def perform(system: System, out: Path, console: Console) -> int:
         stage = Stage(system, client, console)
         story = await stage.play()
         ontology, map = await client.ontology(), await client.map()
-        stands = {thing: (await operator.seen(thing)).on for thing in THINGS}
+        stands = {thing: (await operator.observe(thing)).support for thing in THINGS}
         with contextlib.suppress(RemoteError):
             (out / "end.png").write_bytes(await operator.picture())
     assert story.view is not None, "an accepted task has news"

@@ -158,7 +158,7 @@ async def perform(scenario: str, system: System, out: Path, distance: float, con
         _print(trace, lines, console)
         assert last is not None, "an accepted task has news"
         simulated = (await operator.clock()).time - since
-        seen = await operator.seen(JAR)
+        seen = await operator.observe(JAR)
         ontology, map = await client.ontology(), await client.map()
         camera.cancel()
         with contextlib.suppress(asyncio.CancelledError):
@@ -172,7 +172,7 @@ async def perform(scenario: str, system: System, out: Path, distance: float, con
         checks = {
             "the task was accomplished": last.outcome is Outcome.ACCOMPLISHED,
             "the wish holds in the Repository": formula_holds(parse(WISH.effect), map, ontology),
-            "the wish holds in the physics": seen.on == GOAL,
+            "the wish holds in the physics": seen.support == GOAL,
             "the messages are the paper's": unlike_the_paper(scenario, lines) == [],
         }
     return Play(last, lines, checks, pictures, simulated, took)
@@ -249,7 +249,7 @@ class Photographer:
                 for robot, state in (await self._operator.robots()).items():
                     if (letter := self._moment(robot, state)) is not None:
                         await self._take(letter, robot)
-                if "F" not in self._taken and self._gripped and (await self._operator.seen(JAR)).on == GOAL:
+                if "F" not in self._taken and self._gripped and (await self._operator.observe(JAR)).support == GOAL:
                     await self._take("F", JAR)
                 await asyncio.sleep(0.01)
         except SimulationError as error:

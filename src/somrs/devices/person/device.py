@@ -48,7 +48,7 @@ class Person(Device):
     async def recognize(self, task: Task) -> Situation:
         object = str(task.inputs["Object"])
         number = self._questions.ask(self.name, object, await _question(task, object), self.patience)
-        how = "nobody needs the answer any more"
+        reason = "nobody needs the answer any more"
         try:
             await task.progress(0.0, note=f"question {number} to {self.name}: where is {object}?")
             async with asyncio.timeout(self.patience):
@@ -57,37 +57,39 @@ class Person(Device):
                     assert question is not None, "questions are kept"
                     if question.answer is not None:
                         try:
-                            situation = await _checked(task, object, question.answer) if question.answer else ""
+                            situation = await _check_answer(task, object, question.answer) if question.answer else ""
                         except (FormulaError, RemoteError) as error:
                             self._questions.reject(number, str(error))
                         else:
-                            how = "taken"
+                            reason = "taken"
                             break
                     await asyncio.sleep(self.glance)
         except TimeoutError:
-            how = f"there was no answer within {self.patience:g} s"
+            reason = f"there was no answer within {self.patience:g} s"
             raise ServiceFailed(f"{self.name} was asked where {object} is, and did not answer within {self.patience:g} s") from None
         finally:
-            self._questions.end(number, how)
+            self._questions.end(number, reason)
         if not situation:
             raise ServiceFailed(f"{self.name} cannot tell where {object} is")
         return situation
 
     @recognize.compensation
-    async def leave_as_it_is(self, task: Task, situation: Formula) -> Situation:
+    async def compensate_recognition(self, task: Task, situation: Formula) -> Situation:
         """Whoever only looked has nothing to undo."""
         return f"{self.name}.Working = TRUE"
 
 
 async def _question(task: Task, object: str) -> str:
     """The question, with what the map says."""
-    known = [
+    known_facts = [
         f"{object} {relation} {row['It']}" for relation in ("isOn", "isHeldBy") for row in await task.map.query(f"{object} {relation} ?It")
     ]
-    return f"Where is {object}, and how is it?" + (f" The map says {' and '.join(known)}, which may not be so any more." if known else "")
+    return f"Where is {object}, and how is it?" + (
+        f" The map says {' and '.join(known_facts)}, which may not be so any more." if known_facts else ""
+    )
 
 
-async def _checked(task: Task, object: str, answer: str) -> str:
+async def _check_answer(task: Task, object: str, answer: str) -> str:
     """The answer as a situation. Raises FormulaError, or the Repository's RemoteError, with what is wrong with it."""
     reading = read(answer)
     for part in conjuncts(reading.formula):
@@ -104,5 +106,5 @@ async def _checked(task: Task, object: str, answer: str) -> str:
     if not any(object in names(part) for part in conjuncts(reading.formula)):
         raise FormulaError(answer, 0, f"this says nothing of {object}", f"say where it is, such as `{object} isOn Table001`")
     await task.map.query(reading.formula, limit=1)  # the Repository knows all objects, types and units
-    known = Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(False))
-    return str(reading.formula) if known in conjuncts(reading.formula) else f"{reading.formula} AND {known}"
+    known_atom = Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(False))
+    return str(reading.formula) if known_atom in conjuncts(reading.formula) else f"{reading.formula} AND {known_atom}"

@@ -54,12 +54,12 @@ class Questions:
     def close(self) -> None:
         self._db.close()
 
-    def ask(self, person: str, about: str, text: str, seconds: float) -> int:
+    def ask(self, person: str, object_name: str, text: str, seconds: float) -> int:
         """Put a question, open for so many seconds. Returns its number."""
         now = time.time()
-        row = (person, about, text, now, now + seconds)
-        found = self._db.execute("INSERT INTO questions (person, about, text, asked, until) VALUES (?, ?, ?, ?, ?) RETURNING number", row)
-        return int(found.fetchone()[0])
+        row = (person, object_name, text, now, now + seconds)
+        cursor = self._db.execute("INSERT INTO questions (person, about, text, asked, until) VALUES (?, ?, ?, ?, ?) RETURNING number", row)
+        return int(cursor.fetchone()[0])
 
     def open(self) -> list[Question]:
         """The questions that wait for an answer, the oldest first."""
@@ -68,8 +68,8 @@ class Questions:
     def read(self, number: int) -> Question | None:
         return next(iter(self._read("number = ?", (number,))), None)
 
-    def _read(self, where: str, values: Sequence[object]) -> list[Question]:
-        rows = self._db.execute(f"SELECT {COLUMNS} FROM questions WHERE {where}", values).fetchall()
+    def _read(self, condition: str, values: Sequence[object]) -> list[Question]:
+        rows = self._db.execute(f"SELECT {COLUMNS} FROM questions WHERE {condition}", values).fetchall()
         return [Question(**dict(zip(COLUMNS.split(", "), row, strict=True))) for row in rows]
 
     def answer(self, number: int, answer: str) -> None:
@@ -77,16 +77,16 @@ class Questions:
         updated = self._db.execute("UPDATE questions SET answer = ?, problem = '' WHERE number = ? AND ended IS NULL", (answer, number))
         if not updated.rowcount:
             question = self.read(number)
-            how = "there is no such question" if question is None else f"it is over: {question.ended}"
-            raise UsageError(f"question {number} cannot be answered: {how}; `somrs questions` lists those that are open")
+            reason = "there is no such question" if question is None else f"it is over: {question.ended}"
+            raise UsageError(f"question {number} cannot be answered: {reason}; `somrs questions` lists those that are open")
 
     def reject(self, number: int, problem: str) -> None:
         """Ask again: the answer will not do."""
         self._db.execute("UPDATE questions SET answer = NULL, problem = ? WHERE number = ?", (problem, number))
 
-    def end(self, number: int, how: str) -> None:
-        self._db.execute("UPDATE questions SET ended = ? WHERE number = ? AND ended IS NULL", (how, number))
+    def end(self, number: int, reason: str) -> None:
+        self._db.execute("UPDATE questions SET ended = ? WHERE number = ? AND ended IS NULL", (reason, number))
 
-    def end_all(self, person: str, how: str) -> None:
+    def end_all(self, person: str, reason: str) -> None:
         """End what an earlier run left open."""
-        self._db.execute("UPDATE questions SET ended = ? WHERE person = ? AND ended IS NULL", (how, person))
+        self._db.execute("UPDATE questions SET ended = ? WHERE person = ? AND ended IS NULL", (reason, person))

@@ -27,8 +27,8 @@ from somrs.service_manager.sdk.orders import (
 class Mishap:
     """How a service goes wrong: which of its changes come about all the same; and `leaves`: nobody hears of the device again."""
 
-    happens: Callable[[Sequence[Change]], Sequence[Change]] = lambda changes: ()
-    leaves: bool = False
+    select_changes: Callable[[Sequence[Change]], Sequence[Change]] = lambda changes: ()
+    goes_offline: bool = False
 
 
 Faults = Callable[[Order], Mishap | None]
@@ -48,7 +48,7 @@ class SymbolicAgent:
     services: Sequence[ServiceType]
     faults: Faults = lambda order: None
     seconds: float | None = None
-    left: bool = False
+    is_offline: bool = False
     orders: list[Order] = field(default_factory=list)
     """What it was told to do."""
 
@@ -60,7 +60,7 @@ class SymbolicAgent:
 
     def carry_out(self, task: object) -> Iterator[tuple[float, object]]:
         """Pairs of seconds and what is said then."""
-        if self.left:
+        if self.is_offline:
             return
         match task:
             case Quote(order):
@@ -70,7 +70,7 @@ class SymbolicAgent:
                 self.orders.append(order)
                 yield from self._perform(order)
             case Halt(order):
-                yield 0.0, WorkDone(situation=self.world.said(order.effect, self.name, order.inputs))
+                yield 0.0, WorkDone(situation=self.world.describe(order.effect, self.name, order.inputs))
             case Undo():
                 yield 0.0, ServiceFailed(f"{self.name} can only go on, not back")
             case _:
@@ -87,17 +87,17 @@ class SymbolicAgent:
         # An answer that is none yet, so that what is worked out below is so when the time is over, and only if nobody said stop.
         yield seconds, Advance(fraction=1.0)
         if mishap is not None:
-            situation = self.world.partly(service, inputs, self.name, mishap.happens)
-            self.left = mishap.leaves
-            if not self.left:
+            situation = self.world.partly(service, inputs, self.name, mishap.select_changes)
+            self.is_offline = mishap.goes_offline
+            if not self.is_offline:
                 yield 0.0, ServiceFailed(f"{self.name} failed on the way", situation)
         elif (refusal := self.world.perform(service, inputs, self.name)) is not None:
             yield 0.0, self._failed(order, refusal)
         else:
-            yield 0.0, WorkDone(situation=self.world.said(order.effect, self.name, inputs))
+            yield 0.0, WorkDone(situation=self.world.describe(order.effect, self.name, inputs))
 
     def _duration(self, cost: float) -> float:
         return self.seconds if self.seconds is not None else cost or 1.0
 
     def _failed(self, order: Order, refusal: str) -> ServiceFailed:
-        return ServiceFailed(f"{self.name} cannot: {refusal}", self.world.found(order.method, order.inputs, self.name))
+        return ServiceFailed(f"{self.name} cannot: {refusal}", self.world.describe_failure(order.method, order.inputs, self.name))

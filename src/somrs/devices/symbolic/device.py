@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 
-from somrs.devices.symbolic.lines import Begin, Came, Do, Estimate, Estimated, Hello, Look, Welcome
+from somrs.devices.symbolic.lines import Apply, Begin, Estimate, Estimated, Hello, Look, Result, Welcome
 from somrs.devices.symbolic.link import ask
 from somrs.errors import DeviceError
 from somrs.service_manager.sdk.device import Device, Service, Situation, Task
@@ -47,24 +47,24 @@ class SymbolicDevice(Device):
         """What it does holds in the world when its time is over, not before."""
         service, inputs = task.order.method, task.order.inputs
         estimated = await self._estimated(task)
-        self._held(await ask(self.simulator, Begin(device=self.name, service=service, inputs=inputs), Came))
+        self._require_success(await ask(self.simulator, Begin(device=self.name, service=service, inputs=inputs), Result))
         await asyncio.sleep(estimated.seconds)
-        return self._held(await ask(self.simulator, Do(device=self.name, service=service, inputs=inputs), Came))
+        return self._require_success(await ask(self.simulator, Apply(device=self.name, service=service, inputs=inputs), Result))
 
     async def halt(self, task: Task) -> Situation:
-        return (await ask(self.simulator, Look(device=self.name, service=task.order.method, inputs=task.order.inputs), Came)).situation
+        return (await ask(self.simulator, Look(device=self.name, service=task.order.method, inputs=task.order.inputs), Result)).situation
 
     async def _estimated(self, task: Task) -> Estimated:
         return await ask(self.simulator, Estimate(device=self.name, service=task.order.method, inputs=task.order.inputs), Estimated)
 
-    def _held(self, came: Came) -> str:
-        if came.refusal is not None:
-            raise ServiceFailed(f"{self.name} cannot: {came.refusal}", came.situation)
-        return came.situation
+    def _require_success(self, result: Result) -> str:
+        if result.refusal is not None:
+            raise ServiceFailed(f"{self.name} cannot: {result.refusal}", result.situation)
+        return result.situation
 
 
 def _service(name: str) -> Service:
-    made = Service(SymbolicDevice.perform, name, SymbolicDevice.cost, SymbolicDevice.seconds, None)
-    made.name = name  # the order then says which of the services is meant
-    made.stops = SymbolicDevice.halt
-    return made
+    service = Service(SymbolicDevice.perform, name, SymbolicDevice.cost, SymbolicDevice.seconds, None)
+    service.name = name  # the order then says which of the services is meant
+    service.stops = SymbolicDevice.halt
+    return service

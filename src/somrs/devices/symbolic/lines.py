@@ -47,7 +47,7 @@ class Begin(_Service, frozen=True, kw_only=True, tag="begin"):
     """Could it be done now? Nothing changes by asking."""
 
 
-class Do(_Service, frozen=True, kw_only=True, tag="do"):
+class Apply(_Service, frozen=True, kw_only=True, tag="do"):
     """Do it."""
 
 
@@ -55,7 +55,7 @@ class Look(_Service, frozen=True, kw_only=True, tag="look"):
     """What holds of what its effect speaks of?"""
 
 
-class Came(Struct, frozen=True, kw_only=True, tag="came", tag_field="say"):
+class Result(Struct, frozen=True, kw_only=True, tag="came", tag_field="say"):
     """How it is: `refusal` says why it cannot be done, or could not; `situation`, what holds now of what the effect speaks of."""
 
     situation: str
@@ -68,23 +68,23 @@ class Refused(Struct, frozen=True, kw_only=True, tag="refused", tag_field="say")
     reason: str
 
 
-Request = Hello | Estimate | Begin | Do | Look
-Answer = Welcome | Estimated | Came | Refused
+Request = Hello | Estimate | Begin | Apply | Look
+Answer = Welcome | Estimated | Result | Refused
 
 _REQUESTS: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)
 _ANSWERS: msgspec.json.Decoder[Answer] = msgspec.json.Decoder(Answer)
 
 
-def written(line: Request | Answer) -> bytes:
+def encode_line(line: Request | Answer) -> bytes:
     return msgspec.json.encode(line) + b"\n"
 
 
-def request(line: bytes) -> Request:
+def read_request(line: bytes) -> Request:
     """What a device asks. Raises WireError."""
     return _read(_REQUESTS, line)  # type: ignore[no-any-return]  # the decoder says
 
 
-def answer(line: bytes) -> Answer:
+def read_answer(line: bytes) -> Answer:
     """What the world says. Raises WireError."""
     return _read(_ANSWERS, line)  # type: ignore[no-any-return]  # as above
 

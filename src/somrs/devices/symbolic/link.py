@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import TypeVar
 
-from somrs.devices.symbolic.lines import LONGEST, Answer, Refused, Request, answer, written
+from somrs.devices.symbolic.lines import LONGEST, Answer, Refused, Request, encode_line, read_answer
 from somrs.errors import RemoteError, UsageError
 
 PATIENCE = 10.0
@@ -13,25 +13,25 @@ PATIENCE = 10.0
 PAUSE = 0.2
 """Seconds before it is tried once more."""
 
-Wanted = TypeVar("Wanted", bound=Answer)
+AnswerType = TypeVar("Wanted", bound=Answer)
 
 
-async def ask(where: str | None, request: Request, wanted: type[Wanted]) -> Wanted:
+async def ask(address: str | None, request: Request, answer_type: type[AnswerType]) -> AnswerType:
     """What the world at `host:port` answers. Raises RemoteError when it does not."""
-    if where is None:
+    if address is None:
         raise UsageError(f"{request.device} is a device of a symbolic world, and this system has none; start one with `somrs up SITE`")
-    host, _, port = where.rpartition(":")
+    host, _, port = address.rpartition(":")
     try:
         async with asyncio.timeout(PATIENCE):
-            said = answer(await _line(host, int(port), written(request)))
+            reply = read_answer(await _line(host, int(port), encode_line(request)))
     except TimeoutError:
-        raise RemoteError(f"the symbolic world at {where} did not answer within {PATIENCE:g} s") from None
-    if isinstance(said, wanted):
-        return said
-    raise RemoteError(said.reason if isinstance(said, Refused) else f"the symbolic world answered with {type(said).__name__}")
+        raise RemoteError(f"the symbolic world at {address} did not answer within {PATIENCE:g} s") from None
+    if isinstance(reply, answer_type):
+        return reply
+    raise RemoteError(reply.reason if isinstance(reply, Refused) else f"the symbolic world answered with {type(reply).__name__}")
 
 
-async def _line(host: str, port: int, said: bytes) -> bytes:
+async def _line(host: str, port: int, payload: bytes) -> bytes:
     """One line for one line. What could not be asked is asked again; what got no answer is not, for it may have been done."""
     while True:
         try:
@@ -40,7 +40,7 @@ async def _line(host: str, port: int, said: bytes) -> bytes:
         except OSError:
             await asyncio.sleep(PAUSE)
     try:
-        writer.write(said)
+        writer.write(payload)
         line = await reader.readline()
     except (OSError, ValueError) as error:
         raise RemoteError(f"the symbolic world at {host}:{port} was lost: {error}") from None

@@ -8,18 +8,18 @@ import logging
 from somrs.devices.symbolic.lines import (
     LONGEST,
     Answer,
+    Apply,
     Begin,
-    Came,
-    Do,
     Estimate,
     Estimated,
     Hello,
     Look,
     Refused,
     Request,
+    Result,
     Welcome,
-    request,
-    written,
+    encode_line,
+    read_request,
 )
 from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.errors import WireError
@@ -50,7 +50,7 @@ class WorldServer:
         self._writers.add(writer)
         try:
             while line := await reader.readline():
-                writer.write(written(self._answered(line)))
+                writer.write(encode_line(self._answered(line)))
                 await writer.drain()
         except (ConnectionError, ValueError) as error:  # ValueError: a line that is too long
             log.warning("a connection of a device ended: %s", error)
@@ -60,33 +60,33 @@ class WorldServer:
 
     def _answered(self, line: bytes) -> Answer:
         try:
-            return self.answer(request(line))
+            return self.answer(read_request(line))
         except WireError as error:
             return Refused(reason=error.text)
 
-    def answer(self, asked: Request) -> Answer:
+    def answer(self, message: Request) -> Answer:
         """What is said to it."""
-        if asked.device not in self.world.map.objects:
-            return Refused(reason=f"there is no {asked.device} in this world; it knows the objects that were on the map when it began")
-        match asked:
+        if message.device not in self.world.map.objects:
+            return Refused(reason=f"there is no {message.device} in this world; it knows the objects that were on the map when it began")
+        match message:
             case Hello(device=device):
                 kind = self.world.map.objects[device].type
                 return Welcome(type=kind, services=tuple(service.name for service in self.world.offers(device)))
-            case _ if asked.service not in self.world.ontology.services:
-                return Refused(reason=f"there is no service type {asked.service} in this world")
+            case _ if message.service not in self.world.ontology.services:
+                return Refused(reason=f"there is no service type {message.service} in this world")
             case Estimate(device=device, service=service, inputs=inputs):
                 cost = self.world.cost(service, inputs, device)
                 return Estimated(cost=cost, seconds=(cost or 1.0) / self.speed if self.speed is not None else 0.0)
             case Begin(device=device, service=service, inputs=inputs):
-                return self._came(asked, self.world.refusal(service, inputs, device))
-            case Do(device=device, service=service, inputs=inputs):
-                return self._came(asked, self.world.perform(service, inputs, device))
+                return self._make_result(message, self.world.refusal(service, inputs, device))
+            case Apply(device=device, service=service, inputs=inputs):
+                return self._make_result(message, self.world.perform(service, inputs, device))
             case Look():
-                return self._came(asked, None)
+                return self._make_result(message, None)
 
-    def _came(self, asked: Begin | Do | Look, refusal: str | None) -> Came:
+    def _make_result(self, message: Begin | Apply | Look, refusal: str | None) -> Result:
         if refusal is not None:
-            log.warning("%s of %s is rejected: %s", asked.service, asked.device, refusal)
-            return Came(situation=self.world.found(asked.service, asked.inputs, asked.device), refusal=refusal)
-        effect = self.world.ontology.services[asked.service].effect
-        return Came(situation=self.world.said(effect, asked.device, asked.inputs))
+            log.warning("%s of %s is rejected: %s", message.service, message.device, refusal)
+            return Result(situation=self.world.describe_failure(message.service, message.inputs, message.device), refusal=refusal)
+        effect = self.world.ontology.services[message.service].effect
+        return Result(situation=self.world.describe(effect, message.device, message.inputs))

@@ -21,7 +21,7 @@ from somrs.service_manager.sdk.values import term
 Inputs = Mapping[str, str]
 """A service's inputs, as an order has them: Entish terms by name."""
 
-Happens = Callable[[Sequence[Change]], Iterable[Change]]
+ChangeSelection = Callable[[Sequence[Change]], Iterable[Change]]
 """Which of the changes that a service makes come about, when it fails on the way."""
 
 
@@ -30,7 +30,7 @@ class _Refused(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Deed:
+class Action:
     """A service that was done, whole or in part, and what it changed."""
 
     service: str
@@ -45,34 +45,34 @@ class SymbolicWorld:
 
     def __init__(self, ontology: Ontology, map: Map) -> None:
         self.ontology, self.map = ontology, map
-        self.deeds: list[Deed] = []
+        self.actions: list[Action] = []
         self.rejected: list[str] = []
         effects = [parse(service.effect) for service in ontology.services.values()]
         self._changing = {part.relation for effect in effects for part in _atoms(effect) if isinstance(part, Relation)}
         sides = [side for effect in effects for part in _atoms(effect) if isinstance(part, Comparison) for side in (part.left, part.right)]
         self._set = {side.path for side in sides if isinstance(side, Attribute)}
-        self._once: dict[Fact, None] = dict.fromkeys(fact for fact in map.facts() if fact.relation in self._changing)
+        self._past_facts: dict[Fact, None] = dict.fromkeys(fact for fact in map.facts() if fact.relation in self._changing)
 
     def perform(self, service: str, inputs: Inputs, provider: str) -> str | None:
         """Do it: the effect holds then. Otherwise nothing happens; why it cannot be done is returned."""
         try:
-            self._do(service, inputs, provider, self._changes(service, inputs, provider), whole=True)
+            self._apply(service, inputs, provider, self._changes(service, inputs, provider), whole=True)
         except (_Refused, FormulaError) as reason:
-            self.rejected.append(f"{_shown(service, inputs, provider)}: {reason}")
+            self.rejected.append(f"{_format_call(service, inputs, provider)}: {reason}")
             return str(reason)
         return None
 
-    def partly(self, service: str, inputs: Inputs, provider: str, happens: Happens = lambda changes: changes[::2]) -> str:
+    def partly(self, service: str, inputs: Inputs, provider: str, select_changes: ChangeSelection = lambda changes: changes[::2]) -> str:
         """Begin it, and fail on the way: some of its changes come about, every other one if nothing else is said, and of a single
         one none. Returns what holds then of what its effect speaks of."""
         try:
             whole = self._changes(service, inputs, provider)
         except (_Refused, FormulaError):
             whole = []
-        made = tuple(happens(whole)) if len(whole) > 1 else ()
-        if made:
-            self._do(service, inputs, provider, made, whole=False)
-        return self.said(self.ontology.services[service].effect, provider, inputs)
+        partial_changes = tuple(select_changes(whole)) if len(whole) > 1 else ()
+        if partial_changes:
+            self._apply(service, inputs, provider, partial_changes, whole=False)
+        return self.describe(self.ontology.services[service].effect, provider, inputs)
 
     def refusal(self, service: str, inputs: Inputs, provider: str) -> str | None:
         """Why it cannot be done now, if it cannot."""
@@ -82,29 +82,31 @@ class SymbolicWorld:
             return str(reason)
         return None
 
-    def said(self, formula: str, provider: str, inputs: Inputs = {}) -> str:  # noqa: B006  # a mapping that nobody changes
+    def describe(self, formula: str, provider: str, inputs: Inputs = {}) -> str:  # noqa: B006  # a mapping that nobody changes
         """What holds now of what the formula speaks of: each of its facts as it is, each of its attributes with its value."""
         bound = {PROVIDER: Name(provider), **{name: term(text) for name, text in inputs.items()}}
         atoms = dict.fromkeys(atom for atom in _atoms(substitute(parse(formula), bound)) if not variables(atom))
-        found = [self._as_it_is(atom) for atom in atoms]
-        known = [part for part in found if part is not None]
-        return str(conjunction(*known)) if known else f"{provider}.Working = TRUE"
+        parts = [self._evaluate_atom(atom) for atom in atoms]
+        known_parts = [part for part in parts if part is not None]
+        return str(conjunction(*known_parts)) if known_parts else f"{provider}.Working = TRUE"
 
-    def found(self, service: str, inputs: Inputs, provider: str) -> str:
+    def describe_failure(self, service: str, inputs: Inputs, provider: str) -> str:
         """What whoever could not do it has found out: what holds of what the service needs and brings about, and how it is itself."""
-        known = self.ontology.services.get(service)
-        spoken = [text for text in (known.precondition, known.effect) if text is not None] if known is not None else []
-        own = [str(fact) for fact in self.map.facts_about(provider) if fact.relation in self._changing]
+        service_type = self.ontology.services.get(service)
+        spoken = [text for text in (service_type.precondition, service_type.effect) if text is not None] if service_type is not None else []
+        own_facts = [str(fact) for fact in self.map.facts_about(provider) if fact.relation in self._changing]
         return (
-            self.said(" AND ".join(f"({text})" for text in [*spoken, *own]), provider, inputs) if spoken else f"{provider}.Working = TRUE"
+            self.describe(" AND ".join(f"({text})" for text in [*spoken, *own_facts]), provider, inputs)
+            if spoken
+            else f"{provider}.Working = TRUE"
         )
 
-    def seen(self, object: str) -> str:
+    def describe_object(self, object: str) -> str:
         """What somebody who looks at the object reports: the facts about it, and that what held once does not hold any more."""
-        about = [fact for fact in self._once if object in fact.arguments]
-        facts = [self._as_it_is(Relation(fact.relation, tuple(map(Name, fact.arguments)))) for fact in about]
-        known = Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(False))
-        return str(conjunction(*(fact for fact in facts if fact is not None), known))
+        past_facts = [fact for fact in self._past_facts if object in fact.arguments]
+        facts = [self._evaluate_atom(Relation(fact.relation, tuple(map(Name, fact.arguments)))) for fact in past_facts]
+        known_atom = Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(False))
+        return str(conjunction(*(fact for fact in facts if fact is not None), known_atom))
 
     def cost(self, service: str, inputs: Inputs, provider: str) -> float:
         """What doing it costs, by its service type; 1 where that says nothing."""
@@ -122,13 +124,13 @@ class SymbolicWorld:
         return tuple(service for name, service in self.ontology.services.items() if name not in common and self._offers(kind, service))
 
     def _offers(self, kind: str, service: ServiceType) -> bool:
-        wanted = _provider(service)
-        return wanted is None or wanted.type is None or self.ontology.is_subtype(kind, wanted.type)
+        provider_variable = _provider(service)
+        return provider_variable is None or provider_variable.type is None or self.ontology.is_subtype(kind, provider_variable.type)
 
-    def _do(self, service: str, inputs: Inputs, provider: str, made: Sequence[Change], *, whole: bool) -> None:
-        self.map = self.map.changed(made)
-        self._once.update((change.fact, None) for change in made if isinstance(change, FactAdded))
-        self.deeds.append(Deed(service=service, inputs=dict(inputs), provider=provider, changes=tuple(made), whole=whole))
+    def _apply(self, service: str, inputs: Inputs, provider: str, applied_changes: Sequence[Change], *, whole: bool) -> None:
+        self.map = self.map.changed(applied_changes)
+        self._past_facts.update((change.fact, None) for change in applied_changes if isinstance(change, FactAdded))
+        self.actions.append(Action(service=service, inputs=dict(inputs), provider=provider, changes=tuple(applied_changes), whole=whole))
 
     def _changes(self, name: str, inputs: Inputs, provider: str) -> list[Change]:
         """What it would change. Raises _Refused or FormulaError."""
@@ -148,16 +150,18 @@ class SymbolicWorld:
         return changes(substitute(parse(service.effect), bound), self.map, self.ontology)
 
     def _bound(self, service: ServiceType, inputs: Inputs, provider: str) -> dict[str, Term]:
-        given = {name: term(text) for name, text in inputs.items()}
+        terms = {name: term(text) for name, text in inputs.items()}
         for parameter in service.inputs:
-            value = given.get(parameter.name)
+            value = terms.get(parameter.name)
             if value is None:
                 raise _Refused(f"{service.name} was not told its {parameter.name}")
             if parameter.type in self.ontology.types:
                 self._require(value.name if isinstance(value, Name) else str(value), parameter.type)
-        wanted = _provider(service)
-        self._require(provider, wanted.type if wanted is not None and wanted.type is not None else "Device")
-        return {**given, PROVIDER: Name(provider)}
+        provider_variable = _provider(service)
+        self._require(
+            provider, provider_variable.type if provider_variable is not None and provider_variable.type is not None else "Device"
+        )
+        return {**terms, PROVIDER: Name(provider)}
 
     def _require(self, name: str, kind: str) -> None:
         object = self.map.objects.get(name)
@@ -170,7 +174,7 @@ class SymbolicWorld:
         parts = [part for part in conjuncts(precondition) if not formula_holds(part, self.map, self.ontology)]
         return f"{' and '.join(map(str, parts or [precondition]))} {'does' if len(parts) < 2 else 'do'} not hold"
 
-    def _as_it_is(self, atom: Relation | Comparison) -> Formula | None:
+    def _evaluate_atom(self, atom: Relation | Comparison) -> Formula | None:
         """What is so of what the atom speaks of; None when nothing can be said, or need be, because nothing changes it."""
         if isinstance(atom, Relation):
             if atom.relation not in self._changing:
@@ -190,9 +194,11 @@ def _atoms(formula: Formula) -> list[Relation | Comparison]:
 def _provider(service: ServiceType) -> Variable | None:
     """`?Provider` as the service's formulas have it, with its type if they say one."""
     spoken = [variables(parse(text)).get(PROVIDER) for text in (service.precondition, service.effect) if text is not None]
-    found = [variable for variable in spoken if variable is not None]
-    return next((variable for variable in found if variable.type is not None), found[0] if found else None)
+    provider_variables = [variable for variable in spoken if variable is not None]
+    return next(
+        (variable for variable in provider_variables if variable.type is not None), provider_variables[0] if provider_variables else None
+    )
 
 
-def _shown(service: str, inputs: Inputs, provider: str) -> str:
+def _format_call(service: str, inputs: Inputs, provider: str) -> str:
     return f"{service}({', '.join(f'{name}: {text}' for name, text in inputs.items())}) by {provider}"

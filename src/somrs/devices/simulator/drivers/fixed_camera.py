@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from somrs.devices.simulator.drivers.recognition import recognised
+from somrs.devices.simulator.drivers.recognition import describe_recognition
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice
-from somrs.devices.simulator.link.commands import Seen
+from somrs.devices.simulator.link.commands import ObjectState
 from somrs.entish.formula import Formula
 from somrs.errors import RemoteError
 from somrs.service_manager.sdk.device import Situation, Task, service
@@ -13,7 +13,7 @@ from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
 async def _able(device: FixedCamera, task: Task) -> None:
     """Whether the camera is in order, and the object in view now."""
-    await device.in_order()
+    await device.check_working()
     object = str(task.inputs["Object"])
     if object not in await device.view():
         raise Refusal(f"{device.name} does not see {object}")
@@ -30,10 +30,10 @@ class FixedCamera(SimulatedDevice):
     features = ("OperationRange", "FieldOfView", "Price")
     mobile = False
 
-    async def view(self) -> dict[str, Seen]:
+    async def view(self) -> dict[str, ObjectState]:
         """What it sees now, by name."""
         try:
-            return {seen.object: seen for seen in (await self.persistent(self._link.sense)).seen}
+            return {state.object: state for state in (await self.retry_when_link_lost(self._link.sense)).object_states}
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
 
@@ -41,14 +41,14 @@ class FixedCamera(SimulatedDevice):
     async def recognize(self, task: Task) -> Situation:
         object = str(task.inputs["Object"])
         try:
-            seen = await self.view()
+            observations = await self.view()
         except Refusal as silent:
             raise ServiceFailed(str(silent), self._out_of_order()) from None
-        if object not in seen:
+        if object not in observations:
             raise ServiceFailed(f"{self.name} does not see {object} any more")
-        return await recognised(task, object, seen)
+        return await describe_recognition(task, object, observations)
 
     @recognize.compensation
-    async def leave_as_it_is(self, task: Task, situation: Formula) -> Situation:
+    async def compensate_recognition(self, task: Task, situation: Formula) -> Situation:
         """Whoever only looked has nothing to undo."""
         return f"{self.name}.Working = TRUE"

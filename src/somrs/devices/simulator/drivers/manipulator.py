@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Coroutine, Iterable
 from dataclasses import dataclass
 
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice, is_a, plain
-from somrs.devices.simulator.link.commands import Done, Fault, RobotState, Seen
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number, is_of_type
+from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Number, Relation, conjuncts
 from somrs.errors import RemoteError, UsageError
@@ -19,7 +19,7 @@ from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
 SUPPORTING = ("Support", "Floor", "Place", "StationaryDevice")
 """The types of what things can be put on."""
-HANDLING = 20.0
+HANDLING_TIME = 20.0
 """To take a thing and to put it down, s."""
 
 
@@ -27,13 +27,13 @@ HANDLING = 20.0
 class Spot:
     """Where a thing is or is to be, as far as a formula says."""
 
-    on: str | None = None
-    at: tuple[float, float] | None = None
+    support: str | None = None
+    position: tuple[float, float] | None = None
 
 
 async def _able(device: Manipulator, task: Task) -> None:
     """Whether the robot is in order, and the thing not too heavy for it."""
-    state = await device.in_order()
+    state = await device.check_working()
     object = str(task.inputs["Object"])
     if state.holding not in (None, object, device.carrying):
         raise Refusal(f"{device.name} holds {state.holding}")
@@ -47,7 +47,7 @@ async def _price(device: Manipulator, task: Task) -> float | str:
 
 
 async def _duration(device: Manipulator, task: Task) -> float:
-    return round(HANDLING + await device.driving_time(task, sum(await device.legs(task))), 1)
+    return round(HANDLING_TIME + await device.driving_time(task, sum(await device.legs(task))), 1)
 
 
 class Manipulator(SimulatedDevice):
@@ -56,7 +56,7 @@ class Manipulator(SimulatedDevice):
     type = "MobileManipulator"
 
     async def open(self) -> None:
-        self._last_seen: dict[str, Seen] = {}
+        self._last_observations: dict[str, ObjectState] = {}
         self.carrying: str | None = None
         """What it is about to fetch or brings somewhere."""
         await super().open()
@@ -64,116 +64,122 @@ class Manipulator(SimulatedDevice):
     async def legs(self, task: Task) -> tuple[float, float]:
         """How far it is to the thing, and from there to its destination, m. Raises Refusal when there is no way."""
         object, destination = str(task.inputs["Object"]), str(task.inputs["Destination"])
-        spot = where(object, task.precondition)
-        through: str | tuple[float, float] = object
-        if spot.at is not None:
-            through = spot.at
-        elif spot.on is not None and not await task.map.holds(f"{object} isOn {spot.on}"):
-            through = spot.on  # it is going to be there
+        spot = read_spot(object, task.precondition)
+        first_stop: str | tuple[float, float] = object
+        if spot.position is not None:
+            first_stop = spot.position
+        elif spot.support is not None and not await task.map.holds(f"{object} isOn {spot.support}"):
+            first_stop = spot.support  # it is going to be there
         try:
-            first, second = await self.persistent(lambda: self._link.ways(through, destination))
+            first, second = await self.retry_when_link_lost(lambda: self._link.ways(first_stop, destination))
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
         except UsageError as error:
             raise Refusal(f"{self.name} does not know the way: {error}") from None
         if first is None or second is None:
             raise Refusal(f"{self.name} finds no way to {object if first is None else destination}")
-        if not any([await is_a(task, destination, kind) for kind in SUPPORTING]):
+        if not any([await is_of_type(task, destination, kind) for kind in SUPPORTING]):
             raise Refusal(f"nothing can be put on {destination}")
         return first, second
 
     @service("TransferObject", price=_price, duration=_duration, able=_able)
     async def transfer(self, task: Task) -> Situation:
         object, destination = str(task.inputs["Object"]), str(task.inputs["Destination"])
-        return await self._carry(task, object, Spot(on=destination))
+        return await self._carry(task, object, Spot(support=destination))
 
     @transfer.stopping
-    async def put_down(self, task: Task) -> Situation:
+    async def stop_and_put_down(self, task: Task) -> Situation:
         """Stop, put down what is held, and say where everything is now."""
         object = str(task.inputs["Object"])
         try:
-            done = await self.persistent(self._laid_down)
-        except RobotGaveUp as gave:
-            raise ServiceFailed(gave.description, self._situation(gave.state or self._link.state, object, gave.seen)) from gave
-        return self._situation(done.state, object, done.seen)
+            result = await self.retry_when_link_lost(self._stop_and_lay_down)
+        except RobotGaveUp as failure:
+            raise ServiceFailed(
+                failure.description, self._situation(failure.state or self._link.state, object, failure.object_states)
+            ) from failure
+        return self._situation(result.state, object, result.object_states)
 
-    async def _laid_down(self) -> Done:
-        done = await self._link.stop()
-        return await self._noting(self._link.put_down()) if done.state.holding is not None else done
+    async def _stop_and_lay_down(self) -> CommandDone:
+        result = await self._link.stop()
+        return await self._run_and_record(self._link.put_down_object()) if result.state.holding is not None else result
 
     @transfer.compensation
-    async def bring_back(self, task: Task, situation: Formula) -> Situation:
+    async def compensate_transfer(self, task: Task, situation: Formula) -> Situation:
         """Put the thing back where it was."""
         object = str(task.inputs["Object"])
-        spot = where(object, situation)
-        if spot.on is None:
+        spot = read_spot(object, situation)
+        if spot.support is None:
             raise ServiceFailed(f"{situation} does not say on what {object} was")
         return await self._carry(task, object, spot)
 
-    async def _carry(self, task: Task, object: str, to: Spot) -> Situation:
-        assert to.on is not None, "things are put on something"
-        self._last_seen.pop(object, None)
+    async def _carry(self, task: Task, object: str, target: Spot) -> Situation:
+        assert target.support is not None, "things are put on something"
+        self._last_observations.pop(object, None)
         self.carrying = object
         try:
-            done = await self.persistent(lambda: self._carried(task, object, to))
-        except RobotGaveUp as gave:
-            raise ServiceFailed(f"{self.name}: {gave.description}", await self._left_free(gave, object)) from gave
+            result = await self.retry_when_link_lost(lambda: self._carry_out_transfer(task, object, target))
+        except RobotGaveUp as failure:
+            raise ServiceFailed(f"{self.name}: {failure.description}", await self._release_after_failure(failure, object)) from failure
         finally:
             self.carrying = None
-        seen = self._last_seen.get(object)
-        situation = self._situation(done.state, object, (), on_first=True)
-        if seen is None or seen.on is None:
-            raise ServiceFailed(f"{self.name} put {object} on {to.on}, and does not see it there", situation)
-        if seen.on != to.on:
-            raise ServiceFailed(f"{self.name} put {object} on {to.on}, and sees it on {seen.on}", situation)
+        object_state = self._last_observations.get(object)
+        situation = self._situation(result.state, object, (), on_first=True)
+        if object_state is None or object_state.support is None:
+            raise ServiceFailed(f"{self.name} put {object} on {target.support}, and does not see it there", situation)
+        if object_state.support != target.support:
+            raise ServiceFailed(f"{self.name} put {object} on {target.support}, and sees it on {object_state.support}", situation)
         if await task.map.holds(f"{self.name}.Working = FALSE"):
             return f"{situation} AND {self.name}.Working = TRUE"
         return situation
 
-    async def _carried(self, task: Task, object: str, to: Spot) -> Done:
+    async def _carry_out_transfer(self, task: Task, object: str, target: Spot) -> CommandDone:
         """Take the thing, unless it is held already, and put it there."""
-        assert to.on is not None, "things are put on something"
+        assert target.support is not None, "things are put on something"
         state = (await self._link.status()).state
         if state.holding != object:
-            await self._driving(task, self._noting(self._link.approach(object)), 0.05, 0.35, f"on the way to {object}")
-            await self._noting(self._link.grip(object))
+            await self._driving(task, self._run_and_record(self._link.approach(object)), 0.05, 0.35, f"on the way to {object}")
+            await self._run_and_record(self._link.grip(object))
         await task.progress(0.4, f"{object} isHeldBy {self.name}", f"{object} is gripped")
-        await self._driving(task, self._noting(self._link.approach(to.on)), 0.45, 0.85, f"carries {object} to {to.on}")
-        return await self._noting(self._link.place(to.on, *(to.at or ())))
+        await self._driving(
+            task, self._run_and_record(self._link.approach(target.support)), 0.45, 0.85, f"carries {object} to {target.support}"
+        )
+        return await self._run_and_record(self._link.place(target.support, *(target.position or ())))
 
-    async def _left_free(self, gave: RobotGaveUp, object: str) -> str:
+    async def _release_after_failure(self, failure: RobotGaveUp, object: str) -> str:
         """What holds after a command was given up. What the robot still holds is put down first, for others to take."""
-        state, seen = gave.state, gave.seen
+        state, object_states = failure.state, failure.object_states
         if state is not None and state.holding == object and Fault.GRIPPER not in state.faults and self._link.connected:
             try:
-                done = await self._noting(self._link.put_down())
-                state, seen = done.state, done.seen
-            except RobotGaveUp as again:
-                state, seen = again.state or state, again.seen
-        return self._situation(state, object, seen)
+                result = await self._run_and_record(self._link.put_down_object())
+                state, object_states = result.state, result.object_states
+            except RobotGaveUp as second_failure:
+                state, object_states = second_failure.state or state, second_failure.object_states
+        return self._situation(state, object, object_states)
 
-    async def _noting(self, command: Coroutine[object, object, Done]) -> Done:
+    async def _run_and_record(self, command: Coroutine[object, object, CommandDone]) -> CommandDone:
         """Carry out a command, and remember where things were seen."""
-        done = await command
-        self._last_seen.update({seen.object: seen for seen in done.seen})
-        return done
+        result = await command
+        self._last_observations.update({object_state.object: object_state for object_state in result.object_states})
+        return result
 
-    def _situation(self, state: RobotState | None, object: str, seen: Iterable[Seen], *, on_first: bool = False) -> str:
+    def _situation(self, state: RobotState | None, object: str, object_states: Iterable[ObjectState], *, on_first: bool = False) -> str:
         """What is known to hold: of the thing, and of the robot. `on_first`: on what the thing is matters more than where.
 
         Of a silent robot it is not known what it went on doing, so nothing that was known before is told.
         """
         if self._link.silent:
             return self._out_of_order()
-        self._last_seen.update({one.object: one for one in seen})
+        self._last_observations.update({object_state.object: object_state for object_state in object_states})
         parts: list[str] = []
-        thing = self._last_seen.get(object)
+        thing = self._last_observations.get(object)
         if state is not None and state.holding == object:
             parts.append(f"{object} isHeldBy {self.name}")
         elif thing is not None:
-            parts += [f"{object}.Position{axis} = {plain(value)}" for axis, value in zip("XYZ", (thing.x, thing.y, thing.z), strict=True)]
-            if thing.on is not None:
-                parts.insert(0 if on_first else 3, f"{object} isOn {thing.on}")
+            parts += [
+                f"{object}.Position{axis} = {format_number(value)}" for axis, value in zip("XYZ", (thing.x, thing.y, thing.z), strict=True)
+            ]
+            if thing.support is not None:
+                parts.insert(0 if on_first else 3, f"{object} isOn {thing.support}")
         if state is not None:
             parts += self._own_pose(state)
         if state is None or state.faults or not self._link.connected:
@@ -181,15 +187,15 @@ class Manipulator(SimulatedDevice):
         return " AND ".join(parts)
 
 
-def where(object: str, formula: Formula | None) -> Spot:
+def read_spot(object: str, formula: Formula | None) -> Spot:
     """What a formula says about where a thing is."""
-    on: str | None = None
-    found: dict[str, float] = {}
+    support_name: str | None = None
+    values: dict[str, float] = {}
     for part in conjuncts(formula) if formula is not None else ():
         match part:
             case Relation(relation="isOn", arguments=(Name(name=thing), Name(name=support))) if thing == object:
-                on = support
+                support_name = support
             case Comparison(left=Attribute(owner=Name(name=thing), path=path), operator="=", right=Number(value=value)) if thing == object:
-                found[path] = value
-    at = (found["PositionX"], found["PositionY"]) if {"PositionX", "PositionY"} <= found.keys() else None
-    return Spot(on=on, at=at)
+                values[path] = value
+    position = (values["PositionX"], values["PositionY"]) if {"PositionX", "PositionY"} <= values.keys() else None
+    return Spot(support=support_name, position=position)

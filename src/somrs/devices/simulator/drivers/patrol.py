@@ -10,9 +10,9 @@ import math
 from collections.abc import Coroutine
 from dataclasses import dataclass, replace
 
-from somrs.devices.simulator.drivers.recognition import recognised
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice, is_a
-from somrs.devices.simulator.link.commands import Done, Seen
+from somrs.devices.simulator.drivers.recognition import describe_recognition
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice, is_of_type
+from somrs.devices.simulator.link.commands import CommandDone, ObjectState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Formula, Number
 from somrs.errors import RemoteError, UsageError
@@ -21,15 +21,15 @@ from somrs.service_manager.sdk.device import Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.service_manager.sdk.values import term
 
-LOOKING = 15.0
+LOOKING_TIME = 15.0
 """To look about at one place, s."""
 MOST_PLACES, MOST_FLOOR = 12, 16
 """So many places, and then spots on floors, are looked at before an object counts as lost."""
 SPACING = 2.5
 """Between the spots at which floors are looked at, m."""
-ABOVE = 0.1
+LOOK_HEIGHT = 0.1
 """What stands on something is looked for that much above its top, m."""
-GOING_ON = ("blocked", "unreachable")
+SKIP_REASONS = ("blocked", "unreachable")
 """Reasons to give up one place, and look at the next."""
 
 
@@ -37,14 +37,14 @@ GOING_ON = ("blocked", "unreachable")
 class Spot:
     """A place to look at, and what is there, for people."""
 
-    what: str
+    label: str
     x: float
     y: float
     z: float
 
 
 async def _able(device: PatrolRobot, task: Task) -> None:
-    await device.in_order()
+    await device.check_working()
     if task.inputs["Object"] == device.name:
         raise Refusal(f"{device.name} cannot look at itself")
 
@@ -54,7 +54,7 @@ async def _price(device: PatrolRobot, task: Task) -> float | str:
 
 
 async def _duration(device: PatrolRobot, task: Task) -> float:
-    return round(LOOKING + await device.driving_time(task, await device.way(task)), 1)
+    return round(LOOKING_TIME + await device.driving_time(task, await device.way(task)), 1)
 
 
 class PatrolRobot(SimulatedDevice):
@@ -69,8 +69,8 @@ class PatrolRobot(SimulatedDevice):
         if first is None:
             return 0.0
         try:
-            (length,) = await self.persistent(lambda: self._link.ways((first.x, first.y)))
-            state = (await self.persistent(self._link.status)).state
+            (length,) = await self.retry_when_link_lost(lambda: self._link.ways((first.x, first.y)))
+            state = (await self.retry_when_link_lost(self._link.status)).state
         except (RemoteError, UsageError) as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
         return length if length is not None else 2 * math.dist((state.x, state.y), (first.x, first.y))
@@ -78,72 +78,72 @@ class PatrolRobot(SimulatedDevice):
     @service("RecognizeSituation", price=_price, duration=_duration, able=_able)
     async def recognize(self, task: Task) -> Situation:
         object = str(task.inputs["Object"])
-        seen: dict[str, Seen] = {}
+        observations: dict[str, ObjectState] = {}
         try:
-            looked, missed = await self.persistent(lambda: self._search(task, object, seen))
-            state = (await self.persistent(self._link.status)).state
-        except RobotGaveUp as gave:
-            raise ServiceFailed(f"{self.name}: {gave.description}", self._broken(gave)) from gave
-        own = self._own_pose(state)
-        if object not in seen:
-            raise ServiceFailed(_in_vain(self.name, object, looked, missed), " AND ".join(own))
-        return " AND ".join([await recognised(task, object, seen), *own])
+            searched_places, missed_places = await self.retry_when_link_lost(lambda: self._search(task, object, observations))
+            state = (await self.retry_when_link_lost(self._link.status)).state
+        except RobotGaveUp as failure:
+            raise ServiceFailed(f"{self.name}: {failure.description}", self._failure_situation(failure)) from failure
+        own_pose = self._own_pose(state)
+        if object not in observations:
+            raise ServiceFailed(_failure_text(self.name, object, searched_places, missed_places), " AND ".join(own_pose))
+        return " AND ".join([await describe_recognition(task, object, observations), *own_pose])
 
-    async def _search(self, task: Task, object: str, seen: dict[str, Seen]) -> tuple[list[str], list[str]]:
+    async def _search(self, task: Task, object: str, observations: dict[str, ObjectState]) -> tuple[list[str], list[str]]:
         """Look wherever it may be, until it is among what was seen; where that was, and where there was no way to."""
-        looked: list[str] = []
-        missed: list[str] = []
-        await self._noting(self._link.look_around(object), seen)
+        searched_places: list[str] = []
+        missed_places: list[str] = []
+        await self._run_and_record(self._link.look_around(object), observations)
         spots = await self._spots(task, object)
         for i, spot in enumerate(spots):
-            if object in seen:
+            if object in observations:
                 break
             begin, end = 0.9 * i / len(spots), 0.9 * (i + 1) / len(spots)
             try:
-                look = self._noting(self._link.look_at(spot.x, spot.y, spot.z, object), seen)
-                await self._driving(task, look, begin, end, f"looks for {object} at {spot.what}")
-                await self._noting(self._link.look_around(object), seen)
-            except RobotGaveUp as gave:
-                if gave.reason not in GOING_ON:
+                look = self._run_and_record(self._link.look_at(spot.x, spot.y, spot.z, object), observations)
+                await self._driving(task, look, begin, end, f"looks for {object} at {spot.label}")
+                await self._run_and_record(self._link.look_around(object), observations)
+            except RobotGaveUp as failure:
+                if failure.reason not in SKIP_REASONS:
                     raise
-                missed.append(spot.what)
+                missed_places.append(spot.label)
             else:
-                looked.append(spot.what)
-        return looked, missed
+                searched_places.append(spot.label)
+        return searched_places, missed_places
 
     @recognize.stopping
     async def stand_still(self, task: Task) -> Situation:
         try:
-            return " AND ".join(self._own_pose((await self.persistent(self._link.stop)).state))
-        except RobotGaveUp as gave:
-            raise ServiceFailed(gave.description, self._broken(gave)) from gave
+            return " AND ".join(self._own_pose((await self.retry_when_link_lost(self._link.stop)).state))
+        except RobotGaveUp as failure:
+            raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
 
     @recognize.compensation
-    async def leave_as_it_is(self, task: Task, situation: Formula) -> Situation:
+    async def compensate_recognition(self, task: Task, situation: Formula) -> Situation:
         """Whoever only looked has nothing to undo; it says where it stands."""
         return await self.stand_still(task)
 
-    def _broken(self, gave: RobotGaveUp) -> str:
+    def _failure_situation(self, failure: RobotGaveUp) -> str:
         """What holds once the robot itself cannot go on."""
-        pose = self._own_pose(gave.state) if gave.state is not None and not self._link.silent else []
-        out_of_order = self._link.silent or not self._link.connected or (gave.state is not None and gave.state.faults)
+        pose = self._own_pose(failure.state) if failure.state is not None and not self._link.silent else []
+        out_of_order = self._link.silent or not self._link.connected or (failure.state is not None and failure.state.faults)
         return " AND ".join([*pose, *([self._out_of_order()] if out_of_order or not pose else [])])
 
-    async def _noting(self, command: Coroutine[object, object, Done], seen: dict[str, Seen]) -> Done:
-        done = await command
-        seen.update({one.object: one for one in done.seen})
-        return done
+    async def _run_and_record(self, command: Coroutine[object, object, CommandDone], observations: dict[str, ObjectState]) -> CommandDone:
+        result = await command
+        observations.update({object_state.object: object_state for object_state in result.object_states})
+        return result
 
     # Where to look
 
     async def _spots(self, task: Task, object: str) -> list[Spot]:
         """Places where the object may be, the likeliest first."""
-        last = await self._last_known(task, object)
-        robots = [spot for spot in await self._places(task, "MobileManipulator", height=False) if spot.what not in (self.name, object)]
-        supports = [] if await is_a(task, object, "MobileRobot") else await self._places(task, "Support", height=True)
+        last_spot = await self._find_last_spot(task, object)
+        robots = [spot for spot in await self._places(task, "MobileManipulator", height=False) if spot.label not in (self.name, object)]
+        supports = [] if await is_of_type(task, object, "MobileRobot") else await self._places(task, "Support", height=True)
         holders = {str(row["Robot"]) for row in await task.map.query(f"{object} isHeldBy ?Robot")}
-        if last is not None:
-            x, y = last.x, last.y
+        if last_spot is not None:
+            x, y = last_spot.x, last_spot.y
         else:
             state = (await self._link.status()).state
             x, y = state.x, state.y
@@ -151,12 +151,12 @@ class PatrolRobot(SimulatedDevice):
         def far(spot: Spot) -> float:
             return math.dist((x, y), (spot.x, spot.y))
 
-        likely = [spot for spot in robots if spot.what in holders]
-        rest = [spot for spot in sorted(robots, key=far) if spot.what not in holders]
-        places = [*likely, *([last] if last is not None else []), *rest, *sorted(supports, key=far)][:MOST_PLACES]
+        likely = [spot for spot in robots if spot.label in holders]
+        rest = [spot for spot in sorted(robots, key=far) if spot.label not in holders]
+        places = [*likely, *([last_spot] if last_spot is not None else []), *rest, *sorted(supports, key=far)][:MOST_PLACES]
         return places + sorted(await self._floor_spots(task), key=far)[:MOST_FLOOR]
 
-    async def _last_known(self, task: Task, object: str) -> Spot | None:
+    async def _find_last_spot(self, task: Task, object: str) -> Spot | None:
         rows = await task.map.query(f"{object}.PositionX = ?X AND {object}.PositionY = ?Y AND {object}.PositionZ = ?Z", limit=1)
         return _spot(f"where {object} was last seen", rows[0]) if rows else None
 
@@ -164,12 +164,12 @@ class PatrolRobot(SimulatedDevice):
         """Spots all over the floors that are boxes along the axes, as most are."""
         size = "?It.Shape.Width = ?Width AND ?It.Shape.Depth = ?Depth AND ?It.Shape.Height = ?Height"
         place = "?It.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"
-        found: list[Spot] = []
+        spots: list[Spot] = []
         for row in await task.map.query(f"?It: Floor = ?It AND {place} AND {size}"):
             middle, width, depth = _spot(f"the floor {row['It']}", row), _metres(row["Width"]), _metres(row["Depth"])
             xs, ys = (_spread(length) for length in (width, depth))
-            found += [replace(middle, x=middle.x + dx, y=middle.y + dy) for dx in xs for dy in ys]
-        return found
+            spots += [replace(middle, x=middle.x + dx, y=middle.y + dy) for dx in xs for dy in ys]
+        return spots
 
     async def _places(self, task: Task, kind: str, *, height: bool) -> list[Spot]:
         """Where the objects of a type are; with `height`, what may stand on top of them is looked for."""
@@ -178,9 +178,9 @@ class PatrolRobot(SimulatedDevice):
         return [_spot(str(row["It"]), row) for row in rows]
 
 
-def _spot(what: str, row: dict[str, Value]) -> Spot:
+def _spot(label: str, row: dict[str, Value]) -> Spot:
     x, y, z = (_metres(row[axis]) for axis in "XYZ")
-    return Spot(what, x, y, z + _metres(row.get("Height", 0.0)) + ABOVE)
+    return Spot(label, x, y, z + _metres(row.get("Height", 0.0)) + LOOK_HEIGHT)
 
 
 def _spread(length: float) -> list[float]:
@@ -191,13 +191,13 @@ def _spread(length: float) -> list[float]:
 
 def _metres(value: Value) -> float:
     """What the map says of a length; the Repository gives it in the attribute's unit, and may name that."""
-    said = term(str(value))
-    assert isinstance(said, Number), "a length is a number"
-    return said.value
+    quantity = term(str(value))
+    assert isinstance(quantity, Number), "a length is a number"
+    return quantity.value
 
 
-def _in_vain(robot: str, object: str, looked: list[str], missed: list[str]) -> str:
+def _failure_text(robot: str, object: str, searched_places: list[str], missed_places: list[str]) -> str:
     """For people: where an object was not found."""
-    at = f"; it looked at {', '.join(dict.fromkeys(looked))}" if looked else ""
-    past = f"; it found no way to {', '.join(dict.fromkeys(missed))}" if missed else ""
-    return f"{robot} did not find {object}{at}{past}"
+    searched_text = f"; it looked at {', '.join(dict.fromkeys(searched_places))}" if searched_places else ""
+    missed_text = f"; it found no way to {', '.join(dict.fromkeys(missed_places))}" if missed_places else ""
+    return f"{robot} did not find {object}{searched_text}{missed_text}"

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from somrs.devices.simulator.drivers.simulated import is_a, plain
-from somrs.devices.simulator.link.commands import Seen
+from somrs.devices.simulator.drivers.simulated import format_number, is_of_type
+from somrs.devices.simulator.link.commands import ObjectState
 from somrs.service_manager.sdk.device import Task
 
 
-async def recognised(task: Task, object: str, seen: Mapping[str, Seen]) -> str:
+async def describe_recognition(task: Task, object: str, observations: Mapping[str, ObjectState]) -> str:
     """Where the object is and how it is turned; who holds it, and what it holds; that it is not unknown any more."""
-    one = seen[object]
+    object_state = observations[object]
     parts: list[str] = []
-    if one.held_by is not None:
-        parts.append(f"{object} isHeldBy {one.held_by}")
-    elif one.on is not None and not await is_a(task, object, "MobileRobot"):
-        parts.append(f"{object} isOn {one.on}")
-    parts += [f"{object}.Position{axis} = {plain(value)}" for axis, value in zip("XYZ", (one.x, one.y, one.z), strict=True)]
-    parts += [f"{object}.RotationZ = {plain(one.yaw)}", f"{object}.Unknown = FALSE"]
-    if one.held_by is not None and (holder := seen.get(one.held_by)) is not None:
+    if object_state.held_by is not None:
+        parts.append(f"{object} isHeldBy {object_state.held_by}")
+    elif object_state.support is not None and not await is_of_type(task, object, "MobileRobot"):
+        parts.append(f"{object} isOn {object_state.support}")
+    parts += [
+        f"{object}.Position{axis} = {format_number(value)}"
+        for axis, value in zip("XYZ", (object_state.x, object_state.y, object_state.z), strict=True)
+    ]
+    parts += [f"{object}.RotationZ = {format_number(object_state.yaw)}", f"{object}.Unknown = FALSE"]
+    if object_state.held_by is not None and (holder := observations.get(object_state.held_by)) is not None:
         pose = {"PositionX": holder.x, "PositionY": holder.y, "RotationZ": holder.yaw}
-        parts += [f"{holder.object}.{path} = {plain(value)}" for path, value in pose.items()]
-    parts += [f"{other.object} isHeldBy {object}" for other in seen.values() if other.held_by == object]
+        parts += [f"{holder.object}.{path} = {format_number(value)}" for path, value in pose.items()]
+    parts += [f"{state.object} isHeldBy {object}" for state in observations.values() if state.held_by == object]
     return " AND ".join(parts)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import TypeVar
 
-from somrs.devices.simulator.link.commands import Done, Fault, RobotState
+from somrs.devices.simulator.link.commands import CommandDone, Fault, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.link import RobotLink
 from somrs.entish.formula import Number
@@ -24,7 +24,7 @@ from somrs.service_manager.sdk.values import term
 DEFAULT_PRICE = "5 EUR"
 DEFAULT_SPEED = 0.5
 """Of a robot whose map says nothing of it, m/s."""
-DRIVING = 1.25
+DRIVING_FACTOR = 1.25
 """How much longer a way takes than at full speed, for turning, starting and stopping."""
 DISABLING = {Fault.DRIVE: "its drive is dead", Fault.GRIPPER: "its gripper is stuck"}
 REPORTING = 2.0
@@ -51,7 +51,7 @@ class SimulatedDevice(Device):
     """What it asks for each metre that it drives, besides its Price on the map."""
     silence: float = 6.0
     """Seconds of the simulator without any word of the device after which it is taken for silent."""
-    away: float = 6.0
+    reconnect_timeout: float = 6.0
     """Seconds for which a link that was lost is waited for; it is tried again every other second."""
 
     mobile: bool = True
@@ -62,7 +62,7 @@ class SimulatedDevice(Device):
         if not host or not port.isdigit():
             raise DeviceError(f"{self.name} needs a simulator, given as host:port, and not {self.simulator!r}")
         self._working = 0
-        self._told: Pose | None = None
+        self._reported_pose: Pose | None = None
         self._known_broken = await self.map.holds(f"{self.name}.Working = FALSE")
         self._link = RobotLink(host, int(port), self.name, silence=self.silence, on_state=self._notice_fault)
         await self._link.connect()
@@ -87,44 +87,44 @@ class SimulatedDevice(Device):
 
     async def _notice(self) -> None:
         """Say where the device is when that changed though it did not work: it made way for another, say; and that it works again."""
-        before: Pose | None = None
+        last_pose: Pose | None = None
         while True:
             await asyncio.sleep(NOTICING)
             state = self._link.state
-            idle = self._link.connected and not self._link.silent and not self._working and state is not None and state.doing is None
-            now = _pose(state) if idle and state is not None else None
-            if state is not None and now is not None and before is not None and _same(now, before):
+            idle = self._link.connected and not self._link.silent and not self._working and state is not None and state.activity is None
+            pose = _pose(state) if idle and state is not None else None
+            if state is not None and pose is not None and last_pose is not None and _is_same_pose(pose, last_pose):
                 try:
-                    await self._notice_idle(state, now)
+                    await self._notice_idle(state, pose)
                 except RemoteError as error:
                     log.warning("%s cannot read on the map how it is: %s", self.name, error)
-            before = now
+            last_pose = pose
 
-    async def _notice_idle(self, state: RobotState, now: Pose) -> None:
-        if self.mobile and not _same(now, self._told or await self._on_map()):
+    async def _notice_idle(self, state: RobotState, pose: Pose) -> None:
+        if self.mobile and not _is_same_pose(pose, self._reported_pose or await self._pose_on_map()):
             self.observed(" AND ".join(self._own_pose(state)))
         if self._known_broken and not state.faults:
             if await self.map.holds(f"{self.name}.Working = FALSE"):
                 self.observed(f"{self.name}.Working = TRUE")
             self._known_broken = False
 
-    async def _on_map(self) -> Pose:
+    async def _pose_on_map(self) -> Pose:
         rows = await self.map.query(f"{self.name}.PositionX = ?X AND {self.name}.PositionY = ?Y AND {self.name}.RotationZ = ?Yaw", limit=1)
-        found = [term(str(row[name])) for row in rows for name in ("X", "Y", "Yaw")]
-        x, y, yaw = (one.value if isinstance(one, Number) else math.inf for one in found or (None, None, None))
+        terms = [term(str(row[name])) for row in rows for name in ("X", "Y", "Yaw")]
+        x, y, yaw = (number.value if isinstance(number, Number) else math.inf for number in terms or (None, None, None))
         return x, y, yaw
 
     async def _feature(self, name: str) -> list[Value]:
         rows = await self.map.query(f"{self.name}.{name} = ?Feature", limit=1)
-        said = [term(str(row["Feature"])) for row in rows]
-        return [found.value for found in said if isinstance(found, Number)]  # in the attribute's own unit
+        terms = [term(str(row["Feature"])) for row in rows]
+        return [number.value for number in terms if isinstance(number, Number)]  # in the attribute's own unit
 
-    async def in_order(self) -> RobotState:
+    async def check_working(self) -> RobotState:
         """Its state now. Raises Refusal when it cannot work."""
-        if self._link.silent or not await self._link.back(self.away):
+        if self._link.silent or not await self._link.wait_reconnected(self.reconnect_timeout):
             raise Refusal(f"{self.name} does not answer")
         try:
-            state = (await self.persistent(self._link.status)).state
+            state = (await self.retry_when_link_lost(self._link.status)).state
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
         if state.faults:
@@ -132,7 +132,7 @@ class SimulatedDevice(Device):
             raise Refusal(f"{self.name} is out of order: {broken}")
         return state
 
-    async def persistent(self, work: Callable[[], Awaitable[T]]) -> T:
+    async def retry_when_link_lost(self, work: Callable[[], Awaitable[T]]) -> T:
         """Do it; when the link is lost meanwhile, and made again soon, do it again. Robots stop, and keep hold of what they hold, when
         their links are lost; so the work has to begin with how things are. Raises RobotGaveUp."""
         self._working += 1
@@ -140,8 +140,8 @@ class SimulatedDevice(Device):
             for _ in range(MOST_LOSSES):
                 try:
                     return await work()
-                except RobotGaveUp as gave:
-                    if gave.reason != "link-lost" or not await self._link.back(self.away):
+                except RobotGaveUp as failure:
+                    if failure.reason != "link-lost" or not await self._link.wait_reconnected(self.reconnect_timeout):
                         raise
             return await work()
         finally:
@@ -162,17 +162,17 @@ class SimulatedDevice(Device):
         rows = await task.map.query(f"{self.name}.Speed = ?Speed")
         speed = term(str(rows[0]["Speed"])) if rows else None
         metres_per_second = speed.value if isinstance(speed, Number) and speed.value > 0 else DEFAULT_SPEED
-        return DRIVING * way / metres_per_second
+        return DRIVING_FACTOR * way / metres_per_second
 
-    async def _driving(self, task: Task, drive: Coroutine[object, object, Done], begin: float, end: float, note: str) -> Done:
+    async def _driving(self, task: Task, drive: Coroutine[object, object, CommandDone], begin: float, end: float, note: str) -> CommandDone:
         """Drive, and report from time to time how far it is: by the time that such ways take."""
         driving = asyncio.ensure_future(drive)
         fraction = begin
         try:
             while True:
                 await task.progress(fraction, note=note)
-                done, _ = await asyncio.wait({driving}, timeout=REPORTING)
-                if done:
+                finished, _ = await asyncio.wait({driving}, timeout=REPORTING)
+                if finished:
                     return driving.result()
                 fraction += (end - fraction) / 5
         finally:
@@ -180,30 +180,30 @@ class SimulatedDevice(Device):
 
     def _own_pose(self, state: RobotState) -> list[str]:
         """Where the device is, in parts of a formula that will be told."""
-        self._told = _pose(state)
+        self._reported_pose = _pose(state)
         pose = {"PositionX": state.x, "PositionY": state.y, "RotationZ": state.yaw}
-        return [f"{self.name}.{path} = {plain(value)}" for path, value in pose.items()]
+        return [f"{self.name}.{path} = {format_number(value)}" for path, value in pose.items()]
 
 
 def _pose(state: RobotState) -> Pose:
     return state.x, state.y, state.yaw
 
 
-def _same(one: Pose, other: Pose) -> bool:
+def _is_same_pose(first: Pose, second: Pose) -> bool:
     """Whether nobody would call them different places."""
-    if not all(map(math.isfinite, other)):
+    if not all(map(math.isfinite, second)):
         return False
-    return math.dist(one[:2], other[:2]) < STANDING and abs(math.remainder(one[2] - other[2], math.tau)) < 2 * STANDING
+    return math.dist(first[:2], second[:2]) < STANDING and abs(math.remainder(first[2] - second[2], math.tau)) < 2 * STANDING
 
 
-async def is_a(task: Task, object: str, kind: str) -> bool:
+async def is_of_type(task: Task, object: str, kind: str) -> bool:
     try:
         return await task.map.holds(f"?It: {kind} = {object}")
     except RemoteError:  # a Repository does not take a formula that its types rule out
         return False
 
 
-def plain(value: float) -> str:
+def format_number(value: float) -> str:
     """To the millimetre, or a thousandth of a radian, as Entish writes numbers."""
     assert math.isfinite(value), "physics that made no sense would have ended"
     return str(Number(round(value, 3) + 0.0))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 
 class DriveTo(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
@@ -34,7 +34,7 @@ class Grip(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
 class Place(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Put what is held on the object in reach (a support, or a floor), let go, and back off. `x`, `y`: just there."""
 
-    on: str
+    support: str = field(name="on")
     x: float | None = None
     y: float | None = None
 
@@ -99,11 +99,11 @@ class RobotState(Struct, frozen=True, kw_only=True):
     y: float
     yaw: float
     holding: str | None = None
-    doing: str | None = None
+    activity: str | None = field(default=None, name="doing")
     faults: tuple[Fault, ...] = ()
 
 
-class Seen(Struct, frozen=True, kw_only=True):
+class ObjectState(Struct, frozen=True, kw_only=True):
     """An object as sensors see it: the middle of its underside, what it stands on (None: held, or cannot tell), who holds it."""
 
     object: str
@@ -111,18 +111,18 @@ class Seen(Struct, frozen=True, kw_only=True):
     y: float
     z: float
     yaw: float
-    on: str | None = None
+    support: str | None = field(default=None, name="on")
     held_by: str | None = None
 
 
-class Done(Struct, frozen=True, kw_only=True):
+class CommandDone(Struct, frozen=True, kw_only=True):
     """A command was carried out. `seen`: what it touched or looked at, as it is now."""
 
     state: RobotState
-    seen: tuple[Seen, ...] = ()
+    object_states: tuple[ObjectState, ...] = ()
 
 
-class Gave(Struct, frozen=True, kw_only=True):
+class CommandGivenUp(Struct, frozen=True, kw_only=True):
     """A command was given up: a word for programs, a sentence for people, and what is known now.
 
     Reasons: `drive-dead`, `gripper-stuck`, `blocked` (no way there now), `unreachable` (no way there at all),
@@ -132,4 +132,4 @@ class Gave(Struct, frozen=True, kw_only=True):
     reason: str
     description: str
     state: RobotState
-    seen: tuple[Seen, ...] = ()
+    object_states: tuple[ObjectState, ...] = ()

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from somrs.devices.simulator.link.commands import RobotState, Seen
+from somrs.devices.simulator.link.commands import ObjectState, RobotState
 from somrs.devices.simulator.link.lines import (
     Answer,
     Ask,
@@ -21,11 +21,11 @@ from somrs.devices.simulator.link.lines import (
     Question,
     Refused,
     ServerLine,
-    Through,
+    Stops,
     Ways,
     Welcome,
+    encode_line,
     read_by_client,
-    written,
 )
 from somrs.errors import RemoteError, SimulationError, UsageError, WireError
 
@@ -47,8 +47,8 @@ class RobotGaveUp(RemoteError):
     `state` and `seen` are what the robot said last, or None and nothing.
     """
 
-    def __init__(self, reason: str, description: str, state: RobotState | None = None, seen: tuple[Seen, ...] = ()) -> None:
-        self.reason, self.description, self.state, self.seen = reason, description, state, seen
+    def __init__(self, reason: str, description: str, state: RobotState | None = None, object_states: tuple[ObjectState, ...] = ()) -> None:
+        self.reason, self.description, self.state, self.object_states = reason, description, state, object_states
         super().__init__(reason, description)
 
     def __str__(self) -> str:
@@ -59,30 +59,30 @@ class Link:
     """A connection that is made again when it is lost, and what was said on it that has no answer yet."""
 
     def __init__(self, host: str, port: int, hello: Hello) -> None:
-        self._where = f"{host}:{port}"
+        self._address = f"{host}:{port}"
         self._host, self._port, self._hello = host, port, hello
         self._ids = itertools.count(1)
         self._unanswered: dict[int, asyncio.Future[ServerLine]] = {}
         self._writer: asyncio.StreamWriter | None = None
         self._ready = asyncio.Event()
-        self._keeping: asyncio.Task[None] | None = None
+        self._connection_task: asyncio.Task[None] | None = None
         self._refusal: Refused | None = None
         self._lost_at = -math.inf
 
     async def connect(self) -> None:
         """Connect. Raises RemoteError when that is refused, or not possible for some time."""
-        self._keeping = asyncio.create_task(self._keep())
+        self._connection_task = asyncio.create_task(self._keep_connected())
         try:
-            await self._connected()
+            await self._wait_connected()
         except BaseException:  # cancelled, too: nobody would close the connection otherwise
             await self.close()
             raise
 
     async def close(self) -> None:
-        if self._keeping is not None:
-            self._keeping.cancel()
-            await asyncio.wait({self._keeping})
-            self._keeping = None
+        if self._connection_task is not None:
+            self._connection_task.cancel()
+            await asyncio.wait({self._connection_task})
+            self._connection_task = None
 
     async def __aenter__(self) -> Self:
         await self.connect()
@@ -91,50 +91,50 @@ class Link:
     async def __aexit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         await self.close()
 
-    async def _connected(self) -> None:
+    async def _wait_connected(self) -> None:
         """Wait until there is a connection."""
-        if self._keeping is None:
+        if self._connection_task is None:
             raise UsageError("the link is not connected; call connect() first, or use `async with`")
         ready = asyncio.ensure_future(self._ready.wait())
         try:
-            await asyncio.wait({ready, self._keeping}, timeout=PATIENCE, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({ready, self._connection_task}, timeout=PATIENCE, return_when=asyncio.FIRST_COMPLETED)
         finally:
             ready.cancel()
         if self._ready.is_set():
             return
         if self._refusal is not None:
-            raise RobotGaveUp("refused", f"{self._where}: {self._refusal.description}")
-        raise RobotGaveUp("link-lost", f"there is no connection to {self._where}; is the simulator running?")
+            raise RobotGaveUp("refused", f"{self._address}: {self._refusal.description}")
+        raise RobotGaveUp("link-lost", f"there is no connection to {self._address}; is the simulator running?")
 
-    async def _say(self, make: Callable[[int], ClientLine]) -> ServerLine:
+    async def _exchange(self, make_line: Callable[[int], ClientLine]) -> ServerLine:
         """Say something with an id, and wait for the answer."""
-        await self._connected()
+        await self._wait_connected()
         assert self._writer is not None, "there is a connection"
         id = next(self._ids)
         answer: asyncio.Future[ServerLine] = asyncio.get_running_loop().create_future()
         self._unanswered[id] = answer
         try:
-            self._writer.write(written(make(id)))
+            self._writer.write(encode_line(make_line(id)))
             return await answer
         finally:
             self._unanswered.pop(id, None)
 
     async def _ask(self, question: Question) -> Answer:
         """Raises UsageError for what the simulator cannot do as asked, SimulationError for a picture where there is no OpenGL."""
-        match await self._say(lambda id: Ask(id=id, question=question)):
+        match await self._exchange(lambda id: Ask(id=id, question=question)):
             case Answer() as answer:
                 return answer
             case Refused(reason="no-graphics", description=description):
                 raise SimulationError(description)
             case Refused(description=description):
                 raise UsageError(description)
-            case other:
-                raise RemoteError(f"a question was answered with {type(other).__name__}")
+            case reply:
+                raise RemoteError(f"a question was answered with {type(reply).__name__}")
 
-    async def _ways(self, robot: str, through: Through) -> tuple[float | None, ...]:
-        return (await self._ask(Ways(robot=robot, through=through))).lengths or ()
+    async def _ways(self, robot: str, stops: Stops) -> tuple[float | None, ...]:
+        return (await self._ask(Ways(robot=robot, stops=stops))).lengths or ()
 
-    async def _keep(self) -> None:
+    async def _keep_connected(self) -> None:
         """Connect, listen, and begin again when the connection is lost."""
         pauses = iter(PAUSES)
         while True:
@@ -142,20 +142,20 @@ class Link:
                 if await self._converse():
                     pauses = iter(PAUSES)
             except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError) as error:
-                log.debug("%s: %s", self._where, error)
+                log.debug("%s: %s", self._address, error)
             except WireError as error:
-                log.warning("%s: %s", self._where, error)
+                log.warning("%s: %s", self._address, error)
             finally:
                 was_ready = self._ready.is_set()
                 self._ready.clear()
                 if was_ready:
                     self._lost_at = asyncio.get_running_loop().time()
-                self._fail_all("link-lost", f"the connection to {self._where} was lost")
+                self._fail_all("link-lost", f"the connection to {self._address} was lost")
                 if self._writer is not None:
                     self._writer.close()
                     self._writer = None
             if was_ready:
-                log.warning("the connection to %s was lost; it is being made again", self._where)
+                log.warning("the connection to %s was lost; it is being made again", self._address)
             if self._refusal is not None and self._refusal.reason in FINAL:
                 return
             await asyncio.sleep(next(pauses, PAUSES[-1]))
@@ -164,7 +164,7 @@ class Link:
         """Listen until the connection ends. Whether it was accepted."""
         async with asyncio.timeout(PATIENCE):
             reader, self._writer = await asyncio.open_connection(self._host, self._port, limit=LONGEST)
-            self._writer.write(written(self._hello))
+            self._writer.write(encode_line(self._hello))
             first = read_by_client(await reader.readuntil(b"\n"))
         if isinstance(first, Refused):
             self._refusal = first
@@ -187,7 +187,7 @@ class Link:
                 waiting.set_result(line)
         elif isinstance(line, Refused):
             self._refusal = line
-            log.warning("%s: %s", self._where, line.description)
+            log.warning("%s: %s", self._address, line.description)
 
     def _fail_all(self, reason: str, description: str) -> None:
         for waiting in self._unanswered.values():

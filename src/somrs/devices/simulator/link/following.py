@@ -8,7 +8,7 @@ from itertools import accumulate
 from somrs.devices.simulator.link.lines import Mover, Poses
 
 
-class Following:
+class PoseBuffer:
     """Poses between the connection and whoever follows them."""
 
     def __init__(self) -> None:
@@ -17,13 +17,13 @@ class Following:
         self._end: Exception | None = None
         self._wake = asyncio.Event()
 
-    def put(self, line: Poses) -> None:
+    def add_line(self, line: Poses) -> None:
         if line.movers is not None:
             self._movers, self._waiting = line.movers, line
         elif self._movers is None:
             return  # of a telling that was ended
         else:
-            self._waiting = line if self._waiting is None else _together(self._waiting, line, self._movers)
+            self._waiting = line if self._waiting is None else _merge(self._waiting, line, self._movers)
         self._wake.set()
 
     def fail(self, error: Exception) -> None:
@@ -31,7 +31,7 @@ class Following:
         self._end = error
         self._wake.set()
 
-    async def next(self) -> Poses:
+    async def next_poses(self) -> Poses:
         """All that came since this was asked last. Raises what it was failed with."""
         while self._waiting is None:
             if self._end is not None:
@@ -42,7 +42,7 @@ class Following:
         return line
 
 
-def _together(first: Poses, second: Poses, movers: tuple[Mover, ...]) -> Poses:
+def _merge(first: Poses, second: Poses, movers: tuple[Mover, ...]) -> Poses:
     """Both as one: what the second says counts."""
     values = {**_by_mover(first, movers), **_by_mover(second, movers)}
     return Poses(

@@ -7,9 +7,9 @@ from __future__ import annotations
 from typing import Annotated
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, field
 
-from somrs.devices.simulator.link.commands import Command, Fault, RobotState, Seen
+from somrs.devices.simulator.link.commands import Command, Fault, ObjectState, RobotState
 from somrs.errors import WireError
 
 PROTOCOL = "SO-MRS robot link"
@@ -19,7 +19,7 @@ HEARTBEAT = 1.0
 LONGEST = 64 * 1024
 """Bytes of the longest line that a server reads."""
 
-Through = tuple[str | tuple[float, float], ...]
+Stops = tuple[str | tuple[float, float], ...]
 """Objects and points that a way leads to, one after the other."""
 
 
@@ -54,7 +54,7 @@ class Break(Struct, frozen=True, kw_only=True, tag="break", tag_field="ask"):
 
     robot: str
     fault: Fault
-    after: Annotated[float, Meta(ge=0)] | None = None
+    delay: Annotated[float, Meta(ge=0)] | None = field(default=None, name="after")
     carried: Annotated[float, Meta(ge=0)] | None = None
     released: bool = False
 
@@ -90,7 +90,7 @@ class Ways(Struct, frozen=True, kw_only=True, tag="ways", tag_field="ask"):
     """How far the robot would have to drive to come within reach of the first of these, from there to the next, and so on."""
 
     robot: str
-    through: Through
+    stops: Stops = field(name="through")
 
 
 class Idle(Struct, frozen=True, kw_only=True, tag="idle", tag_field="ask"):
@@ -156,11 +156,11 @@ class Mover(Struct, frozen=True, kw_only=True):
     numbers: int
 
 
-class Work(Struct, frozen=True, kw_only=True, omit_defaults=True):
+class RobotStatus(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """What a robot or a camera holds, does, and cannot do."""
 
     holding: str | None = None
-    doing: str | None = None
+    activity: str | None = field(default=None, name="doing")
     faults: tuple[Fault, ...] = ()
 
 
@@ -177,7 +177,7 @@ class Poses(Struct, frozen=True, kw_only=True, omit_defaults=True, tag="poses", 
     """Those of them that moved, counted from 0."""
     values: tuple[float, ...] = ()
     """The numbers of those, one after the other."""
-    robots: dict[str, Work] = {}
+    robots: dict[str, RobotStatus] = {}
     """Of whom this is otherwise than before."""
 
 
@@ -186,7 +186,7 @@ class OrderDone(Struct, frozen=True, kw_only=True, tag="done", tag_field="say"):
 
     id: int
     state: RobotState
-    seen: tuple[Seen, ...] = ()
+    object_states: tuple[ObjectState, ...] = field(default=(), name="seen")
 
 
 class OrderGivenUp(Struct, frozen=True, kw_only=True, tag="gave", tag_field="say"):
@@ -196,14 +196,14 @@ class OrderGivenUp(Struct, frozen=True, kw_only=True, tag="gave", tag_field="say
     reason: str
     description: str
     state: RobotState
-    seen: tuple[Seen, ...] = ()
+    object_states: tuple[ObjectState, ...] = field(default=(), name="seen")
 
 
 class Answer(Struct, frozen=True, kw_only=True, tag="answer", tag_field="say"):
     """The answer to a question. Of its parts only those are there that the question asks for."""
 
     id: int
-    seen: Seen | None = None
+    object_state: ObjectState | None = field(default=None, name="seen")
     robots: dict[str, RobotState] | None = None
     time: float | None = None
     speed: float | None = None
@@ -233,12 +233,12 @@ _to_server: msgspec.json.Decoder[ClientLine] = msgspec.json.Decoder(ClientLine)
 _to_client: msgspec.json.Decoder[ServerLine] = msgspec.json.Decoder(ServerLine)
 
 
-def written(line: ClientLine | ServerLine) -> bytes:
+def encode_line(line: ClientLine | ServerLine) -> bytes:
     """The line with its newline."""
     return msgspec.json.encode(line) + b"\n"
 
 
-def opened(line: bytes) -> Opening:
+def read_opening(line: bytes) -> Opening:
     """What protocol the first line of a client is of. Raises WireError."""
     try:
         return _opening.decode(line)

@@ -13,22 +13,22 @@ from dataclasses import dataclass
 from somrs.devices.simulator.link.commands import (
     Approach,
     Command,
-    Done,
+    CommandDone,
     DriveTo,
     Fault,
     Grip,
     LookAround,
     LookAt,
+    ObjectState,
     Place,
     PutDown,
     RobotState,
-    Seen,
     Sense,
     Status,
     Stop,
 )
 from somrs.devices.simulator.link.connection import Link, RobotGaveUp
-from somrs.devices.simulator.link.following import Following
+from somrs.devices.simulator.link.following import PoseBuffer
 from somrs.devices.simulator.link.lines import (
     HEARTBEAT,
     VERSION,
@@ -51,7 +51,7 @@ from somrs.devices.simulator.link.lines import (
     ServerLine,
     State,
     Unheard,
-    written,
+    encode_line,
 )
 from somrs.errors import UsageError
 
@@ -97,61 +97,61 @@ class RobotLink(Link):
     def connected(self) -> bool:
         return self._ready.is_set()
 
-    async def back(self, within: float) -> bool:
+    async def wait_reconnected(self, timeout: float) -> bool:
         """Whether it is connected. Until so many seconds after the connection was lost, it is waited for."""
-        left = self._lost_at + within - asyncio.get_running_loop().time()
-        if not self.connected and left > 0:
+        remaining = self._lost_at + timeout - asyncio.get_running_loop().time()
+        if not self.connected and remaining > 0:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._ready.wait(), left)
+                await asyncio.wait_for(self._ready.wait(), remaining)
         return self.connected
 
-    async def drive_to(self, x: float, y: float, yaw: float | None = None) -> Done:
+    async def drive_to(self, x: float, y: float, yaw: float | None = None) -> CommandDone:
         return await self.command(DriveTo(x=x, y=y, yaw=yaw))
 
-    async def approach(self, object: str) -> Done:
+    async def approach(self, object: str) -> CommandDone:
         return await self.command(Approach(object=object))
 
-    async def grip(self, object: str) -> Done:
+    async def grip(self, object: str) -> CommandDone:
         return await self.command(Grip(object=object))
 
-    async def place(self, on: str, x: float | None = None, y: float | None = None) -> Done:
-        return await self.command(Place(on=on, x=x, y=y))
+    async def place(self, support: str, x: float | None = None, y: float | None = None) -> CommandDone:
+        return await self.command(Place(support=support, x=x, y=y))
 
-    async def put_down(self) -> Done:
+    async def put_down_object(self) -> CommandDone:
         return await self.command(PutDown())
 
-    async def sense(self, radius: float | None = None) -> Done:
+    async def sense(self, radius: float | None = None) -> CommandDone:
         return await self.command(Sense(radius=radius))
 
-    async def look_at(self, x: float, y: float, z: float, object: str | None = None) -> Done:
+    async def look_at(self, x: float, y: float, z: float, object: str | None = None) -> CommandDone:
         return await self.command(LookAt(x=x, y=y, z=z, object=object))
 
-    async def look_around(self, object: str | None = None) -> Done:
+    async def look_around(self, object: str | None = None) -> CommandDone:
         return await self.command(LookAround(object=object))
 
-    async def stop(self) -> Done:
+    async def stop(self) -> CommandDone:
         return await self.command(Stop())
 
-    async def status(self) -> Done:
+    async def status(self) -> CommandDone:
         return await self.command(Status())
 
-    async def command(self, command: Command) -> Done:
+    async def command(self, command: Command) -> CommandDone:
         """Have the robot carry out a command. One that has fallen silent is not waited for."""
         if self.silent:
             raise RobotGaveUp("silent", f"{self.robot} has said nothing for {self._silence:g} s", self.state)
-        match await self._say(lambda id: Order(id=id, command=command)):
-            case OrderDone(state=state, seen=seen):
-                return Done(state=state, seen=seen)
-            case OrderGivenUp(reason=reason, description=description, state=state, seen=seen):
-                raise RobotGaveUp(reason, description, state, seen)
+        match await self._exchange(lambda id: Order(id=id, command=command)):
+            case OrderDone(state=state, object_states=object_states):
+                return CommandDone(state=state, object_states=object_states)
+            case OrderGivenUp(reason=reason, description=description, state=state, object_states=object_states):
+                raise RobotGaveUp(reason, description, state, object_states)
             case Refused(description=description):
                 raise RobotGaveUp("refused", description, self.state)
-            case other:
-                raise RobotGaveUp("refused", f"{self._where} answered a command with {type(other).__name__}", self.state)
+            case reply:
+                raise RobotGaveUp("refused", f"{self._address} answered a command with {type(reply).__name__}", self.state)
 
-    async def ways(self, *through: str | tuple[float, float]) -> tuple[float | None, ...]:
+    async def ways(self, *stops: str | tuple[float, float]) -> tuple[float | None, ...]:
         """Metres that the robot would have to drive to get to the first, from there to the next, and so on."""
-        return await self._ways(self.robot, through)
+        return await self._ways(self.robot, stops)
 
     def _hear(self, line: ServerLine) -> None:
         if isinstance(line, Unheard):
@@ -167,10 +167,10 @@ class RobotLink(Link):
         super()._hear(line)
 
     def _fall_silent(self) -> None:
-        said = f"{self.robot} has said nothing for {self._silence:g} s"
+        description = f"{self.robot} has said nothing for {self._silence:g} s"
         self.silent = True
-        log.warning("%s", said)
-        self._fail_all("silent", said)
+        log.warning("%s", description)
+        self._fail_all("silent", description)
 
     def _last_state(self) -> RobotState | None:
         return self.state
@@ -181,32 +181,32 @@ class OperatorLink(Link):
 
     def __init__(self, host: str, port: int) -> None:
         super().__init__(host, port, Hello(version=VERSION))
-        self._following: Following | None = None
+        self._pose_buffer: PoseBuffer | None = None
 
     async def fault(self, robot: str, fault: Fault) -> None:
         """Break something now."""
         await self._ask(Break(robot=robot, fault=fault))
 
     async def schedule(
-        self, robot: str, fault: Fault, *, after: float | None = None, carried: float | None = None, released: bool = False
+        self, robot: str, fault: Fault, *, delay: float | None = None, carried: float | None = None, released: bool = False
     ) -> None:
         """Break something after so many simulated seconds, when the robot has carried something so many metres, or when it has
         released what it carried."""
-        if after is None and carried is None and not released:
+        if delay is None and carried is None and not released:
             raise UsageError(
                 "say when the fault is to happen: after how many seconds, when the robot has carried something how far, "
                 "or when it has released something"
             )
-        await self._ask(Break(robot=robot, fault=fault, after=after, carried=carried, released=released))
+        await self._ask(Break(robot=robot, fault=fault, delay=delay, carried=carried, released=released))
 
     async def repair(self, robot: str, fault: Fault) -> None:
         await self._ask(Repair(robot=robot, fault=fault))
 
-    async def seen(self, object: str) -> Seen:
+    async def observe(self, object: str) -> ObjectState:
         """Where an object truly is."""
-        seen = (await self._ask(Look(object=object))).seen
-        assert seen is not None, "the answer to `look`"
-        return seen
+        object_state = (await self._ask(Look(object=object))).object_state
+        assert object_state is not None, "the answer to `look`"
+        return object_state
 
     async def robots(self) -> dict[str, RobotState]:
         return (await self._ask(Robots())).robots or {}
@@ -220,9 +220,9 @@ class OperatorLink(Link):
         """A PNG of the world, or of an object and what is around it. Raises SimulationError when there is no OpenGL."""
         return (await self._ask(Picture(subject=subject))).png or b""
 
-    async def ways(self, robot: str, *through: str | tuple[float, float]) -> tuple[float | None, ...]:
+    async def ways(self, robot: str, *stops: str | tuple[float, float]) -> tuple[float | None, ...]:
         """Metres that the robot would have to drive to get to the first, from there to the next, and so on."""
-        return await self._ways(robot, through)
+        return await self._ways(robot, stops)
 
     async def idle(self) -> None:
         """Return when no robot does anything any more."""
@@ -235,27 +235,27 @@ class OperatorLink(Link):
     async def poses(self, rate: float = 20.0) -> AsyncGenerator[Poses, None]:
         """Where everything is that can move, and then what moves of it, as it moves: the first has the `movers`. One who is slow to take
         them gets fewer. Raises RobotGaveUp when the connection is lost; what follows it then begins anew."""
-        if self._following is not None:
+        if self._pose_buffer is not None:
             raise UsageError("the poses are followed already on this link; connect another one")
-        await self._connected()
-        following = self._following = Following()
+        await self._wait_connected()
+        pose_buffer = self._pose_buffer = PoseBuffer()
         try:
             await self._ask(Follow(rate=rate))
             while True:
-                yield await following.next()
+                yield await pose_buffer.next_poses()
         finally:
-            self._following = None
+            self._pose_buffer = None
             if self._writer is not None:
-                self._writer.write(written(Ask(id=next(self._ids), question=Follow(rate=0))))
+                self._writer.write(encode_line(Ask(id=next(self._ids), question=Follow(rate=0))))
 
     def _hear(self, line: ServerLine) -> None:
         if isinstance(line, Poses):
-            if self._following is not None:
-                self._following.put(line)
+            if self._pose_buffer is not None:
+                self._pose_buffer.add_line(line)
             return
         super()._hear(line)
 
     def _fail_all(self, reason: str, description: str) -> None:
         super()._fail_all(reason, description)
-        if self._following is not None:
-            self._following.fail(RobotGaveUp(reason, description))
+        if self._pose_buffer is not None:
+            self._pose_buffer.fail(RobotGaveUp(reason, description))

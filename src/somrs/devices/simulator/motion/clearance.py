@@ -47,12 +47,12 @@ class Grid:
     size: float = CELL
 
     @staticmethod
-    def around(solids: Sequence[Solid], margin: float) -> Grid:
+    def enclosing(solids: Sequence[Solid], margin: float) -> Grid:
         """A grid that holds all of them, and as much more around."""
         boxes = [(*solid.world(u, v),) for solid in solids for u, v in corners(solid)] or [(-5.0, -5.0), (5.0, 5.0)]
-        left, low = (min(c[i] for c in boxes) - margin for i in (0, 1))
-        right, high = (max(c[i] for c in boxes) + margin for i in (0, 1))
-        return Grid(left, low, math.ceil((high - low) / CELL), math.ceil((right - left) / CELL))
+        min_x, min_y = (min(c[i] for c in boxes) - margin for i in (0, 1))
+        max_x, max_y = (max(c[i] for c in boxes) + margin for i in (0, 1))
+        return Grid(min_x, min_y, math.ceil((max_y - min_y) / CELL), math.ceil((max_x - min_x) / CELL))
 
     def clipped(self, point: Point) -> Cell:
         """The cell of the point, or the nearest one."""
@@ -72,15 +72,15 @@ class Grid:
 
     def sample(self, field: Field, points: ArrayLike) -> Field:
         """The field at the points, linear between cell centres; -FAR outside of the grid."""
-        at = np.asarray(points, dtype=float).reshape(-1, 2)
-        where = [(at[:, 1] - self.y) / self.size - 0.5, (at[:, 0] - self.x) / self.size - 0.5]
-        values: Field = ndimage.map_coordinates(field, where, order=1, mode="constant", cval=-FAR)
+        positions = np.asarray(points, dtype=float).reshape(-1, 2)
+        coordinates = [(positions[:, 1] - self.y) / self.size - 0.5, (positions[:, 0] - self.x) / self.size - 0.5]
+        values: Field = ndimage.map_coordinates(field, coordinates, order=1, mode="constant", cval=-FAR)
         return values
 
-    def window(self, left: float, low: float, right: float, high: float) -> tuple[tuple[slice, slice], Field, Field]:
+    def window(self, min_x: float, min_y: float, max_x: float, max_y: float) -> tuple[tuple[slice, slice], Field, Field]:
         """The cells whose centres are in a box: their slices, and the x and y of their centres to be broadcast."""
-        c0, c1 = (max(0, min(self.columns, math.ceil((v - self.x) / self.size - 0.5))) for v in (left, right))
-        r0, r1 = (max(0, min(self.rows, math.ceil((v - self.y) / self.size - 0.5))) for v in (low, high))
+        c0, c1 = (max(0, min(self.columns, math.ceil((v - self.x) / self.size - 0.5))) for v in (min_x, max_x))
+        r0, r1 = (max(0, min(self.rows, math.ceil((v - self.y) / self.size - 0.5))) for v in (min_y, max_y))
         xs = (self.x + (np.arange(c0, c1) + 0.5) * self.size).astype(np.float32)
         ys = (self.y + (np.arange(r0, r1) + 0.5) * self.size).astype(np.float32)
         return (slice(r0, r1), slice(c0, c1)), xs[None, :], ys[:, None]
@@ -108,9 +108,9 @@ def clearances(grid: Grid, obstacles: Sequence[Solid], floors: Sequence[Solid], 
         for solid, margin in [(floor, grid.size / 2) for floor in floors] + [(passage, 2 * grid.size) for passage in passages]:
             slices, distance = distances(grid, solid, margin + grid.size)
             ground[slices] |= distance <= margin
-        inside = ndimage.distance_transform_edt(ground) - 0.5
-        outside = ndimage.distance_transform_edt(~ground) - 0.5
-        field = np.minimum(field, np.where(ground, inside, -outside) * grid.size).astype(np.float32)
+        inner_distance = ndimage.distance_transform_edt(ground) - 0.5
+        outer_distance = ndimage.distance_transform_edt(~ground) - 0.5
+        field = np.minimum(field, np.where(ground, inner_distance, -outer_distance) * grid.size).astype(np.float32)
     for solid in obstacles:
         slices, distance = distances(grid, solid, FAR)
         field[slices] = np.minimum(field[slices], distance)

@@ -10,7 +10,7 @@ import numpy as np
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.driving import PATIENCE, ask_aside, drive_to
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, wait
-from somrs.devices.simulator.motion.standing import ARM, Stand, free_spots, order, others_near, reachable_now, spots_here, stands
+from somrs.devices.simulator.motion.standing import ARM, Stand, free_spots, order, reachable_now, spots_here, stands, thing_distances
 from somrs.devices.simulator.motion.traffic import Capsule
 from somrs.devices.simulator.world.dimensions import FINGER, OPENING
 from somrs.devices.simulator.world.distances import Array, distances_from
@@ -30,17 +30,17 @@ def withdraw(robot: Robot) -> Routine:
     if not robot.size.gripper:
         return
     if robot.arm_out:
-        yield from _let_go(robot)
+        yield from _open_loose_grip(robot)
         yield from robot.arm(lift=min(max(robot.joints["lift"] + 0.02, _lift_over(robot, robot.hand())), 1.74))
         yield from robot.arm(reach=robot.size.drawn_in)
     robot.arm_claim = None
     yield from robot.arm(turret=0.0, lift=_transport(robot))
 
 
-def _let_go(robot: Robot) -> Routine:
+def _open_loose_grip(robot: Robot) -> Routine:
     """Open the fingers, if there is something between them that is not held: the robot was stopped while it took it or put it down."""
     able = robot.holding is None and Fault.GRIPPER not in robot.faults
-    if able and any(robot.scene.pads(robot.name, thing) for thing in robot.scene.things()):
+    if able and any(robot.scene.touching_fingers(robot.name, thing) for thing in robot.scene.things()):
         yield from _open_clear(robot)
 
 
@@ -78,33 +78,33 @@ def _lift_over(robot: Robot, spot: Point, at_least: float = 0.0) -> float:
     return max(top - robot.solid.z + CLEAR, robot.size.clear) + robot.size.hang + _drop(robot)
 
 
-def get_within_reach(robot: Robot, what: str, spots: Spots, top: float, ignored: Collection[str] = ()):  # type: ignore[no-untyped-def]
+def get_within_reach(robot: Robot, target_name: str, spots: Spots, top: float, ignored: Collection[str] = ()):  # type: ignore[no-untyped-def]
     """Drive, if need be, to where one of the spots can be reached. Returns the spot."""
     waited = 0.0
     while True:
-        found, penalties = order(*spots())
-        if not len(found):
-            raise GivenUp("no-space", f"{robot.name} finds no free spot on {what}")
-        here = reachable_now(robot, found, top)
-        if here is not None:
-            return float(found[here][0]), float(found[here][1])
+        candidates, penalties = order(*spots())
+        if not len(candidates):
+            raise GivenUp("no-space", f"{robot.name} finds no free spot on {target_name}")
+        reachable_index = reachable_now(robot, candidates, top)
+        if reachable_index is not None:
+            return float(candidates[reachable_index][0]), float(candidates[reachable_index][1])
         robot.need_drive()
-        ranked = stands(robot, found, top, penalties, ignored)
-        wished = ranked or stands_without_others(robot, found, top, penalties, ignored)
+        ranked = stands(robot, candidates, top, penalties, ignored)
+        wished = ranked or stands_without_others(robot, candidates, top, penalties, ignored)
         if not wished:
-            raise GivenUp("unreachable", f"there is no place for {robot.name} from which it could reach {what}")
+            raise GivenUp("unreachable", f"there is no place for {robot.name} from which it could reach {target_name}")
         started = robot.scene.time
         yield from withdraw(robot)
         for stand in ranked[:1] + ranked[8:9] + ranked[16:17] + ranked[-1:]:
             try:
                 yield from drive_to(robot, stand.base, patience=4.0)
                 return stand.spot
-            except GivenUp as given:
-                if given.reason not in ("blocked", "unreachable"):
+            except GivenUp as failure:
+                if failure.reason not in ("blocked", "unreachable"):
                     raise
-                problem = given
+                problem = failure
         if not ranked:
-            problem = GivenUp("blocked", f"others stand where {robot.name} could reach {what}")
+            problem = GivenUp("blocked", f"others stand where {robot.name} could reach {target_name}")
             yield from ask_aside(robot, wished[0].base)
         waited += robot.scene.time - started
         if waited > PATIENCE or problem.reason == "unreachable":
@@ -113,20 +113,20 @@ def get_within_reach(robot: Robot, what: str, spots: Spots, top: float, ignored:
 
 def stands_without_others(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str]) -> list[Stand]:
     """Where it could stand if no other robot were there."""
-    alone = Robot(robot.solid, robot.scene, robot.navigator, {})
-    return stands(alone, spots, top, penalties, ignored)
+    lone_robot = Robot(robot.solid, robot.scene, robot.navigator, {})
+    return stands(lone_robot, spots, top, penalties, ignored)
 
 
 def claim_arm(robot: Robot, spot: Point) -> Routine:
     """Wait until no other robot is where the arm has to go, and keep them out from then on."""
     x, y, _ = robot.pose()
-    wanted, waited = Capsule((x, y), spot, ARM), 0.0
-    while any(wanted.gap(claim) < 0 for other in robot.others() for claim in other.claims()):
+    arm_claim, waited = Capsule((x, y), spot, ARM), 0.0
+    while any(arm_claim.gap(claim) < 0 for other_robot in robot.other_robots() for claim in other_robot.claims()):
         if waited > PATIENCE:
             raise GivenUp("blocked", f"another robot stands where the arm of {robot.name} has to go")
         yield
         waited += PERIOD
-    robot.arm_claim = wanted
+    robot.arm_claim = arm_claim
 
 
 def pick(robot: Robot, thing: str) -> Routine:
@@ -141,9 +141,9 @@ def pick(robot: Robot, thing: str) -> Routine:
     angle, half = _grasp_angle(robot, thing)
     opening = min(OPENING, half + 0.018)
     tip = z - robot.solid.z + max(0.012, solid.height - FINGER + 0.025)
-    over = _lift_over(robot, (x, y), z + solid.height)
+    travel_lift = _lift_over(robot, (x, y), z + solid.height)
     turret, reach = robot.aim((x, y))
-    yield from robot.arm(lift=over, left=opening, right=opening)
+    yield from robot.arm(lift=travel_lift, left=opening, right=opening)
     yaw = robot.pose()[2]
     yield from robot.arm(turret=turret, wrist=_nearest_half_turn(angle - yaw - turret))
     yield from robot.arm(reach=reach)
@@ -178,10 +178,13 @@ def _grasp_angle(robot: Robot, thing: str) -> tuple[float, float]:
     for angle, half in options:
         if half > OPENING - 0.005:
             continue
-        along, out = np.array([-math.sin(angle), math.cos(angle)]), half + 0.024
-        fingers = np.array([[x, y] + side * out * along for side in (-1, 1)])
+        closing_axis, offset = np.array([-math.sin(angle), math.cos(angle)]), half + 0.024
+        fingers = np.array([[x, y] + side * offset * closing_axis for side in (-1, 1)])
         room = (
-            min(others_near(robot, fingers, z + 0.02, z + solid.height, [thing]).min(), scene.clearances(fingers, z + 0.02, z + 1.0).min())
+            min(
+                thing_distances(robot, fingers, z + 0.02, z + solid.height, [thing]).min(),
+                scene.clearances(fingers, z + 0.02, z + 1.0).min(),
+            )
             - 0.02
         )
         rated.append((-min(float(room), 0.08), angle, half))
@@ -196,7 +199,7 @@ def _grasp_angle(robot: Robot, thing: str) -> tuple[float, float]:
 def close(robot: Robot, thing: str) -> Routine:
     """Close each finger until it touches the thing; both have to."""
     for _ in range(150):
-        touching = robot.scene.pads(robot.name, thing)
+        touching = robot.scene.touching_fingers(robot.name, thing)
         for finger in ("left", "right"):
             if finger not in touching:
                 robot.lead(finger, 0.0)
@@ -209,22 +212,22 @@ def close(robot: Robot, thing: str) -> Routine:
     raise GivenUp("slipped", f"the fingers of {robot.name} close without {thing} between them")
 
 
-def place(robot: Robot, on: Solid, at: Point | None) -> Routine:
+def place(robot: Robot, support: Solid, position: Point | None) -> Routine:
     """Put what is held on an object, wherever there is room on it or just at a point."""
     thing = robot.holding
     assert thing is not None
-    radius, top = robot.scene.world.solids[thing].extent, top_of(on)
+    radius, top = robot.scene.world.solids[thing].extent, top_of(support)
     while True:
-        spot = yield from get_within_reach(robot, on.name, spots_on(robot, on, at), top)
+        spot = yield from get_within_reach(robot, support.name, spots_on(robot, support, position), top)
         yield from claim_arm(robot, spot)
         # Another robot may have put something there while this one came or waited.
-        if others_near(robot, np.array([spot]), top - 0.05, top + 0.4, [thing])[0] - radius > 0.005:
+        if thing_distances(robot, np.array([spot]), top - 0.05, top + 0.4, [thing])[0] - radius > 0.005:
             break
         robot.arm_claim = None
-    yield from put(robot, spot, top)
+    yield from put_on_spot(robot, spot, top)
 
 
-def put(robot: Robot, spot: Point, top: float) -> Routine:
+def put_on_spot(robot: Robot, spot: Point, top: float) -> Routine:
     """Put what is held on a spot that the arm has claimed, let go, and leave it standing free."""
     thing = robot.holding
     assert thing is not None
@@ -242,7 +245,7 @@ def put(robot: Robot, spot: Point, top: float) -> Routine:
     robot.scene.release(robot.name)
     yield from _open_clear(robot)
     for _ in range(50):
-        if robot.scene.still(thing):
+        if robot.scene.are_at_rest(thing):
             break
         yield
     yield from withdraw(robot)
@@ -279,7 +282,7 @@ def set_down(robot: Robot) -> Routine:
         raise GivenUp("no-space", f"there is no free spot around {robot.name} to put {thing} on")
     yield from _draw_in(robot)
     yield from claim_arm(robot, ranked[0][0])
-    yield from put(robot, *ranked[0])
+    yield from put_on_spot(robot, *ranked[0])
 
 
 def _draw_in(robot: Robot) -> Routine:
@@ -289,16 +292,16 @@ def _draw_in(robot: Robot) -> Routine:
         yield from robot.arm(reach=robot.size.drawn_in)
 
 
-def spots_on(robot: Robot, on: Solid, at: Point | None) -> Spots:
+def spots_on(robot: Robot, support: Solid, position: Point | None) -> Spots:
     """Free spots on an object for what is held, or for a thing of common size."""
 
     def spots() -> tuple[Array, Array]:
         held = robot.holding
         radius = robot.scene.world.solids[held].extent if held is not None else 0.05
-        return free_spots(robot, on, radius, at)
+        return free_spots(robot, support, radius, position)
 
     return spots
 
 
-def top_of(on: Solid) -> float:
-    return on.z if on.role is Role.MARK else on.top
+def top_of(support: Solid) -> float:
+    return support.z if support.role is Role.MARK else support.top

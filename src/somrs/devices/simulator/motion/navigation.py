@@ -50,38 +50,38 @@ class Navigator:
         self.solids = {solid.name: solid for solid in solids if _stands(solid) and solid.z < level + height and solid.top > level + 0.02}
         floors = [solid for solid in solids if solid.role is Role.FLOOR and abs(solid.top - level) < 0.1]
         passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
-        self.grid = Grid.around(floors or solids, margin=0.5 if floors else 4.0)
+        self.grid = Grid.enclosing(floors or solids, margin=0.5 if floors else 4.0)
         self._clearance = clearances(self.grid, list(self.solids.values()), floors, passages if floors else [])
 
-    def clearance(self, point: Point, others: Sequence[Disc] = ()) -> float:
+    def clearance(self, point: Point, discs: Sequence[Disc] = ()) -> float:
         """From the point to the nearest obstacle, at most `FAR`; negative inside of one, or off the floor."""
-        return min(float(self.grid.sample(self._clearance, [point])[0]), *(d.distance(point) for d in others), FAR)
+        return min(float(self.grid.sample(self._clearance, [point])[0]), *(d.distance(point) for d in discs), FAR)
 
-    def free(self, point: Point, radius: float, others: Sequence[Disc] = ()) -> bool:
+    def free(self, point: Point, radius: float, discs: Sequence[Disc] = ()) -> bool:
         """Whether a robot of that radius can stand there."""
-        return self.clearance(point, others) >= radius - SLACK
+        return self.clearance(point, discs) >= radius - SLACK
 
-    def path(self, start: Point, goal: Point, radius: float, others: Sequence[Disc] = ()) -> list[Point] | None:
+    def path(self, start: Point, goal: Point, radius: float, discs: Sequence[Disc] = ()) -> list[Point] | None:
         """Way points from start to goal, both included; None when there is no way.
 
         A robot that stands too close to something may leave it; the goal has to be free.
         """
-        if not self.free(goal, radius, others):
+        if not self.free(goal, radius, discs):
             return None
-        field = self.grid.with_discs(self._clearance, others)
+        field = self.grid.with_discs(self._clearance, discs)
         if self._clear_line(field, start, goal, radius + COMFORT):
             return [start, goal]
         labels, _ = ndimage.label(field >= radius, structure=np.ones((3, 3)))
-        first, last = self._joining(field, labels, start, radius), self._joining(field, labels, goal, radius)
-        if first is None or last is None or labels[first] != labels[last]:
+        start_cell, goal_cell = self._joining(field, labels, start, radius), self._joining(field, labels, goal, radius)
+        if start_cell is None or goal_cell is None or labels[start_cell] != labels[goal_cell]:
             return [start, goal] if math.dist(start, goal) < ESCAPE and self._clear_line(field, start, goal, radius) else None
-        cells = search(field, radius, COMFORT, first, last)
+        cells = search(field, radius, COMFORT, start_cell, goal_cell)
         assert cells is not None, "cells of one component are joined by a path"
         return self._straightened(field, [start, *map(self.grid.centre, cells), goal], radius)
 
-    def distance(self, start: Point, goal: Point, radius: float, others: Sequence[Disc] = ()) -> float | None:
+    def distance(self, start: Point, goal: Point, radius: float, discs: Sequence[Disc] = ()) -> float | None:
         """Length of the path, m."""
-        path = self.path(start, goal, radius, others)
+        path = self.path(start, goal, radius, discs)
         return None if path is None else length(path)
 
     def approach(
@@ -90,7 +90,7 @@ class Navigator:
         target: Point,
         radius: float,
         reach: tuple[float, float],
-        others: Sequence[Disc] = (),
+        discs: Sequence[Disc] = (),
         height: float = 0.0,
         limit: int = 8,
     ) -> list[Pose]:
@@ -98,7 +98,7 @@ class Navigator:
 
         `reach` is the least and the greatest distance from the middle of the base to the target.
         """
-        return self._ranked(start, self._around(target, radius, reach, others, height), radius, others, limit)
+        return self._ranked(start, self._poses_around(target, radius, reach, discs, height), radius, discs, limit)
 
     def approach_support(
         self,
@@ -106,8 +106,8 @@ class Navigator:
         support: Solid,
         radius: float,
         reach: tuple[float, float],
-        others: Sequence[Disc] = (),
-        taken: Sequence[Disc] = (),
+        discs: Sequence[Disc] = (),
+        occupied_spots: Sequence[Disc] = (),
         room: float = 0.06,
         limit: int = 8,
     ) -> list[Pose]:
@@ -117,17 +117,17 @@ class Navigator:
         """
         poses: list[Pose] = []
         for target, (nx, ny) in edge_targets(support, room + 0.04):
-            if any(disc.distance(target) < room + 0.03 for disc in taken):
+            if any(disc.distance(target) < room + 0.03 for disc in occupied_spots):
                 continue
-            poses += self._around(target, radius, reach, others, support.top, towards=math.atan2(-ny, -nx))
-        return self._ranked(start, poses, radius, others, limit)
+            poses += self._poses_around(target, radius, reach, discs, support.top, towards=math.atan2(-ny, -nx))
+        return self._ranked(start, poses, radius, discs, limit)
 
-    def _around(
+    def _poses_around(
         self,
         target: Point,
         radius: float,
         reach: tuple[float, float],
-        others: Sequence[Disc],
+        discs: Sequence[Disc],
         height: float,
         towards: float | None = None,
     ) -> list[Pose]:
@@ -144,27 +144,27 @@ class Navigator:
         return [
             Pose(x, y, yaw, target)
             for (x, y, yaw), clearance in zip(bases, room, strict=True)
-            if min(float(clearance), *(disc.distance((x, y)) for disc in others), FAR) >= radius and _arm_passes((x, y), target, tall)
+            if min(float(clearance), *(disc.distance((x, y)) for disc in discs), FAR) >= radius and _arm_passes((x, y), target, tall)
         ]
 
-    def _ranked(self, start: Point, poses: list[Pose], radius: float, others: Sequence[Disc], limit: int) -> list[Pose]:
+    def _ranked(self, start: Point, poses: list[Pose], radius: float, discs: Sequence[Disc], limit: int) -> list[Pose]:
         """Those that can be driven to, by the length of the way, how much room there is and how far the arm stretches."""
         if not poses:
             return []
-        field = self.grid.with_discs(self._clearance, others)
+        field = self.grid.with_discs(self._clearance, discs)
         labels, _ = ndimage.label(field >= radius, structure=np.ones((3, 3)))
-        first = self._joining(field, labels, start, radius)
-        costs = costs_from(field, radius, COMFORT, first) if first is not None else None
+        start_cell = self._joining(field, labels, start, radius)
+        costs = costs_from(field, radius, COMFORT, start_cell) if start_cell is not None else None
         rated: list[tuple[float, int]] = []
         for i, pose in enumerate(poses):
             cell = self._joining(field, labels, (pose.x, pose.y), radius)
-            if costs is None or cell is None or first is None or labels[cell] != labels[first]:
+            if costs is None or cell is None or start_cell is None or labels[cell] != labels[start_cell]:
                 if not (math.dist(start, (pose.x, pose.y)) < ESCAPE and self._clear_line(field, start, (pose.x, pose.y), radius)):
                     continue
                 way = math.dist(start, (pose.x, pose.y))
             else:
-                way = max(costs.to(cell), math.dist(start, (pose.x, pose.y)))
-            room = min(self.clearance((pose.x, pose.y), others) - radius, 0.1)
+                way = max(costs.cost_to(cell), math.dist(start, (pose.x, pose.y)))
+            room = min(self.clearance((pose.x, pose.y), discs) - radius, 0.1)
             rated.append((way - 5 * room + 2 * math.dist((pose.x, pose.y), pose.target), i))
         return list(_varied([poses[i] for _, i in sorted(rated)], limit))
 
@@ -173,65 +173,65 @@ class Navigator:
         home = self.grid.cell(point)
         if home is not None and labels[home]:
             return home
-        here = float(self.grid.sample(field, [point])[0])
-        span = round((ESCAPE if here < radius - SLACK else 0.15) / self.grid.size)
+        point_clearance = float(self.grid.sample(field, [point])[0])
+        span = round((ESCAPE if point_clearance < radius - SLACK else 0.15) / self.grid.size)
         row, column = self.grid.clipped(point)
         rows, columns = slice(max(row - span, 0), row + span + 1), slice(max(column - span, 0), column + span + 1)
-        near = np.argwhere(labels[rows, columns] > 0) + np.array([rows.start, columns.start])
-        order = np.argsort(np.hypot(*(self.grid.centres(near) - point).T))
+        near_cells = np.argwhere(labels[rows, columns] > 0) + np.array([rows.start, columns.start])
+        order = np.argsort(np.hypot(*(self.grid.centres(near_cells) - point).T))
         for i in order[:60].tolist():
-            cell = int(near[i][0]), int(near[i][1])
-            if self._clear_line(field, point, self.grid.centre(cell), min(radius, here) - 0.02):
+            cell = int(near_cells[i][0]), int(near_cells[i][1])
+            if self._clear_line(field, point, self.grid.centre(cell), min(radius, point_clearance) - 0.02):
                 return cell
         return None
 
-    def _clear_line(self, field: np.ndarray, a: Point, b: Point, clearance: float) -> bool:
-        count = max(2, math.ceil(2 * math.dist(a, b) / self.grid.size))
+    def _clear_line(self, field: np.ndarray, start: Point, end: Point, clearance: float) -> bool:
+        count = max(2, math.ceil(2 * math.dist(start, end) / self.grid.size))
         share = np.linspace(0, 1, count)[:, None]
-        return bool(self.grid.sample(field, np.asarray(a) * (1 - share) + np.asarray(b) * share).min() >= clearance - SLACK)
+        return bool(self.grid.sample(field, np.asarray(start) * (1 - share) + np.asarray(end) * share).min() >= clearance - SLACK)
 
     def _straightened(self, field: np.ndarray, path: list[Point], radius: float) -> list[Point]:
         """The path with as few corners as lines of sight allow that keep the clearance which the path has there."""
         room = np.minimum(self.grid.sample(field, path), radius + COMFORT)
 
-        def sees(i: int, j: int) -> bool:
+        def is_visible(i: int, j: int) -> bool:
             least = float(room[i : j + 1].min())
             return j == i + 1 or self._clear_line(field, path[i], path[j], max(min(least, radius), least - self.grid.size / 2))
 
-        kept, i, last = [path[0]], 0, len(path) - 1
-        while i < last:
+        corners, i, last_index = [path[0]], 0, len(path) - 1
+        while i < last_index:
             step = 1
-            while i + 2 * step <= last and sees(i, i + 2 * step):
+            while i + 2 * step <= last_index and is_visible(i, i + 2 * step):
                 step *= 2
-            low, high = i + step, min(i + 2 * step, last)
-            if sees(i, high):
+            low, high = i + step, min(i + 2 * step, last_index)
+            if is_visible(i, high):
                 low = high
             while high - low > 1:
                 middle = (low + high) // 2
-                low, high = (middle, high) if sees(i, middle) else (low, middle)
-            kept.append(path[low])
+                low, high = (middle, high) if is_visible(i, middle) else (low, middle)
+            corners.append(path[low])
             i = low
-        return kept
+        return corners
 
 
 def length(path: Sequence[Point]) -> float:
-    return sum(math.dist(a, b) for a, b in pairwise(path))
+    return sum(math.dist(start, end) for start, end in pairwise(path))
 
 
 def edge_targets(solid: Solid, inset: float, spacing: float = 0.2) -> Iterator[tuple[Point, Point]]:
     """Points on a solid's top, `inset` from its edge or in the middle of what is narrower, with the normals outwards."""
-    for (ax, ay), (bx, by) in _edges(solid):
-        long = math.hypot(bx - ax, by - ay)
+    for (start_x, start_y), (end_x, end_y) in _edges(solid):
+        long = math.hypot(end_x - start_x, end_y - start_y)
         if long == 0:
             continue
-        dx, dy = (bx - ax) / long, (by - ay) / long
+        dx, dy = (end_x - start_x) / long, (end_y - start_y) / long
         count = max(1, int((long - 2 * inset) / spacing) + 1) if long > 2 * inset else 1
         for i in range(count):
-            along = long / 2 + (i - (count - 1) / 2) * min(spacing, max(long - 2 * inset, 0.0) / max(count - 1, 1) or spacing)
-            depth, point = inset, solid.world(ax + along * dx - inset * dy, ay + along * dy + inset * dx)
+            offset = long / 2 + (i - (count - 1) / 2) * min(spacing, max(long - 2 * inset, 0.0) / max(count - 1, 1) or spacing)
+            depth, point = inset, solid.world(start_x + offset * dx - inset * dy, start_y + offset * dy + inset * dx)
             while depth > 0.03 and solid.distance(*point) > -0.9 * depth:
                 depth *= 0.8
-                point = solid.world(ax + along * dx - depth * dy, ay + along * dy + depth * dx)
+                point = solid.world(start_x + offset * dx - depth * dy, start_y + offset * dy + depth * dx)
             if depth > 0.03:
                 c, s = math.cos(solid.yaw), math.sin(solid.yaw)
                 yield point, (c * dy + s * dx, s * dy - c * dx)
@@ -241,7 +241,13 @@ def _edges(solid: Solid) -> list[tuple[Point, Point]]:
     """The outline in the solid's own frame, counter-clockwise: inside is on the left."""
     if solid.form == "Polygon":
         corners = list(solid.outline)
-        if sum(ax * by - bx * ay for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True)) < 0:
+        if (
+            sum(
+                start_x * end_y - end_x * start_y
+                for (start_x, start_y), (end_x, end_y) in zip(corners, corners[1:] + corners[:1], strict=True)
+            )
+            < 0
+        ):
             corners.reverse()
     elif solid.form == "Box":
         w, d = solid.width / 2, solid.depth / 2
@@ -264,10 +270,13 @@ def _stands(solid: Solid) -> bool:
 
 def _varied(poses: list[Pose], limit: int) -> Iterator[Pose]:
     """The first poses that differ from each other by a hand's breadth at least."""
-    kept: list[Pose] = []
+    selected: list[Pose] = []
     for pose in poses:
-        if len(kept) == limit:
+        if len(selected) == limit:
             return
-        if all(math.hypot(pose.x - other.x, pose.y - other.y) > 0.12 or pose.target != other.target for other in kept):
-            kept.append(pose)
+        if all(
+            math.hypot(pose.x - selected_pose.x, pose.y - selected_pose.y) > 0.12 or pose.target != selected_pose.target
+            for selected_pose in selected
+        ):
+            selected.append(pose)
             yield pose

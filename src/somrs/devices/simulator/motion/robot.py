@@ -55,11 +55,11 @@ class Robot:
         self.name = solid.name
         self.size: Dimensions = dimensions_of(solid)
         self.faults: set[Fault] = set()
-        self.doing: str | None = None
+        self.activity: str | None = None
         self.plan: list[Point] = []
         """The way ahead while it drives."""
         self.arm_claim: Capsule | None = None
-        self.asked: Robot | None = None
+        self.asking_robot: Robot | None = None
         """A robot that wants this one out of its way."""
         self.speed, self.turning, self.heading = 0.0, 0.0, (1.0, 0.0)
         self._moved = False
@@ -88,7 +88,7 @@ class Robot:
     def state(self) -> RobotState:
         x, y, yaw = self.pose()
         faults = tuple(sorted(self.faults))
-        return RobotState(time=self.scene.time, x=x, y=y, yaw=yaw, holding=self.holding, doing=self.doing, faults=faults)
+        return RobotState(time=self.scene.time, x=x, y=y, yaw=yaw, holding=self.holding, activity=self.activity, faults=faults)
 
     # The base
 
@@ -112,15 +112,15 @@ class Robot:
         limit = TURNING_UP * PERIOD
         turning = max(-TURNING, min(TURNING, turning))
         self.turning = max(self.turning - limit, min(self.turning + limit, turning))
-        wish = max(0.0, min(speed, self.speed + ACCELERATION * PERIOD, self.solid.speed))
-        wish = max(wish, self.speed - BRAKING * PERIOD)
+        target_speed = max(0.0, min(speed, self.speed + ACCELERATION * PERIOD, self.solid.speed))
+        target_speed = max(target_speed, self.speed - BRAKING * PERIOD)
         obstacle: Robot | None = None
         for share in (1.0, 0.8, 0.6, 0.4, 0.2, 0.0):
-            found = self.in_the_way(self.base_claim(direction, wish * share))
-            if found is None:
-                self.speed, self.heading = wish * share, direction
+            blocker = self.find_blocker(self.base_claim(direction, target_speed * share))
+            if blocker is None:
+                self.speed, self.heading = target_speed * share, direction
                 break
-            obstacle = found
+            obstacle = blocker
         else:
             self.speed = 0.0
         return obstacle
@@ -136,16 +136,16 @@ class Robot:
         """The room that is this robot's."""
         return [self.base_claim()] + ([self.arm_claim] if self.arm_claim is not None else [])
 
-    def others(self) -> list[Robot]:
+    def other_robots(self) -> list[Robot]:
         """The robots that it could meet: those on the same floor."""
         return [r for r in self.fleet.values() if r is not self and abs(r.solid.z - self.solid.z) < 1.5]
 
-    def in_the_way(self, wanted: Capsule) -> Robot | None:
+    def find_blocker(self, wanted_claim: Capsule) -> Robot | None:
         """A robot whose room the wanted claim would take. To stand still, or to get away from it, is always allowed."""
-        for other in self.others():
-            for claim in other.claims():
-                if wanted.gap(claim) < GAP and not _leaves(wanted, claim):
-                    return other
+        for other_robot in self.other_robots():
+            for claim in other_robot.claims():
+                if wanted_claim.gap(claim) < GAP and not _leads_away(wanted_claim, claim):
+                    return other_robot
         return None
 
     # The arm
@@ -182,9 +182,9 @@ class Robot:
             targets["turret"] = self._targets["turret"] + wrap(targets["turret"] - self._targets["turret"])
         settling = 0
         while True:
-            given = [self.lead(joint, target) for joint, target in targets.items()]
+            completed = [self.lead(joint, target) for joint, target in targets.items()]
             yield
-            if all(given):
+            if all(completed):
                 settling += 1
                 if settling > 75 or all(abs(self.joints[joint] - target) < TOLERANCES[joint] for joint, target in targets.items()):
                     return
@@ -203,15 +203,15 @@ class Robot:
         return self.size.gripper and self.joints["reach"] > self.size.drawn_in + 0.02
 
 
-def _leaves(wanted: Capsule, claim: Capsule) -> bool:
+def _leads_away(wanted_claim: Capsule, claim: Capsule) -> bool:
     """Whether the wanted claim begins too close to the other one and leads away from it; as both are convex, it never comes back."""
-    way = math.dist(wanted.start, wanted.end)
+    way = math.dist(wanted_claim.start, wanted_claim.end)
     if way == 0:
         return True
     share = min(1.0, 0.01 / way)
-    ahead = tuple(a + share * (b - a) for a, b in zip(wanted.start, wanted.end, strict=True))
-    now = Capsule(wanted.start, wanted.start, wanted.radius).gap(claim)
-    return now < GAP and Capsule((ahead[0], ahead[1]), (ahead[0], ahead[1]), wanted.radius).gap(claim) >= now
+    ahead = tuple(start + share * (end - start) for start, end in zip(wanted_claim.start, wanted_claim.end, strict=True))
+    now = Capsule(wanted_claim.start, wanted_claim.start, wanted_claim.radius).gap(claim)
+    return now < GAP and Capsule((ahead[0], ahead[1]), (ahead[0], ahead[1]), wanted_claim.radius).gap(claim) >= now
 
 
 def stand(robot: Robot) -> Routine:

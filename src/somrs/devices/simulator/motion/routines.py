@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from somrs.devices.simulator.link.commands import Approach, Command, DriveTo, Grip, LookAround, LookAt, Place, PutDown, Seen, Stop
+from somrs.devices.simulator.link.commands import Approach, Command, DriveTo, Grip, LookAround, LookAt, ObjectState, Place, PutDown, Stop
 from somrs.devices.simulator.motion.driving import drive_to
 from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, set_down, spots_on, top_of, withdraw
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine, stand
@@ -16,7 +16,7 @@ from somrs.devices.simulator.world.solids import Role, Solid
 from somrs.errors import UsageError
 
 
-def carried_out(command: Command, robot: Robot, scene: Scene, found: dict[str, Seen]) -> Routine:
+def make_routine(command: Command, robot: Robot, scene: Scene, observations: dict[str, ObjectState]) -> Routine:
     """The routine for a command. What is seen on the way, for commands that are to look, goes into `found`."""
     match command:
         case DriveTo(x=x, y=y, yaw=yaw):
@@ -28,17 +28,17 @@ def carried_out(command: Command, robot: Robot, scene: Scene, found: dict[str, S
         case Place():
             return _place(robot, scene, command)
         case LookAt(x=x, y=y, z=z, object=name):
-            return look_at(robot, (x, y, z), name, found)
+            return look_at(robot, (x, y, z), name, observations)
         case LookAround(object=name):
-            return look_around(robot, name, found)
+            return look_around(robot, name, observations)
         case Stop():
             return stand(robot)
         case PutDown():
-            return _put_down(robot)
+            return _put_down_object(robot)
     raise UsageError(f"a simulated robot cannot carry out {command!r}")
 
 
-def concerned(command: Command, robot: Robot) -> tuple[str, ...]:
+def concerned_objects(command: Command, robot: Robot) -> tuple[str, ...]:
     """The objects of which the robot says at the end of a command how they are."""
     match command:
         case Approach(object=name) | Grip(object=name):
@@ -83,17 +83,17 @@ def _grip(robot: Robot, scene: Scene, name: str) -> Routine:
 
 def _place(robot: Robot, scene: Scene, command: Place) -> Routine:
     _need_a_gripper(robot)
-    solid = _solid(scene, command.on)
+    solid = _solid(scene, command.support)
     if robot.holding is None:
-        raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put on {command.on}")
+        raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put on {command.support}")
     if solid.role not in (Role.SUPPORT, Role.FLOOR, Role.MARK):
-        raise GivenUp("not-possible", f"nothing can be put on {command.on}, which is a {solid.type}")
+        raise GivenUp("not-possible", f"nothing can be put on {command.support}, which is a {solid.type}")
     robot.need_gripper()
-    at = (command.x, command.y) if command.x is not None and command.y is not None else None
-    yield from place(robot, solid, at)
+    position = (command.x, command.y) if command.x is not None and command.y is not None else None
+    yield from place(robot, solid, position)
 
 
-def _put_down(robot: Robot) -> Routine:
+def _put_down_object(robot: Robot) -> Routine:
     _need_a_gripper(robot)
     if robot.holding is None:
         raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put down")

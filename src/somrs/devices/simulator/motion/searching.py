@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from somrs.devices.simulator.link.commands import Seen
+from somrs.devices.simulator.link.commands import ObjectState
 from somrs.devices.simulator.motion.driving import MARGIN, drive_to, floor_things, robot_discs, turn_to
 from somrs.devices.simulator.motion.handling import withdraw
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine
@@ -29,42 +29,42 @@ GLANCE = 5
 BLOCKED = ("blocked", "unreachable")
 
 
-def look_at(robot: Robot, point: Place, object: str | None, found: dict[str, Seen]) -> Routine:
+def look_at(robot: Robot, point: Place, object: str | None, observations: dict[str, ObjectState]) -> Routine:
     """Get to where the point is in view, and look there; or to where the object comes in view."""
     yield from withdraw(robot)
     problem = GivenUp("unreachable", f"there is no place from which {robot.name} could see ({point[0]:.2f}, {point[1]:.2f})")
     for x, y in _varied(_viewpoints(robot, point)):
         yaw = math.atan2(point[1] - y, point[0] - x)
         try:
-            yield from _until_seen(robot, drive_to(robot, (x, y), yaw, patience=4.0), object)
-        except GivenUp as given:
-            if given.reason not in BLOCKED:
+            yield from _move_until_seen(robot, drive_to(robot, (x, y), yaw, patience=4.0), object)
+        except GivenUp as failure:
+            if failure.reason not in BLOCKED:
                 raise
-            problem = given
+            problem = failure
         else:
-            _note(robot, found)
+            _note(robot, observations)
             return
     raise problem
 
 
-def look_around(robot: Robot, object: str | None, found: dict[str, Seen]) -> Routine:
+def look_around(robot: Robot, object: str | None, observations: dict[str, ObjectState]) -> Routine:
     """Turn once around. Notes everything that was seen."""
     yield from withdraw(robot)
-    _note(robot, found)
+    _note(robot, observations)
     view, start = robot.solid.view, robot.pose()[2]
     turns = math.ceil(math.tau / (0.8 * view)) if view < math.tau else 1
     for i in range(1, turns):
-        if object is not None and object in found:
+        if object is not None and object in observations:
             return
-        yield from _until_seen(robot, turn_to(robot, start + i * math.tau / turns), object)
-        _note(robot, found)
+        yield from _move_until_seen(robot, turn_to(robot, start + i * math.tau / turns), object)
+        _note(robot, observations)
 
 
-def _note(robot: Robot, found: dict[str, Seen]) -> None:
-    found.update({seen.object: seen for seen in view(robot.scene, robot.name)})
+def _note(robot: Robot, observations: dict[str, ObjectState]) -> None:
+    observations.update({object_state.object: object_state for object_state in view(robot.scene, robot.name)})
 
 
-def _until_seen(robot: Robot, moving: Routine, object: str | None) -> Routine:
+def _move_until_seen(robot: Robot, moving: Routine, object: str | None) -> Routine:
     """Move, but not on once the object is seen."""
     for period, _ in enumerate(moving):
         if object is not None and period % GLANCE == 0 and visible(robot.scene, robot.name, object):
@@ -75,30 +75,34 @@ def _until_seen(robot: Robot, moving: Routine, object: str | None) -> Routine:
 
 def _viewpoints(robot: Robot, point: Place) -> Iterator[Point]:
     """Where the robot can stand, with the point in view; the nearest first. So near that what is around the point is seen, too."""
-    (x, y, _), need = robot.pose(), robot.size.radius + MARGIN
+    (x, y, _), min_clearance = robot.pose(), robot.size.radius + MARGIN
     eye = eye_of(robot.scene, robot.name)
     angles = np.arange(16) * (math.pi / 8)
-    ring = [(point[0] + r * math.cos(a), point[1] + r * math.sin(a)) for r in DISTANCES if r < CLOSE * eye.sight for a in angles]
+    ring = [
+        (point[0] + r * math.cos(angle), point[1] + r * math.sin(angle)) for r in DISTANCES if r < CLOSE * eye.sight for angle in angles
+    ]
     spots: Array = np.array([(x, y), *ring])
     costs = np.hypot(spots[:, 0] - x, spots[:, 1] - y) + 0.8 * np.hypot(spots[:, 0] - point[0], spots[:, 1] - point[1])
     room = robot.scene.clearances(spots, robot.solid.z + 0.02, robot.solid.z + 1.85)
-    discs = [*floor_things(robot), *robot_discs(robot.others())]
+    discs = [*floor_things(robot), *robot_discs(robot.other_robots())]
     for i in np.argsort(costs, kind="stable").tolist():
         spot = float(spots[i][0]), float(spots[i][1])
-        at = (*spot, eye.at[2])
-        here = i == 0
-        if math.dist(at, point) > CLOSE * eye.sight or (not here and (room[i] < need or not robot.navigator.free(spot, need, discs))):
+        eye_position = (*spot, eye.position[2])
+        is_current = i == 0
+        if math.dist(eye_position, point) > CLOSE * eye.sight or (
+            not is_current and (room[i] < min_clearance or not robot.navigator.free(spot, min_clearance, discs))
+        ):
             continue
-        if looks_towards(robot.scene, at, point, [robot.name]):
+        if looks_towards(robot.scene, eye_position, point, [robot.name]):
             yield spot
 
 
 def _varied(spots: Iterator[Point]) -> Iterator[Point]:
     """The first ones that are not next to each other."""
-    tried: list[Point] = []
+    selected: list[Point] = []
     for spot in spots:
-        if all(math.dist(spot, other) > 0.8 for other in tried):
-            tried.append(spot)
+        if all(math.dist(spot, selected_spot) > 0.8 for selected_spot in selected):
+            selected.append(spot)
             yield spot
-        if len(tried) >= ATTEMPTS:
+        if len(selected) >= ATTEMPTS:
             return

@@ -41,31 +41,31 @@ def stands(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Co
     size, level = robot.size, robot.solid.z
     reaches = np.linspace(size.nearest + 0.015, size.farthest - 0.015, 6)
     angles = np.arange(24) * (math.pi / 12)
-    offsets = np.array([(r * math.cos(a), r * math.sin(a)) for r in reaches for a in angles])
+    offsets = np.array([(r * math.cos(angle), r * math.sin(angle)) for r in reaches for angle in angles])
     bases = (spots[:, None, :] + offsets[None, :, :]).reshape(-1, 2)
-    wanted = np.repeat(spots, len(offsets), axis=0)
+    target_spots = np.repeat(spots, len(offsets), axis=0)
     costs = np.repeat(penalties, len(offsets)) + np.tile(np.abs(np.repeat(reaches, len(angles)) - COMFORTABLE) * 0.5, len(spots))
     x, y, _ = robot.pose()
     costs = costs + np.hypot(bases[:, 0] - x, bases[:, 1] - y) * 0.3
-    keep = robot.scene.clearances(bases, level + 0.02, level + 1.85) >= size.radius + MARGIN + 0.015
-    bases, wanted, costs = bases[keep], wanted[keep], costs[keep]
-    keep = boom_clear(robot, bases, wanted, top)
-    bases, wanted, costs = bases[keep], wanted[keep], costs[keep]
+    mask = robot.scene.clearances(bases, level + 0.02, level + 1.85) >= size.radius + MARGIN + 0.015
+    bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
+    mask = boom_clear(robot, bases, target_spots, top)
+    bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot, ignored)]
-    claims = [claim for other in robot.others() for claim in other.claims()]
+    claims = [claim for other_robot in robot.other_robots() for claim in other_robot.claims()]
     obstacles += claims
-    found: list[Stand] = []
+    ranked_stands: list[Stand] = []
     for i in np.argsort(costs, kind="stable").tolist():
         base = (float(bases[i][0]), float(bases[i][1]))
-        here = Capsule(base, base, size.radius + MARGIN + GAP + 0.01)
-        arm = Capsule(base, (float(wanted[i][0]), float(wanted[i][1])), ARM)
-        if any(here.gap(o) < 0 for o in obstacles) or any(arm.gap(claim) < 0 for claim in claims):
+        footprint = Capsule(base, base, size.radius + MARGIN + GAP + 0.01)
+        arm = Capsule(base, (float(target_spots[i][0]), float(target_spots[i][1])), ARM)
+        if any(footprint.gap(o) < 0 for o in obstacles) or any(arm.gap(claim) < 0 for claim in claims):
             continue
         if robot.navigator.free(base, size.radius + MARGIN + 0.01):
-            found.append(Stand(base, (float(wanted[i][0]), float(wanted[i][1])), float(costs[i])))
-            if len(found) >= 40:
+            ranked_stands.append(Stand(base, (float(target_spots[i][0]), float(target_spots[i][1])), float(costs[i])))
+            if len(ranked_stands) >= 40:
                 break
-    return found
+    return ranked_stands
 
 
 def boom_clear(robot: Robot, bases: Array, spots: Array, top: float) -> npt.NDArray[np.bool_]:
@@ -78,76 +78,76 @@ def boom_clear(robot: Robot, bases: Array, spots: Array, top: float) -> npt.NDAr
     return clear & (robot.scene.clearances(spots, top + 0.03, boom) > 0.03)
 
 
-def others_near(robot: Robot, spots: Array, low: float, high: float, ignored: Collection[str]) -> Array:
+def thing_distances(robot: Robot, spots: Array, low: float, high: float, ignored: Collection[str]) -> Array:
     """From each spot to the nearest thing in a range of heights."""
-    found = np.full(len(spots), 9.0)
+    distances = np.full(len(spots), 9.0)
     for thing in robot.scene.things():
         x, y, z, _ = robot.scene.pose(thing)
         solid = robot.scene.world.solids[thing]
         if thing not in ignored and z < high and z + solid.height > low and robot.scene.holder(thing) is None:
-            found = np.minimum(found, np.hypot(spots[:, 0] - x, spots[:, 1] - y) - solid.extent)
-    return found
+            distances = np.minimum(distances, np.hypot(spots[:, 0] - x, spots[:, 1] - y) - solid.extent)
+    return distances
 
 
-def free_spots(robot: Robot, on: Solid, radius: float, at: Point | None = None) -> tuple[Array, Array]:
+def free_spots(robot: Robot, support: Solid, radius: float, position: Point | None = None) -> tuple[Array, Array]:
     """Spots on top of a support, on a floor or on a named place where a thing of that radius can be put, with penalties for
     those close to other things or to the edge."""
-    spots = np.array([at]) if at is not None else _grid(on, robot.pose()[:2], robot.size.farthest)
+    spots = np.array([position]) if position is not None else _grid(support, robot.pose()[:2], robot.size.farthest)
     if not len(spots):
         return spots.reshape(0, 2), np.zeros(0)
-    top, ignored = on.top if on.role is not Role.MARK else on.z, [robot.holding] if robot.holding else []
-    edge = -distances_from(on, spots) - radius
-    room = others_near(robot, spots, top - 0.05, top + 0.4, ignored) - radius
-    standing = [on.name] if on.role is Role.SUPPORT else []
+    top, ignored = support.top if support.role is not Role.MARK else support.z, [robot.holding] if robot.holding else []
+    edge = -distances_from(support, spots) - radius
+    room = thing_distances(robot, spots, top - 0.05, top + 0.4, ignored) - radius
+    standing = [support.name] if support.role is Role.SUPPORT else []
     walls = robot.scene.clearances(spots, top + 0.03, top + 0.4, standing) - radius
     bases = np.array([math.inf] * len(spots))
-    for other in robot.fleet.values():
-        for claim in [other.base_claim()] if other is robot else other.claims():
+    for other_robot in robot.fleet.values():
+        for claim in [other_robot.base_claim()] if other_robot is robot else other_robot.claims():
             bases = np.minimum(bases, _from_capsule(spots, claim) - radius)
-    if on.role is Role.FLOOR and at is None:  # named places are kept free
+    if support.role is Role.FLOOR and position is None:  # named places are kept free
         edge = np.minimum(edge, off_marks(robot, spots) - radius)
         edge = np.minimum(edge, off_doorways(robot, spots) - DOORWAY)
-    inset = EDGE if at is None else 0.0
-    keep = (
+    inset = EDGE if position is None else 0.0
+    mask = (
         (edge >= inset - 1e-9)
-        & (room >= (FINGERS if at is None else 0.005))
+        & (room >= (FINGERS if position is None else 0.005))
         & (walls >= 0.02)
-        & (bases >= 0.03 if on.role is not Role.SUPPORT else True)
+        & (bases >= 0.03 if support.role is not Role.SUPPORT else True)
     )
     penalty = 1.5 * np.maximum(0.0, 0.15 - room) + np.maximum(0.0, 0.06 - edge) + 1.5 * np.maximum(0.0, 0.15 - walls)
-    return spots[keep], penalty[keep]
+    return spots[mask], penalty[mask]
 
 
 def off_marks(robot: Robot, spots: Array) -> Array:
     """From each spot to the nearest named place on the robot's floor; negative within."""
-    marks = [mark for mark in robot.scene.world.of(Role.MARK) if abs(mark.z - robot.solid.z) < 0.1]
+    marks = [mark for mark in robot.scene.world.by_role(Role.MARK) if abs(mark.z - robot.solid.z) < 0.1]
     return np.min([distances_from(mark, spots) for mark in marks], axis=0) if marks else np.full(len(spots), 9.0)
 
 
 def off_doorways(robot: Robot, spots: Array) -> Array:
     """From each spot to the nearest door on the robot's floor."""
-    doors = [door for door in robot.scene.world.of(Role.DOOR) if abs(door.z - robot.solid.z) < 0.1]
+    doors = [door for door in robot.scene.world.by_role(Role.DOOR) if abs(door.z - robot.solid.z) < 0.1]
     return np.min([distances_from(door, spots) for door in doors], axis=0) if doors else np.full(len(spots), 9.0)
 
 
 def _from_capsule(points: Array, capsule: Capsule) -> Array:
-    start, along = np.array(capsule.start), np.array(capsule.end) - np.array(capsule.start)
-    share = np.clip((points - start) @ along / (float(along @ along) or 1.0), 0.0, 1.0)
-    return np.asarray(np.hypot(*(points - start - share[:, None] * along).T) - capsule.radius)
+    start, direction = np.array(capsule.start), np.array(capsule.end) - np.array(capsule.start)
+    share = np.clip((points - start) @ direction / (float(direction @ direction) or 1.0), 0.0, 1.0)
+    return np.asarray(np.hypot(*(points - start - share[:, None] * direction).T) - capsule.radius)
 
 
-def _grid(on: Solid, near: Point, reach: float) -> Array:
+def _grid(support: Solid, robot_position: Point, reach: float) -> Array:
     """Points on top of a solid; of a large one, those about the robot."""
-    extent = on.extent
+    extent = support.extent
     step = 0.06 if extent < 1.0 else 0.1
-    if extent > 3.0 and on.distance(*near) < reach:
+    if extent > 3.0 and support.distance(*robot_position) < reach:
         spread = np.arange(-1.0, 1.01, 0.1)
-        points = np.array([(near[0] + dx, near[1] + dy) for dx in spread for dy in spread])
+        points = np.array([(robot_position[0] + dx, robot_position[1] + dy) for dx in spread for dy in spread])
     else:
         count = min(40, int(extent / step))
         spread = np.linspace(-count * step, count * step, 2 * count + 1) if extent <= 2.4 else np.linspace(-extent, extent, 61)
-        points = np.array([on.world(float(u), float(v)) for u in spread for v in spread])
-    return np.asarray(points[distances_from(on, points) <= 0])
+        points = np.array([support.world(float(u), float(v)) for u in spread for v in spread])
+    return np.asarray(points[distances_from(support, points) <= 0])
 
 
 def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
@@ -158,29 +158,32 @@ def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
     size, (x, y, yaw) = robot.size, robot.pose()
     reaches = [r for r in (0.56, 0.5, 0.44, 0.38) if size.nearest <= r <= size.farthest] or [size.farthest]
     angles = yaw + np.arange(-12, 12) * (math.pi / 12)
-    spots = np.array([(x + r * math.cos(a), y + r * math.sin(a)) for r in reaches for a in angles])
+    spots = np.array([(x + r * math.cos(angle), y + r * math.sin(angle)) for r in reaches for angle in angles])
     # In front rather than behind, and rather far from the base, so that there is room around it.
     ahead = np.tile(np.abs(np.arange(-12, 12)) * 0.02, len(reaches)) + np.repeat(size.farthest - np.array(reaches), 24)
     level = robot.solid.z
     held = [robot.holding] if robot.holding else []
-    found: list[tuple[float, Point, float]] = []
+    rated_spots: list[tuple[float, Point, float]] = []
     bases = np.tile(np.array([[x, y]]), (len(spots), 1))
     for spot, cost, base in zip(spots, ahead, bases, strict=True):
-        under = robot.scene.below(float(spot[0]), float(spot[1]), level + 1.3)
-        if under is None or under.role is Role.STATIC:
+        support = robot.scene.support_below(float(spot[0]), float(spot[1]), level + 1.3)
+        if support is None or support.role is Role.STATIC:
             continue
-        one, on_floor = spot[None, :], under.role is Role.FLOOR
-        edge = 1.0 if on_floor else float(-distances_from(under, one)[0]) - radius - EDGE
-        walls = float(robot.scene.clearances(one, under.top + 0.03, under.top + 0.4)[0]) - radius
-        room = float(others_near(robot, one, under.top - 0.05, under.top + 0.4, held)[0]) - radius
-        robots = min((float(_from_capsule(one, c)[0]) - radius for o in robot.others() for c in o.claims()), default=9.0)
-        if min(edge, walls - FINGERS, room - FINGERS, robots - 0.12) < 0 or not boom_clear(robot, base[None, :], one, under.top)[0]:
+        single_spot, on_floor = spot[None, :], support.role is Role.FLOOR
+        edge = 1.0 if on_floor else float(-distances_from(support, single_spot)[0]) - radius - EDGE
+        walls = float(robot.scene.clearances(single_spot, support.top + 0.03, support.top + 0.4)[0]) - radius
+        room = float(thing_distances(robot, single_spot, support.top - 0.05, support.top + 0.4, held)[0]) - radius
+        robots = min((float(_from_capsule(single_spot, c)[0]) - radius for o in robot.other_robots() for c in o.claims()), default=9.0)
+        if (
+            min(edge, walls - FINGERS, room - FINGERS, robots - 0.12) < 0
+            or not boom_clear(robot, base[None, :], single_spot, support.top)[0]
+        ):
             continue
         narrow = 0.4 * max(0.0, 0.5 - min(walls, room, robots))
-        marked = 1 if on_floor and off_marks(robot, one)[0] < radius else 0
-        found.append((float(cost) + narrow + (marked if on_floor else 2), (float(spot[0]), float(spot[1])), under.top))
-    found.sort()
-    ranked = [(spot, top) for _, spot, top in found]
+        marked = 1 if on_floor and off_marks(robot, single_spot)[0] < radius else 0
+        rated_spots.append((float(cost) + narrow + (marked if on_floor else 2), (float(spot[0]), float(spot[1])), support.top))
+    rated_spots.sort()
+    ranked = [(spot, top) for _, spot, top in rated_spots]
     reachable = next((i for i, (spot, _) in enumerate(ranked[:12]) if _others_can_reach(robot, spot, radius)), 0)
     return ranked[reachable : reachable + 1] + ranked[:reachable] + ranked[reachable + 1 :]
 
@@ -188,23 +191,23 @@ def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
 def _others_can_reach(robot: Robot, spot: Point, radius: float) -> bool:
     """Whether a robot like this one could stand somewhere to take what is put on the spot."""
     size, (x, y, _) = robot.size, robot.pose()
-    ring = [(spot[0] + 0.55 * math.cos(a), spot[1] + 0.55 * math.sin(a)) for a in np.arange(16) * math.pi / 8]
-    need = size.radius + MARGIN + 0.02
-    return any(math.dist(p, (x, y)) > need + size.radius + GAP and robot.navigator.free(p, need) for p in ring)
+    ring = [(spot[0] + 0.55 * math.cos(angle), spot[1] + 0.55 * math.sin(angle)) for angle in np.arange(16) * math.pi / 8]
+    min_clearance = size.radius + MARGIN + 0.02
+    return any(math.dist(p, (x, y)) > min_clearance + size.radius + GAP and robot.navigator.free(p, min_clearance) for p in ring)
 
 
 def outline_spots(solid: Solid) -> Array:
     """Points just inside an object's outline: to reach one of them is to be at the object."""
     ring = np.arange(48) * (math.pi / 24)
-    far = [(solid.x + solid.extent * 1.5 * math.cos(a), solid.y + solid.extent * 1.5 * math.sin(a)) for a in ring]
-    found: list[Point] = []
+    far = [(solid.x + solid.extent * 1.5 * math.cos(angle), solid.y + solid.extent * 1.5 * math.sin(angle)) for angle in ring]
+    points: list[Point] = []
     for x, y in far:
         shares = np.linspace(0, 1, 60)[:, None]
         line = np.array([[x, y]]) * (1 - shares) + np.array([[solid.x, solid.y]]) * shares
-        inside = np.flatnonzero(distances_from(solid, line) <= -0.01)
-        if len(inside):
-            found.append((float(line[inside[0]][0]), float(line[inside[0]][1])))
-    return np.array(found or [(solid.x, solid.y)])
+        inside_indices = np.flatnonzero(distances_from(solid, line) <= -0.01)
+        if len(inside_indices):
+            points.append((float(line[inside_indices[0]][0]), float(line[inside_indices[0]][1])))
+    return np.array(points or [(solid.x, solid.y)])
 
 
 def reachable_now(robot: Robot, spots: Array, top: float) -> int | None:

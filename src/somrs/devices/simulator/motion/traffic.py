@@ -25,9 +25,9 @@ class Capsule:
     end: Point
     radius: float
 
-    def gap(self, other: Capsule) -> float:
+    def gap(self, capsule: Capsule) -> float:
         """Between the two; negative if they overlap."""
-        return segment_distance(self.start, self.end, other.start, other.end) - self.radius - other.radius
+        return segment_distance(self.start, self.end, capsule.start, capsule.end) - self.radius - capsule.radius
 
 
 def point_distance(point: Point, start: Point, end: Point) -> float:
@@ -38,23 +38,36 @@ def point_distance(point: Point, start: Point, end: Point) -> float:
     return math.hypot(point[0] - start[0] - share * dx, point[1] - start[1] - share * dy)
 
 
-def segment_distance(a: Point, b: Point, c: Point, d: Point) -> float:
+def segment_distance(start: Point, end: Point, other_start: Point, other_end: Point) -> float:
     """Between two line segments; 0 if they cross."""
 
     def side(p: Point, q: Point, r: Point) -> float:
         return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
 
-    if side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0:
+    if (
+        side(start, end, other_start) * side(start, end, other_end) < 0
+        and side(other_start, other_end, start) * side(other_start, other_end, end) < 0
+    ):
         return 0.0
-    return min(point_distance(a, c, d), point_distance(b, c, d), point_distance(c, a, b), point_distance(d, a, b))
+    return min(
+        point_distance(start, other_start, other_end),
+        point_distance(end, other_start, other_end),
+        point_distance(other_start, start, end),
+        point_distance(other_end, start, end),
+    )
 
 
-def path_distance(path: Sequence[Point], other: Sequence[Point]) -> float:
+def path_distance(path: Sequence[Point], other_path: Sequence[Point]) -> float:
     """Between two paths of points; infinite if one is empty."""
-    ones = [(path[i], path[min(i + 1, len(path) - 1)]) for i in range(max(1, len(path) - 1))] if path else []
-    twos = [(other[i], other[min(i + 1, len(other) - 1)]) for i in range(max(1, len(other) - 1))] if other else []
-    return min((segment_distance(a, b, c, d) for a, b in ones for c, d in twos), default=math.inf)
+    segments = [(path[i], path[min(i + 1, len(path) - 1)]) for i in range(max(1, len(path) - 1))] if path else []
+    other_segments = (
+        [(other_path[i], other_path[min(i + 1, len(other_path) - 1)]) for i in range(max(1, len(other_path) - 1))] if other_path else []
+    )
+    return min(
+        (segment_distance(start, end, other_start, other_end) for start, end in segments for other_start, other_end in other_segments),
+        default=math.inf,
+    )
 
 
 def length(path: Sequence[Point]) -> float:
-    return sum(math.dist(a, b) for a, b in pairwise(path))
+    return sum(math.dist(start, end) for start, end in pairwise(path))

@@ -34,7 +34,7 @@ class Costs:
 
     blocks: NDArray[np.float64]
 
-    def to(self, cell: Cell) -> float:
+    def cost_to(self, cell: Cell) -> float:
         return float(self.blocks[cell[0] // BLOCK, cell[1] // BLOCK])
 
 
@@ -63,16 +63,16 @@ def _coarse(levels: NDArray[np.uint8], start: Cell) -> Costs:
     price, number = factor(best.astype(float)) * BLOCK * CELL, np.arange(rows * columns).reshape(rows, columns)
     sources, targets, weights = [], [], []
     for dr, dc, step in STEPS:
-        here = slice(max(-dr, 0), rows - max(dr, 0)), slice(max(-dc, 0), columns - max(dc, 0))
-        there = slice(max(dr, 0), rows - max(-dr, 0)), slice(max(dc, 0), columns - max(-dc, 0))
-        open = (best[here] > 0) & (best[there] > 0)
-        sources.append(number[here][open])
-        targets.append(number[there][open])
-        weights.append((price[here][open] + price[there][open]) / 2 * step)
+        source_cells = slice(max(-dr, 0), rows - max(dr, 0)), slice(max(-dc, 0), columns - max(dc, 0))
+        target_cells = slice(max(dr, 0), rows - max(-dr, 0)), slice(max(dc, 0), columns - max(-dc, 0))
+        open = (best[source_cells] > 0) & (best[target_cells] > 0)
+        sources.append(number[source_cells][open])
+        targets.append(number[target_cells][open])
+        weights.append((price[source_cells][open] + price[target_cells][open]) / 2 * step)
     joined = np.concatenate(weights), (np.concatenate(sources), np.concatenate(targets))
     graph = coo_array(joined, shape=(number.size, number.size)).tocsr()
-    found = dijkstra(graph, indices=start[0] // BLOCK * columns + start[1] // BLOCK)
-    return Costs(found.reshape(rows, columns))
+    distances = dijkstra(graph, indices=start[0] // BLOCK * columns + start[1] // BLOCK)
+    return Costs(distances.reshape(rows, columns))
 
 
 def search(field: Field, radius: float, comfort: float, start: Cell, goal: Cell) -> list[Cell] | None:
@@ -83,12 +83,12 @@ def search(field: Field, radius: float, comfort: float, start: Cell, goal: Cell)
     levels = levels_of(field, radius, comfort)
     columns = levels.shape[1]
     ahead: list[float] = _coarse(levels, goal).blocks.ravel().tolist()
-    across = -(-columns // BLOCK)
+    block_columns = -(-columns // BLOCK)
     cells, prices = levels.tobytes(), [math.inf, *(float(factor(level)) for level in range(1, LEVELS + 1))]
     steps = [(dr * columns + dc, length) for dr, dc, length in STEPS]
     # Way already made and way ahead, in cells. Ahead: the coarse one, and the straight line near the goal.
     begin, end = start[0] * columns + start[1], goal[0] * columns + goal[1]
-    made, before, closed = {begin: 0.0}, {begin: begin}, set[int]()
+    costs, predecessors, closed = {begin: 0.0}, {begin: begin}, set[int]()
     queue = [(0.0, begin)]
     while queue:
         _, cell = heapq.heappop(queue)
@@ -97,21 +97,21 @@ def search(field: Field, radius: float, comfort: float, start: Cell, goal: Cell)
         if cell in closed:
             continue
         closed.add(cell)
-        so_far, price = made[cell], prices[cells[cell]]
+        so_far, price = costs[cell], prices[cells[cell]]
         for offset, length in steps:
-            other = cell + offset
-            level = cells[other]
-            if level == 0 or other in closed:
+            neighbour = cell + offset
+            level = cells[neighbour]
+            if level == 0 or neighbour in closed:
                 continue
             cost = so_far + length * (price + prices[level]) / 2
-            if cost < made.get(other, math.inf):
-                made[other], before[other] = cost, cell
-                row, column = divmod(other, columns)
-                coarse = ahead[row // BLOCK * across + column // BLOCK] * HASTE
-                heapq.heappush(queue, (cost + max(coarse, math.hypot(row - goal[0], column - goal[1])), other))
+            if cost < costs.get(neighbour, math.inf):
+                costs[neighbour], predecessors[neighbour] = cost, cell
+                row, column = divmod(neighbour, columns)
+                coarse = ahead[row // BLOCK * block_columns + column // BLOCK] * HASTE
+                heapq.heappush(queue, (cost + max(coarse, math.hypot(row - goal[0], column - goal[1])), neighbour))
     else:
         return None
     way = [end]
     while way[-1] != begin:
-        way.append(before[way[-1]])
+        way.append(predecessors[way[-1]])
     return [divmod(cell, columns) for cell in reversed(way)]

@@ -13,16 +13,16 @@ from somrs.errors import UsageError
 
 
 @dataclass(slots=True)
-class _Planned:
-    wanted: Break
-    at: float
+class _PlannedFault:
+    request: Break
+    due_time: float
     """Simulated time before which it does not happen."""
     holding: str | None = None
-    last: tuple[float, float] = (0.0, 0.0)
+    last_position: tuple[float, float] = (0.0, 0.0)
     carried: float = 0.0
     released: bool = False
     """It has held something."""
-    doing: str | None = None
+    activity: str | None = None
     """What it did when it held that last."""
 
 
@@ -31,47 +31,49 @@ class Schedule:
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
-        self._planned: list[_Planned] = []
+        self._planned: list[_PlannedFault] = []
 
-    def add(self, wanted: Break) -> None:
-        if wanted.robot not in self._simulation.linked:
-            raise UsageError(f"there is no robot {wanted.robot}; there are {', '.join(self._simulation.linked) or 'none'}")
-        if wanted.released and wanted.carried is not None:
+    def add(self, request: Break) -> None:
+        if request.robot not in self._simulation.linked:
+            raise UsageError(f"there is no robot {request.robot}; there are {', '.join(self._simulation.linked) or 'none'}")
+        if request.released and request.carried is not None:
             raise UsageError("a fault is to happen while something is carried, or when it was released: say one of the two")
-        self._planned.append(_Planned(wanted, self._simulation.time + (wanted.after or 0.0)))
+        self._planned.append(_PlannedFault(request, self._simulation.time + (request.delay or 0.0)))
 
     def drop(self, robot: str, fault: Fault) -> None:
         """Call off what was to happen to the robot."""
-        self._planned = [one for one in self._planned if (one.wanted.robot, one.wanted.fault) != (robot, fault)]
+        self._planned = [
+            planned_fault for planned_fault in self._planned if (planned_fault.request.robot, planned_fault.request.fault) != (robot, fault)
+        ]
 
     def due(self) -> Iterator[tuple[str, Fault]]:
         """What is to happen now. Asked once every control period, so that the way driven is measured well."""
-        for one in list(self._planned):
-            if one.wanted.robot not in self._simulation.linked:
-                self._planned.remove(one)
-            elif self._simulation.time >= one.at and self._carried_enough(one) and self._released(one):
-                self._planned.remove(one)
-                yield one.wanted.robot, one.wanted.fault
+        for planned_fault in list(self._planned):
+            if planned_fault.request.robot not in self._simulation.linked:
+                self._planned.remove(planned_fault)
+            elif self._simulation.time >= planned_fault.due_time and self._carried_enough(planned_fault) and self._released(planned_fault):
+                self._planned.remove(planned_fault)
+                yield planned_fault.request.robot, planned_fault.request.fault
 
-    def _carried_enough(self, one: _Planned) -> bool:
-        if one.wanted.carried is None:
+    def _carried_enough(self, planned_fault: _PlannedFault) -> bool:
+        if planned_fault.request.carried is None:
             return True
-        state = self._simulation.state(one.wanted.robot)
-        if state.holding is None or state.holding != one.holding:
-            one.holding, one.carried = state.holding, 0.0
+        state = self._simulation.state(planned_fault.request.robot)
+        if state.holding is None or state.holding != planned_fault.holding:
+            planned_fault.holding, planned_fault.carried = state.holding, 0.0
         else:
-            one.carried += math.dist(one.last, (state.x, state.y))
-        one.last = (state.x, state.y)
-        return state.holding is not None and one.carried >= one.wanted.carried
+            planned_fault.carried += math.dist(planned_fault.last_position, (state.x, state.y))
+        planned_fault.last_position = (state.x, state.y)
+        return state.holding is not None and planned_fault.carried >= planned_fault.request.carried
 
-    def _released(self, one: _Planned) -> bool:
+    def _released(self, planned_fault: _PlannedFault) -> bool:
         """Whether it has let go of what it held, is done with that, and has drawn its arm in."""
-        if not one.wanted.released:
+        if not planned_fault.request.released:
             return True
-        robot = self._simulation.robots.get(one.wanted.robot)
+        robot = self._simulation.robots.get(planned_fault.request.robot)
         if robot is None:
             return False
         if robot.holding is not None:
-            one.released, one.doing = True, robot.doing
+            planned_fault.released, planned_fault.activity = True, robot.activity
             return False
-        return one.released and (robot.doing is None or robot.doing != one.doing) and not robot.arm_out
+        return planned_fault.released and (robot.activity is None or robot.activity != planned_fault.activity) and not robot.arm_out

@@ -30,7 +30,7 @@ class Follower:
         news = self.replica.handle(event, now)
         if news is None:
             return []
-        before, self._map = self._map, self.replica.map
+        map_before, self._map = self._map, self.replica.map
         if self.simulation is None and self.replica.ready:
             self.simulation = Simulation(self.replica.map, self.replica.ontology)
             self.read.set()
@@ -38,8 +38,8 @@ class Follower:
             if news.ontology_changed:
                 self.simulation.learn(self.replica.ontology)
             # What was read as a whole says nothing of what happened, only what is otherwise.
-            changes = differences(before, self.replica.map) if news.reloaded else news.changes
-            renamed = [one for one in news.renamed if one.section is Section.OBJECTS] if not news.reloaded else []
+            changes = differences(map_before, self.replica.map) if news.reloaded else news.changes
+            renamed = [renaming for renaming in news.renamed if renaming.section is Section.OBJECTS] if not news.reloaded else []
             self._follow(self.simulation, changes, renamed)
         return news.effects
 

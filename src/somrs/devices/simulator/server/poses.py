@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from somrs.devices.simulator.link.commands import Fault, RobotState
-from somrs.devices.simulator.link.lines import Mover, Poses, Work
+from somrs.devices.simulator.link.lines import Mover, Poses, RobotStatus
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.chassis import ARM_SEEN, BASE_JOINTS
@@ -36,34 +36,34 @@ class Table:
     def __init__(self, simulation: Simulation) -> None:
         scene = simulation.scene
         self.model, self._data = scene.model, scene.data
-        robots = scene.world.of(Role.ROBOT)
-        self._arms, self._bases = [one for one in robots if one.gripper], [one for one in robots if not one.gripper]
+        robots = scene.world.by_role(Role.ROBOT)
+        self._arms, self._bases = [robot for robot in robots if robot.gripper], [robot for robot in robots if not robot.gripper]
         things = list(scene.things())
-        armed = [(one.name, 4 + len(ARM_SEEN)) for one in self._arms]
-        movers = [*armed, *((one.name, 4) for one in self._bases), *((thing, 6) for thing in things)]
+        armed = [(robot.name, 4 + len(ARM_SEEN)) for robot in self._arms]
+        movers = [*armed, *((robot.name, 4) for robot in self._bases), *((thing, 6) for thing in things)]
         self.movers = tuple(Mover(name=name, numbers=numbers) for name, numbers in movers)
-        counts = [one.numbers for one in self.movers]
+        counts = [mover.numbers for mover in self.movers]
         self.owners = np.repeat(np.arange(len(counts)), counts)
         """Whose each number of the row is."""
         self._starts = np.cumsum([0, *counts])[:-1]
         ordered = [*self._arms, *self._bases]
-        self._at = np.array([self._addresses(one.name, BASE_JOINTS) for one in ordered], dtype=int).reshape(-1, 3)
-        self._origins = np.array([self.model.body(one.name).pos[:2] for one in ordered]).reshape(-1, 2)
-        self._levels = np.array([one.z for one in ordered])
-        self._joints = np.array([self._addresses(one.name, ARM_SEEN) for one in self._arms], dtype=int).reshape(-1, len(ARM_SEEN))
+        self._base_addresses = np.array([self._addresses(robot.name, BASE_JOINTS) for robot in ordered], dtype=int).reshape(-1, 3)
+        self._origins = np.array([self.model.body(robot.name).pos[:2] for robot in ordered]).reshape(-1, 2)
+        self._levels = np.array([robot.z for robot in ordered])
+        self._joints = np.array([self._addresses(robot.name, ARM_SEEN) for robot in self._arms], dtype=int).reshape(-1, len(ARM_SEEN))
         self._things = np.array([self.model.body(thing).id for thing in things], dtype=int)
 
     def _addresses(self, robot: str, joints: tuple[str, ...]) -> list[int]:
         return [int(self.model.jnt_qposadr[self.model.joint(f"{robot}/{joint}").id]) for joint in joints]
 
-    def each(self, numbers: Flags) -> Flags:
+    def flag_movers(self, numbers: Flags) -> Flags:
         """For each mover, whether it is so of any of its numbers."""
         return np.logical_or.reduceat(numbers, self._starts) if self.movers else np.empty(0, dtype=bool)
 
     def row(self) -> Array:
         """The numbers of all movers, one after the other."""
         position = np.asarray(self._data.qpos)
-        base = position[self._at]
+        base = position[self._base_addresses]
         robots = np.empty((len(base), 4))
         robots[:, :2] = base[:, :2] + self._origins
         robots[:, 2] = self._levels
@@ -73,14 +73,14 @@ class Table:
         return np.concatenate([arms.ravel(), robots[len(self._arms) :].ravel(), things.ravel()])
 
 
-def same(one: RobotState, other: RobotState) -> bool:
+def is_same_state(first: RobotState, second: RobotState) -> bool:
     """Whether nothing is otherwise but the time."""
-    still = abs(one.x - other.x) < SMALLEST and abs(one.y - other.y) < SMALLEST and abs(one.yaw - other.yaw) < SMALLEST
-    return still and (one.holding, one.doing, one.faults) == (other.holding, other.doing, other.faults)
+    same_pose = abs(first.x - second.x) < SMALLEST and abs(first.y - second.y) < SMALLEST and abs(first.yaw - second.yaw) < SMALLEST
+    return same_pose and (first.holding, first.activity, first.faults) == (second.holding, second.activity, second.faults)
 
 
-def _faults(one: Robot | StationaryCamera) -> tuple[Fault, ...]:
-    return tuple(sorted(one.faults))
+def _faults(device: Robot | StationaryCamera) -> tuple[Fault, ...]:
+    return tuple(sorted(device.faults))
 
 
 def _angles(turns: Array) -> Array:
@@ -92,44 +92,47 @@ def _angles(turns: Array) -> Array:
     return np.stack([yaw, pitch, roll], axis=1)
 
 
-def works(simulation: Simulation) -> dict[str, Work]:
+def robot_statuses(simulation: Simulation) -> dict[str, RobotStatus]:
     """What each robot and camera does now."""
     held = simulation.scene.held
-    robots = {name: Work(holding=held.get(name), doing=one.doing, faults=_faults(one)) for name, one in simulation.robots.items()}
-    return {**robots, **{name: Work(faults=_faults(one)) for name, one in simulation.cameras.items()}}
+    robots = {
+        name: RobotStatus(holding=held.get(name), activity=robot.activity, faults=_faults(robot))
+        for name, robot in simulation.robots.items()
+    }
+    return {**robots, **{name: RobotStatus(faults=_faults(camera)) for name, camera in simulation.cameras.items()}}
 
 
-class Telling:
+class PoseSubscription:
     """What one connection was told, and when it is to be told again. Times are of the clock on the wall."""
 
     def __init__(self, rate: float) -> None:
         self._pause = 1 / rate
-        self.next = -math.inf
-        self._last = -math.inf
+        self.next_time = -math.inf
+        self._last_time = -math.inf
         self._model: mujoco.MjModel | None = None
         self._row: Array = np.empty(0)
-        self._works: dict[str, Work] = {}
+        self._statuses: dict[str, RobotStatus] = {}
 
-    def line(self, table: Table, row: Array, doing: dict[str, Work], time: float, now: float) -> Poses | None:
+    def line(self, table: Table, row: Array, statuses: dict[str, RobotStatus], time: float, now: float) -> Poses | None:
         """What is new, if anything is or nothing was said for long."""
-        self.next = max(self.next + self._pause, now + self._pause / 2)
+        self.next_time = max(self.next_time + self._pause, now + self._pause / 2)
         anew = table.model is not self._model
         if anew:
-            self._model, self._works = table.model, {}
+            self._model, self._statuses = table.model, {}
             moved = np.ones(len(table.movers), dtype=bool)
         else:
-            moved = table.each(np.abs(row - self._row) > SMALLEST)
-        news = {name: one for name, one in doing.items() if one != self._works.get(name)}
-        if not anew and not moved.any() and not news and now - self._last < SILENCE:
+            moved = table.flag_movers(np.abs(row - self._row) > SMALLEST)
+        news = {name: status for name, status in statuses.items() if status != self._statuses.get(name)}
+        if not anew and not moved.any() and not news and now - self._last_time < SILENCE:
             return None
-        said = moved[table.owners]
-        self._row = row if anew else np.where(said, row, self._row)
-        self._works, self._last = doing, now
+        moved_numbers = moved[table.owners]
+        self._row = row if anew else np.where(moved_numbers, row, self._row)
+        self._statuses, self._last_time = statuses, now
         return Poses(
             time=round(time, 3),
             clock=round(now, 4),
             movers=table.movers if anew else None,
             moved=tuple(np.flatnonzero(moved).tolist()),
-            values=tuple(row[said].round(DIGITS).tolist()),
+            values=tuple(row[moved_numbers].round(DIGITS).tolist()),
             robots=news,
         )

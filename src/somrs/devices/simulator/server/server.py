@@ -12,7 +12,7 @@ import logging
 import time
 from dataclasses import dataclass
 
-from somrs.devices.simulator.link.commands import Done, Fault, Gave, RobotState, Stop
+from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, Fault, RobotState, Stop
 from somrs.devices.simulator.link.lines import (
     HEARTBEAT,
     LONGEST,
@@ -40,15 +40,15 @@ from somrs.devices.simulator.link.lines import (
     Unheard,
     Ways,
     Welcome,
-    opened,
+    encode_line,
     read_by_server,
-    written,
+    read_opening,
 )
 from somrs.devices.simulator.server.faults import Schedule
-from somrs.devices.simulator.server.poses import Table, Telling, same, works
+from somrs.devices.simulator.server.poses import PoseSubscription, Table, is_same_state, robot_statuses
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.server.ways import leg_lengths
-from somrs.devices.simulator.world.camera import Camera, following
+from somrs.devices.simulator.world.camera import Camera, close_up
 from somrs.errors import SimulationError, UsageError, WireError
 from somrs.ports import bound
 
@@ -58,7 +58,7 @@ TICK = 0.002
 """Seconds that the sockets have between two slices of physics at least; an event loop waits in milliseconds."""
 SLICE = 0.004
 """Seconds for which physics may keep the sockets waiting."""
-BEHIND = 0.2
+MAX_LAG = 0.2
 """Seconds by which simulated time may lag in real-time mode before it is let go."""
 NAP = 0.05
 """Seconds in real-time mode after which a world at rest is looked at again."""
@@ -75,18 +75,18 @@ class _Session:
     writer: asyncio.StreamWriter
     robot: str | None = None
     rate: float = 0.0
-    next_state: float = 0.0
+    next_state_time: float = 0.0
     """Simulated time."""
-    last_state: float = 0.0
+    last_state_time: float = 0.0
     """On the processor's clock."""
-    said: RobotState | None = None
+    reported_state: RobotState | None = None
     """The state that was told last."""
 
-    def say(self, line: ServerLine) -> None:
+    def send_line(self, line: ServerLine) -> None:
         if self.writer.transport.get_write_buffer_size() > TOO_SLOW_READER:
             self.writer.transport.abort()
         elif not self.writer.transport.is_closing():
-            self.writer.write(written(line))
+            self.writer.write(encode_line(line))
 
     @property
     def slow(self) -> bool:
@@ -112,7 +112,7 @@ class Server:
         self._waiting: list[tuple[_Session, int]] = []
         self._wake = asyncio.Event()
         self._camera: Camera | None = None
-        self._followers: dict[_Session, Telling] = {}
+        self._followers: dict[_Session, PoseSubscription] = {}
         self._table: Table | None = None
 
     async def start(self) -> None:
@@ -146,7 +146,7 @@ class Server:
             log.critical("%s", error)
             self._listener.close()
             for session in list(self._sessions):
-                session.say(Refused(reason="failed", description=str(error)))
+                session.send_line(Refused(reason="failed", description=str(error)))
                 session.writer.close()
             raise
 
@@ -162,15 +162,15 @@ class Server:
             await self._nap(HEARTBEAT / 2)
 
     async def _run_at(self, speed: float) -> None:
-        began, origin = time.monotonic(), self.simulation.time
+        start_time, origin = time.monotonic(), self.simulation.time
         while True:
-            lag = (time.monotonic() - began) * speed + origin - self.simulation.time
+            lag = (time.monotonic() - start_time) * speed + origin - self.simulation.time
             if resting := lag > 0 and self.simulation.rest(self.simulation.time + lag):
                 self._break_due()
             elif lag > 0:
-                if lag > BEHIND * speed:
-                    began, origin = time.monotonic(), self.simulation.time
-                self._step_for(SLICE, until=self.simulation.time + lag)
+                if lag > MAX_LAG * speed:
+                    start_time, origin = time.monotonic(), self.simulation.time
+                self._step_for(SLICE, until_time=self.simulation.time + lag)
             self._tell_states()
             if self._waiting and not self.simulation.busy:
                 self._tell_poses(time.monotonic(), at_rest=True)
@@ -178,7 +178,7 @@ class Server:
             if resting:
                 await self._nap(NAP)
             else:
-                await asyncio.sleep(max(TICK, (self.simulation.time - origin) / speed - (time.monotonic() - began)))
+                await asyncio.sleep(max(TICK, (self.simulation.time - origin) / speed - (time.monotonic() - start_time)))
 
     async def _nap(self, seconds: float) -> None:
         """Until somebody says something, but not for longer: the map may change, too."""
@@ -187,10 +187,10 @@ class Server:
             async with asyncio.timeout(seconds):
                 await self._wake.wait()
 
-    def _step_for(self, seconds: float, until: float = float("inf")) -> None:
+    def _step_for(self, seconds: float, until_time: float = float("inf")) -> None:
         """Step for so long, or until so much simulated time has passed."""
         end = time.monotonic() + seconds
-        while self.simulation.time < until:
+        while self.simulation.time < until_time:
             self.simulation.step()
             self._break_due()
             self._tell_states()
@@ -205,42 +205,46 @@ class Server:
     def _tell_states(self) -> None:
         now = time.monotonic()
         for robot, session in self._controllers.items():
-            if now - session.last_state < 1 / MOST_STATES or robot not in self.simulation.linked:
+            if now - session.last_state_time < 1 / MOST_STATES or robot not in self.simulation.linked:
                 continue
-            due = session.rate > 0 and self.simulation.time >= session.next_state
-            beat = now - session.last_state > HEARTBEAT
+            due = session.rate > 0 and self.simulation.time >= session.next_state_time
+            beat = now - session.last_state_time > HEARTBEAT
             if session.slow or not (due or beat):
                 continue
             if not self._mute(robot):
-                session.next_state = self.simulation.time + (1 / session.rate if session.rate else 0.0)
+                session.next_state_time = self.simulation.time + (1 / session.rate if session.rate else 0.0)
                 state = self.simulation.state(robot)
-                if not beat and session.said is not None and same(state, session.said):
+                if not beat and session.reported_state is not None and is_same_state(state, session.reported_state):
                     continue
-                session.said = state
-                session.say(State(state=state))
+                session.reported_state = state
+                session.send_line(State(state=state))
             elif beat:
-                session.say(Unheard())
+                session.send_line(Unheard())
             else:
                 continue
-            session.last_state = now
+            session.last_state_time = now
         self._tell_poses(now)
 
     def _tell_poses(self, now: float, *, at_rest: bool = False) -> None:
         """Tell those who follow and whose turn it is; when the world came to rest all, as nothing may move again for long."""
-        due = [(one, telling) for one, telling in self._followers.items() if (at_rest or now >= telling.next) and not one.slow]
+        due = [
+            (session, subscription)
+            for session, subscription in self._followers.items()
+            if (at_rest or now >= subscription.next_time) and not session.slow
+        ]
         if not due:
             return
         if self._table is None or self._table.model is not self.simulation.scene.model:
             self._table = Table(self.simulation)
-        row, doing = self._table.row(), works(self.simulation)
-        for session, telling in due:
-            line = telling.line(self._table, row, doing, self.simulation.time, now)
+        row, statuses = self._table.row(), robot_statuses(self.simulation)
+        for session, subscription in due:
+            line = subscription.line(self._table, row, statuses, self.simulation.time, now)
             if line is not None:
-                session.say(line)
+                session.send_line(line)
 
     def _tell_waiting(self) -> None:
         for session, id in self._waiting:
-            session.say(Answer(id=id, time=self.simulation.time))
+            session.send_line(Answer(id=id, time=self.simulation.time))
         self._waiting.clear()
 
     # Connections
@@ -255,34 +259,34 @@ class Server:
                 if session.slow:
                     await writer.drain()
         except _Closing as closing:
-            session.say(closing.line)
+            session.send_line(closing.line)
         except (asyncio.IncompleteReadError, ConnectionError):
             pass
         finally:
-            self._leave(session)
+            self._close_session(session)
             writer.close()
 
     def _welcome(self, session: _Session, line: bytes) -> None:
         try:
-            opening = opened(line)
+            opening = read_opening(line)
             if (opening.protocol, opening.version) != (PROTOCOL, VERSION):
-                wanted = f"{opening.protocol} {opening.version}"
-                raise _Closing("version", f"this is {PROTOCOL} {VERSION}, and not {wanted}; use a client of version {VERSION}")
+                client_protocol = f"{opening.protocol} {opening.version}"
+                raise _Closing("version", f"this is {PROTOCOL} {VERSION}, and not {client_protocol}; use a client of version {VERSION}")
             hello = read_by_server(line)
         except WireError as error:
             raise _Closing("hello-first", error.text) from None
         if not isinstance(hello, Hello):
             raise _Closing("hello-first", "the first line of a connection has to be a hello")
         if hello.robot is not None:
-            self._take(session, hello.robot)
+            self._take_control(session, hello.robot)
         session.rate = hello.rate
-        session.say(Welcome(robot=hello.robot, time=self.simulation.time))
+        session.send_line(Welcome(robot=hello.robot, time=self.simulation.time))
 
-    def _take(self, session: _Session, robot: str) -> None:
+    def _take_control(self, session: _Session, robot: str) -> None:
         """Give the connection control of the robot."""
         if robot not in self.simulation.linked:
-            known = ", ".join(sorted(self.simulation.linked)) or "none"
-            raise _Closing("unknown-robot", f"there is no robot {robot}; the robots here are: {known}")
+            robot_names = ", ".join(sorted(self.simulation.linked)) or "none"
+            raise _Closing("unknown-robot", f"there is no robot {robot}; the robots here are: {robot_names}")
         if Fault.LINK in self.simulation.linked[robot].faults:
             raise _Closing("link-cut", f"the link to {robot} is broken until it is repaired")
         if robot in self._controllers:
@@ -290,31 +294,31 @@ class Server:
         session.robot = robot
         self._controllers[robot] = session
 
-    def _leave(self, session: _Session) -> None:
+    def _close_session(self, session: _Session) -> None:
         """The connection is gone: its robot stops, and keeps hold of what it holds."""
         self._sessions.discard(session)
         self._followers.pop(session, None)
-        self._waiting = [(other, id) for other, id in self._waiting if other is not session]
+        self._waiting = [(waiting_session, id) for waiting_session, id in self._waiting if waiting_session is not session]
         if session.robot is not None and self._controllers.get(session.robot) is session:
             del self._controllers[session.robot]
             if session.robot in self.simulation.linked:
-                self.simulation.command(session.robot, Stop(), _nobody_listens)
+                self.simulation.command(session.robot, Stop(), _ignore_result)
 
     def _hear(self, session: _Session, line: bytes) -> None:
         id: int | None = None
         try:
-            said = read_by_server(line)
-            match said:
+            message = read_by_server(line)
+            match message:
                 case Order(id=id):
-                    self._command(session, said)
+                    self._command(session, message)
                 case Ask(id=id, question=question):
                     self._ask(session, id, question)
                 case Hello():
                     raise WireError("not-allowed", "hello was said already; one connection is for one robot")
         except WireError as error:
-            session.say(Refused(id=id, reason=error.code, description=error.text))
+            session.send_line(Refused(id=id, reason=error.code, description=error.text))
         except UsageError as error:
-            session.say(Refused(id=id, reason="not-possible", description=str(error)))
+            session.send_line(Refused(id=id, reason="not-possible", description=str(error)))
         self._wake.set()
 
     def _command(self, session: _Session, order: Order) -> None:
@@ -322,13 +326,21 @@ class Server:
         if robot is None:
             raise WireError("not-allowed", "an operator's connection commands no robot; connect as the robot's controller")
 
-        def ended(how: Done | Gave) -> None:
+        def ended(result: CommandDone | CommandGivenUp) -> None:
             if self._mute(robot):
                 return
-            if isinstance(how, Done):
-                session.say(OrderDone(id=order.id, state=how.state, seen=how.seen))
+            if isinstance(result, CommandDone):
+                session.send_line(OrderDone(id=order.id, state=result.state, object_states=result.object_states))
             else:
-                session.say(OrderGivenUp(id=order.id, reason=how.reason, description=how.description, state=how.state, seen=how.seen))
+                session.send_line(
+                    OrderGivenUp(
+                        id=order.id,
+                        reason=result.reason,
+                        description=result.description,
+                        state=result.state,
+                        object_states=result.object_states,
+                    )
+                )
 
         self.simulation.command(robot, order.command, ended)
 
@@ -343,7 +355,7 @@ class Server:
             raise WireError("not-allowed", f"the connection of a robot may ask for ways of {session.robot} only; connect as an operator")
         answer = Answer(id=id)
         match question:
-            case Break(robot=robot, fault=fault, after=None, carried=None, released=False):
+            case Break(robot=robot, fault=fault, delay=None, carried=None, released=False):
                 self._fault(robot, fault)
             case Break():
                 self._schedule.add(question)
@@ -351,25 +363,25 @@ class Server:
                 self._schedule.drop(robot, fault)
                 self.simulation.repair(robot, fault)
             case Look(object=name):
-                answer = Answer(id=id, seen=self.simulation.seen(name))
+                answer = Answer(id=id, object_state=self.simulation.observe(name))
             case Robots():
                 answer = Answer(id=id, robots={name: self.simulation.state(name) for name in self.simulation.robots})
             case Clock():
                 answer = Answer(id=id, time=self.simulation.time, speed=self.speed)
             case Picture(subject=subject):
                 answer = Answer(id=id, png=self._picture(subject))
-            case Ways(robot=robot, through=through):
-                answer = Answer(id=id, lengths=leg_lengths(self.simulation, robot, through))
+            case Ways(robot=robot, stops=stops):
+                answer = Answer(id=id, lengths=leg_lengths(self.simulation, robot, stops))
             case Move(object=name, x=x, y=y, z=z, yaw=yaw):
                 self.simulation.move(name, x, y, z, yaw)
             case Follow(rate=rate):
                 self._followers.pop(session, None)
                 if rate > 0:
-                    self._followers[session] = Telling(min(rate, MOST_STATES))
+                    self._followers[session] = PoseSubscription(min(rate, MOST_STATES))
             case Idle():
                 self._waiting.append((session, id))
                 return
-        session.say(answer)
+        session.send_line(answer)
 
     def _picture(self, subject: str | None) -> bytes:
         scene = self.simulation.scene
@@ -377,7 +389,7 @@ class Server:
             raise UsageError(f"{subject} is not in the simulated world")
         try:
             self._camera = self._camera or Camera(scene)
-            return self._camera.picture(following(scene, subject) if subject is not None else None)
+            return self._camera.picture(close_up(scene, subject) if subject is not None else None)
         except SimulationError as error:
             raise WireError("no-graphics", str(error)) from None
 
@@ -386,7 +398,7 @@ class Server:
         session = self._controllers.get(robot)
         if fault is Fault.LINK and session is not None:
             session.writer.transport.abort()
-            self._leave(session)
+            self._close_session(session)
 
 
 async def _next_line(reader: asyncio.StreamReader) -> bytes:
@@ -396,5 +408,5 @@ async def _next_line(reader: asyncio.StreamReader) -> bytes:
         raise _Closing("too-long", f"a line may have {LONGEST} bytes") from None
 
 
-def _nobody_listens(how: Done | Gave) -> None:
+def _ignore_result(result: CommandDone | CommandGivenUp) -> None:
     """A robot whose connection is gone has nobody to tell."""

@@ -11,12 +11,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from somrs.devices.simulator.link.commands import Command, Done, Fault, Gave, RobotState, Seen, Sense, Status, Stop
+from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, Fault, ObjectState, RobotState, Sense, Status, Stop
 from somrs.devices.simulator.motion.driving import make_way
 from somrs.devices.simulator.motion.handling import set_down, withdraw
 from somrs.devices.simulator.motion.navigation import Navigator
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine
-from somrs.devices.simulator.motion.routines import carried_out, concerned
+from somrs.devices.simulator.motion.routines import concerned_objects, make_routine
 from somrs.devices.simulator.world.scene import RESTING, Scene
 from somrs.devices.simulator.world.solids import Role, Solid, solid_of
 from somrs.devices.simulator.world.vision import StationaryCamera, view
@@ -25,7 +25,7 @@ from somrs.errors import UsageError
 from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology
 
-OnEnd = Callable[[Done | Gave], None]
+OnEnd = Callable[[CommandDone | CommandGivenUp], None]
 
 
 @dataclass(slots=True)
@@ -36,9 +36,9 @@ class _Work:
     command: Command | None
     on_end: OnEnd | None
     touched: tuple[str, ...] = ()
-    found: dict[str, Seen] = field(default_factory=dict)
+    observations: dict[str, ObjectState] = field(default_factory=dict)
     """What was seen on the way, for commands that are to look."""
-    given: GivenUp | None = None
+    failure: GivenUp | None = None
     """Why the command was given up, while the robot still brings its arm in or puts down what it holds."""
 
 
@@ -55,9 +55,9 @@ class Simulation:
         """All that can be spoken with: robots and cameras."""
         self._work: dict[str, _Work] = {}
         self._dropped: dict[str, str] = {}
-        self._stirred = 0.0
+        self._last_motion = 0.0
         """When anything was seen to move last."""
-        for solid in self.scene.world.of(Role.ROBOT, Role.CAMERA):
+        for solid in self.scene.world.by_role(Role.ROBOT, Role.CAMERA):
             self._add_linked(solid)
 
     @property
@@ -69,20 +69,20 @@ class Simulation:
     def busy(self) -> bool:
         """Whether anything moves or is to move."""
         working = any(not self._dead(name) for name in self._work)
-        return working or any(robot.asked is not None for robot in self.robots.values()) or not self._at_rest()
+        return working or any(robot.asking_robot is not None for robot in self.robots.values()) or not self._at_rest()
 
     def _at_rest(self) -> bool:
         held = set(self.scene.held.values())
         loose = [thing for thing in self.scene.things() if thing not in held]
-        return all(robot.stands for robot in self.robots.values()) and (not loose or self.scene.still(*loose))
+        return all(robot.stands for robot in self.robots.values()) and (not loose or self.scene.are_at_rest(*loose))
 
-    def rest(self, until: float) -> bool:
+    def rest(self, until_time: float) -> bool:
         """Let time pass without physics, if nothing has moved for so long that nothing will by itself. Whether that is so."""
         if self.busy:
-            self._stirred = self.time
-        if self.time - max(self._stirred, self.scene.disturbed) < RESTING:
+            self._last_motion = self.time
+        if self.time - max(self._last_motion, self.scene.disturbed) < RESTING:
             return False
-        self.scene.time = until
+        self.scene.time = until_time
         return True
 
     def step(self) -> None:
@@ -93,10 +93,10 @@ class Simulation:
             if name in self._work and not self._dead(name):
                 self._advance(name)
         for name, robot in self.robots.items():
-            if robot.asked is not None and name not in self._work:
-                other, robot.asked = robot.asked, None
+            if robot.asking_robot is not None and name not in self._work:
+                asking_robot, robot.asking_robot = robot.asking_robot, None
                 if robot.mobile:
-                    self._work[name] = _Work(_after(withdraw(robot), make_way(robot, other)), None, None)
+                    self._work[name] = _Work(_chain_routines(withdraw(robot), make_way(robot, asking_robot)), None, None)
             robot.end_period()
         self.scene.step(round(PERIOD / STEP))
 
@@ -105,37 +105,39 @@ class Simulation:
     def command(self, robot: str, command: Command, on_end: OnEnd) -> None:
         """Have a robot, or a camera, do something. `on_end` is called once, when that is done or given up; a command that
         comes while another one runs ends that one."""
-        one = self._linked(robot)
+        device = self._linked(robot)
         if isinstance(command, Status):
-            on_end(Done(state=one.state()))
+            on_end(CommandDone(state=device.state()))
             return
-        if Fault.SILENT in one.faults:
+        if Fault.SILENT in device.faults:
             return
         if isinstance(command, Sense):
-            on_end(Done(state=one.state(), seen=view(self.scene, robot, command.radius)))
+            on_end(CommandDone(state=device.state(), object_states=view(self.scene, robot, command.radius)))
             return
-        if isinstance(one, StationaryCamera):
-            on_end(Gave(reason="not-possible", description=f"{robot} is a camera: it takes Sense and Status", state=one.state()))
+        if isinstance(device, StationaryCamera):
+            on_end(
+                CommandGivenUp(reason="not-possible", description=f"{robot} is a camera: it takes Sense and Status", state=device.state())
+            )
             return
         running = self._work.get(robot)
-        reflex = running is not None and (running.command is None or running.given is not None) and Fault.DRIVE in one.faults
+        reflex = running is not None and (running.command is None or running.failure is not None) and Fault.DRIVE in device.faults
         if not reflex:
             self._end(robot, GivenUp("stopped", f"{robot} was told to do something else"))
         if isinstance(command, Stop) and reflex:
-            on_end(Done(state=one.state()))
+            on_end(CommandDone(state=device.state()))
             return
-        found: dict[str, Seen] = {}
-        routine, touched = carried_out(command, one, self.scene, found), concerned(command, one)
+        observations: dict[str, ObjectState] = {}
+        routine, touched = make_routine(command, device, self.scene, observations), concerned_objects(command, device)
         if reflex and running is not None:
             self._end_callback_only(robot)
-            routine = _after(running.routine, routine)
-        one.doing = type(command).__name__
-        self._work[robot] = _Work(routine, command, on_end, touched, found)
+            routine = _chain_routines(running.routine, routine)
+        device.activity = type(command).__name__
+        self._work[robot] = _Work(routine, command, on_end, touched, observations)
 
     def _end_callback_only(self, robot: str) -> None:
         """End the running command towards its sender, but let the robot finish putting down what it holds."""
         work = self._work.pop(robot)
-        self._report(robot, work, work.given or GivenUp("stopped", f"{robot} was told to do something else"))
+        self._report(robot, work, work.failure or GivenUp("stopped", f"{robot} was told to do something else"))
 
     def _advance(self, name: str) -> None:
         robot, work = self.robots[name], self._work[name]
@@ -143,54 +145,56 @@ class Simulation:
             next(work.routine)
         except StopIteration:
             self._finish(robot, work)
-        except GivenUp as given:
-            self._give_up(robot, work, given)
+        except GivenUp as failure:
+            self._abort(robot, work, failure)
 
     def _finish(self, robot: Robot, work: _Work) -> None:
-        if work.given is None and robot.holding is not None and Fault.DRIVE in robot.faults:
-            given = GivenUp("drive-dead", f"the drive of {robot.name} is dead")
-            self._give_up(robot, work, given)
+        if work.failure is None and robot.holding is not None and Fault.DRIVE in robot.faults:
+            failure = GivenUp("drive-dead", f"the drive of {robot.name} is dead")
+            self._abort(robot, work, failure)
             return
         del self._work[robot.name]
-        self._report(robot, work, work.given)
+        self._report(robot, work, work.failure)
 
-    def _give_up(self, robot: Robot, work: _Work, given: GivenUp) -> None:
+    def _abort(self, robot: Robot, work: _Work, failure: GivenUp) -> None:
         """Clean up before the command ends: draw the arm in, and put down what cannot be carried any further."""
         robot.plan = []
-        if work.given is not None:  # the cleaning up failed, too: that is how it stays
+        if work.failure is not None:  # the cleaning up failed, too: that is how it stays
             del self._work[robot.name]
             robot.arm_claim = robot.arm_claim if robot.arm_out else None
-            self._report(robot, work, work.given)
+            self._report(robot, work, work.failure)
             return
-        work.given = given
+        work.failure = failure
         if Fault.DRIVE in robot.faults and robot.holding is not None and Fault.GRIPPER not in robot.faults:
             self._dropped[robot.name] = robot.holding
             work.routine = set_down(robot)
         else:
             work.routine = withdraw(robot)
 
-    def _end(self, robot: str, given: GivenUp) -> None:
+    def _end(self, robot: str, failure: GivenUp) -> None:
         """End whatever the robot is doing at once."""
         work = self._work.pop(robot, None)
-        one = self.robots[robot]
-        one.plan, one.doing = [], None
+        device = self.robots[robot]
+        device.plan, device.activity = [], None
         if work is not None:
             work.routine.close()
-            self._report(robot, work, work.given or given)
+            self._report(robot, work, work.failure or failure)
 
-    def _report(self, robot: Robot | str, work: _Work, given: GivenUp | None) -> None:
-        one = self.robots[robot] if isinstance(robot, str) else robot
-        one.doing = None
+    def _report(self, robot: Robot | str, work: _Work, failure: GivenUp | None) -> None:
+        device = self.robots[robot] if isinstance(robot, str) else robot
+        device.activity = None
         if work.on_end is None:
             return
-        dropped = self._dropped.pop(one.name, None)
-        touched = dict.fromkeys([*work.touched, *([dropped] if dropped else []), *([one.holding] if one.holding else [])])
-        seen = (*work.found.values(), *(self.seen(name) for name in touched if name in self.scene.world.solids))
+        dropped = self._dropped.pop(device.name, None)
+        touched = dict.fromkeys([*work.touched, *([dropped] if dropped else []), *([device.holding] if device.holding else [])])
+        object_states = (*work.observations.values(), *(self.observe(name) for name in touched if name in self.scene.world.solids))
         on_end, work.on_end = work.on_end, None
-        if given is None:
-            on_end(Done(state=one.state(), seen=seen))
+        if failure is None:
+            on_end(CommandDone(state=device.state(), object_states=object_states))
         else:
-            on_end(Gave(reason=given.reason, description=given.description, state=one.state(), seen=seen))
+            on_end(
+                CommandGivenUp(reason=failure.reason, description=failure.description, state=device.state(), object_states=object_states)
+            )
 
     # What is seen
 
@@ -198,35 +202,35 @@ class Simulation:
         """Of a robot or a camera."""
         return self._linked(robot).state()
 
-    def seen(self, object: str) -> Seen:
+    def observe(self, object: str) -> ObjectState:
         """The truth about an object: where it is, and on what."""
         if object not in self.scene.world.solids:
             raise UsageError(f"{object} is not in the simulated world")
-        return self.scene.seen(object)
+        return self.scene.observe(object)
 
     # Faults
 
     def fault(self, robot: str, fault: Fault) -> None:
         """Break something."""
-        one = self._linked(robot)
-        one.faults.add(fault)
-        self._stirred = self.time
-        if isinstance(one, StationaryCamera):
+        device = self._linked(robot)
+        device.faults.add(fault)
+        self._last_motion = self.time
+        if isinstance(device, StationaryCamera):
             return
         match fault:
-            case Fault.DRIVE if robot not in self._work and one.holding is not None and Fault.GRIPPER not in one.faults:
-                self._dropped[robot] = one.holding
-                self._work[robot] = _Work(set_down(one), None, None, given=GivenUp("drive-dead", f"the drive of {robot} is dead"))
+            case Fault.DRIVE if robot not in self._work and device.holding is not None and Fault.GRIPPER not in device.faults:
+                self._dropped[robot] = device.holding
+                self._work[robot] = _Work(set_down(device), None, None, failure=GivenUp("drive-dead", f"the drive of {robot} is dead"))
             case Fault.SILENT:
                 work = self._work.pop(robot, None)
                 if work is not None:
                     work.routine.close()
-                one.plan, one.doing = [], None
+                device.plan, device.activity = [], None
             case Fault.LINK:
                 self._end(robot, GivenUp("stopped", f"the link to {robot} is lost"))
-            case Fault.GRIPPER if one.size.gripper:
-                one.hold_joint("left")
-                one.hold_joint("right")
+            case Fault.GRIPPER if device.size.gripper:
+                device.hold_joint("left")
+                device.hold_joint("right")
 
     def repair(self, robot: str, fault: Fault) -> None:
         """Mend it; what was given up for it stays given up."""
@@ -243,7 +247,7 @@ class Simulation:
 
     def add(self, object: Object) -> None:
         """An object appears; if it is there, it is of another type now."""
-        if object.name in self._map.objects and self._is_still(object):
+        if object.name in self._map.objects and self._is_unchanged(object):
             self._map = self._map.changed([ObjectAdded(object)])
             return
         self.remove(object.name)
@@ -260,8 +264,8 @@ class Simulation:
         """An object is gone."""
         solid = self.scene.world.solids.get(name)
         for robot, work in [*self._work.items()]:
-            if robot != name and work.given is None and (name in work.touched or self.scene.held.get(robot) == name):
-                self._give_up(self.robots[robot], work, GivenUp("not-possible", f"{name} was taken out of the world"))
+            if robot != name and work.failure is None and (name in work.touched or self.scene.held.get(robot) == name):
+                self._abort(self.robots[robot], work, GivenUp("not-possible", f"{name} was taken out of the world"))
         if name in self.robots:
             self._end(name, GivenUp("stopped", f"{name} was taken out of the world"))
             del self.robots[name]
@@ -273,7 +277,7 @@ class Simulation:
         if solid is not None and solid.role not in (Role.ROBOT, Role.THING, Role.CAMERA):
             self._renew_navigators()
 
-    def _is_still(self, object: Object) -> bool:
+    def _is_unchanged(self, object: Object) -> bool:
         """Whether an object that is there is the same thing in the world, by whatever type: then it stays where it is."""
         old, new = self.scene.world.solids.get(object.name), solid_of(object, self._ontology)
         if old is None or new is None:
@@ -295,11 +299,11 @@ class Simulation:
         holder = self.scene.holder(name)
         for robot, work in [*self._work.items()]:
             if name in work.touched:
-                self._give_up(self.robots[robot], work, GivenUp("not-possible", f"{name} is called {object.name} now"))
+                self._abort(self.robots[robot], work, GivenUp("not-possible", f"{name} is called {object.name} now"))
         self.remove(name)
         self.add(object)
         if object.name in self.scene.things():
-            self.scene.put(object.name, x, y, z, yaw)
+            self.scene.place_thing(object.name, x, y, z, yaw)
             if holder is not None:
                 self.scene.hold(holder, object.name)
 
@@ -315,7 +319,7 @@ class Simulation:
         solid = self.scene.world.solids.get(thing)
         if solid is None or solid.role is not Role.THING:
             raise UsageError(f"{thing} is not a thing in the simulated world that can be moved")
-        self.scene.put(thing, x, y, z, yaw)
+        self.scene.place_thing(thing, x, y, z, yaw)
 
     def _add_linked(self, solid: Solid) -> None:
         if solid.role is Role.CAMERA:
@@ -340,7 +344,7 @@ class Simulation:
         return self.linked[name]
 
 
-def _after(first: Generator[None, None, object], second: Generator[None, None, object]) -> Routine:
+def _chain_routines(first: Generator[None, None, object], second: Generator[None, None, object]) -> Routine:
     """One routine after the other, whether or not the first can be carried out."""
     with suppress(GivenUp):
         yield from first

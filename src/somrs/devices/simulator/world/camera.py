@@ -66,17 +66,17 @@ def opengl() -> str:
 
 def overview(scene: Scene) -> View:
     """The whole building, from the south and above."""
-    floors = scene.world.of(Role.FLOOR) or list(scene.world.solids.values())
+    floors = scene.world.by_role(Role.FLOOR) or list(scene.world.solids.values())
     return _framing(floors)
 
 
 def region(scene: Scene, x: float, y: float, radius: float) -> View:
     """What lies within the radius of a point."""
-    level = min((solid.top for solid in scene.world.of(Role.FLOOR)), key=abs, default=0.0)
+    level = min((solid.top for solid in scene.world.by_role(Role.FLOOR)), key=abs, default=0.0)
     return View(x, y, level + 0.3, radius / math.tan(math.radians(FIELD_OF_VIEW / 2)) * 1.15, _open_side(scene, x, y), -38)
 
 
-def following(scene: Scene, name: str) -> View:
+def close_up(scene: Scene, name: str) -> View:
     """An object and what is about it."""
     x, y, z, _ = scene.pose(name)
     solid = scene.world.solids[name]
@@ -91,16 +91,16 @@ def _framing(solids: list[Solid], azimuth: float = 90.0, elevation: float = -58.
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     turn, tilt = math.radians(azimuth), math.radians(elevation)
     forward = np.array([math.cos(tilt) * math.cos(turn), math.cos(tilt) * math.sin(turn), math.sin(tilt)])
-    right = np.array([math.sin(turn), -math.cos(turn), 0.0])
-    up = np.cross(right, forward)
+    right_axis = np.array([math.sin(turn), -math.cos(turn), 0.0])
+    up_axis = np.cross(right_axis, forward)
     high = math.tan(math.radians(FIELD_OF_VIEW / 2)) * 0.92
     distance = 1.0
     for _ in range(8):  # where to look depends on how far away it is, as what is near looks large
-        away = points - middle
-        depth, across, above = away @ forward, away @ right, away @ up
-        distance = max(1.0, float(np.max(np.maximum(np.abs(across) / (high * 4 / 3), np.abs(above) / high) - depth)))
-        seen = above / (distance + depth)
-        middle = middle + up * (seen.max() + seen.min()) / 2 * distance * 0.8
+        offsets = points - middle
+        depth, horizontal, vertical = offsets @ forward, offsets @ right_axis, offsets @ up_axis
+        distance = max(1.0, float(np.max(np.maximum(np.abs(horizontal) / (high * 4 / 3), np.abs(vertical) / high) - depth)))
+        projected = vertical / (distance + depth)
+        middle = middle + up_axis * (projected.max() + projected.min()) / 2 * distance * 0.8
     return View(float(middle[0]), float(middle[1]), float(middle[2]), distance, azimuth, elevation)
 
 
@@ -122,14 +122,14 @@ def _open_side(scene: Scene, x: float, y: float) -> float:
     return min((60.0, 120.0, 30.0, 150.0, -60.0, -120.0, -30.0, -150.0), key=hidden)
 
 
-def _screens(wall: Solid, floors: list[Solid], toward: np.ndarray[Any, Any], view: View, flat: float) -> bool:
+def _screens(wall: Solid, floors: list[Solid], direction: np.ndarray[Any, Any], view: View, flat: float) -> bool:
     """Whether a wall across the line of sight, not far behind what is looked at, has a floor behind it that it hides."""
-    if wall.form != "Box" or float((np.array([wall.x, wall.y]) - (view.x, view.y)) @ toward) < -0.4 * flat:
+    if wall.form != "Box" or float((np.array([wall.x, wall.y]) - (view.x, view.y)) @ direction) < -0.4 * flat:
         return False
     angle = wall.yaw + (0.0 if wall.width < wall.depth else math.pi / 2)
-    across = abs(math.cos(angle) * toward[0] + math.sin(angle) * toward[1]) > 0.7
-    behind = (wall.x - 0.8 * toward[0], wall.y - 0.8 * toward[1])
-    return across and any(floor.distance(*behind) < 0 for floor in floors)
+    faces_camera = abs(math.cos(angle) * direction[0] + math.sin(angle) * direction[1]) > 0.7
+    point_behind = (wall.x - 0.8 * direction[0], wall.y - 0.8 * direction[1])
+    return faces_camera and any(floor.distance(*point_behind) < 0 for floor in floors)
 
 
 class Camera:
@@ -156,9 +156,9 @@ class Camera:
         camera = mujoco.MjvCamera()
         camera.lookat[:] = (view.x, view.y, view.z)
         camera.distance, camera.azimuth, camera.elevation = view.distance, view.azimuth, view.elevation
-        colours = self._see_through(view)
-        everything = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(self._model, self._scene.data, mujoco.MjvOption(), None, camera, everything, self._drawing)
+        colours = self._fade_walls(view)
+        category_mask = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(self._model, self._scene.data, mujoco.MjvOption(), None, camera, category_mask, self._drawing)
         self._scene.model.geom_rgba[:] = colours
         pixels, frame = np.zeros((self._height, self._width, 3), dtype=np.uint8), mujoco.MjrRect(0, 0, self._width, self._height)
         mujoco.mjr_render(frame, self._drawing, self._target)
@@ -167,22 +167,22 @@ class Camera:
         Image.fromarray(np.flipud(pixels)).save(buffer, format="PNG", optimize=True)
         return buffer.getvalue()
 
-    def _see_through(self, view: View) -> Any:
+    def _fade_walls(self, view: View) -> Any:
         """Make walls between the camera and what it looks at transparent. Returns the colours as they were."""
         model = self._scene.model
-        before, angle = model.geom_rgba.copy(), math.radians(view.azimuth)
-        toward = np.array([-math.cos(angle), -math.sin(angle)])  # from what is looked at to the camera
+        old_colours, angle = model.geom_rgba.copy(), math.radians(view.azimuth)
+        direction = np.array([-math.cos(angle), -math.sin(angle)])  # from what is looked at to the camera
         flat = view.distance * math.cos(math.radians(view.elevation))
-        floors = self._scene.world.of(Role.FLOOR)
-        for wall in self._scene.world.of(Role.WALL, Role.DOOR):
-            points = np.array([(view.x, view.y)]) + np.linspace(0.0, 1.0, 41)[:, None] * flat * toward
-            across = np.array([-toward[1], toward[0]])
-            fan = np.concatenate([points + side * 0.12 * flat * across for side in (-2, -1, 0, 1, 2)])
-            if distances_from(wall, fan).min() < 0.15 or _screens(wall, floors, toward, view, flat):
+        floors = self._scene.world.by_role(Role.FLOOR)
+        for wall in self._scene.world.by_role(Role.WALL, Role.DOOR):
+            points = np.array([(view.x, view.y)]) + np.linspace(0.0, 1.0, 41)[:, None] * flat * direction
+            side_direction = np.array([-direction[1], direction[0]])
+            fan = np.concatenate([points + side * 0.12 * flat * side_direction for side in (-2, -1, 0, 1, 2)])
+            if distances_from(wall, fan).min() < 0.15 or _screens(wall, floors, direction, view, flat):
                 body = model.body(wall.name)
                 first = int(body.geomadr[0])
                 model.geom_rgba[first : first + int(body.geomnum[0]), 3] *= 0.18
-        return before
+        return old_colours
 
     def close(self) -> None:
         """Give the OpenGL context back."""

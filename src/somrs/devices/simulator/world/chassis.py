@@ -46,12 +46,12 @@ def add_robot(spec: mujoco.MjSpec, solid: Solid, colour: tuple[float, float, flo
 
 
 def _geom(
-    body: mujoco.MjsBody, kind: str, size: list[float], pos: list[float], rgba: tuple[float, ...], mass: float = 0.0, **more: object
+    body: mujoco.MjsBody, kind: str, size: list[float], pos: list[float], rgba: tuple[float, ...], mass: float = 0.0, **options: object
 ) -> None:
     """A part of a robot; one with a mass collides, one without is only looked at."""
     bits = {"contype": ROBOT_BIT, "conaffinity": STATIC_BIT | ROBOT_BIT} if mass else {"contype": 0, "conaffinity": 0, "group": 1}
     form = getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")
-    body.add_geom(type=form, size=size, pos=pos, rgba=list(rgba), mass=mass, **bits, **more)
+    body.add_geom(type=form, size=size, pos=pos, rgba=list(rgba), mass=mass, **bits, **options)
 
 
 def _add_base(base: mujoco.MjsBody, size: Dimensions, mass: float, colour: tuple[float, ...]) -> None:
@@ -112,9 +112,9 @@ def _add_arm(spec: mujoco.MjSpec, base: mujoco.MjsBody, name: str, size: Dimensi
         servo.set_to_position(stiffness, damping)
         servo.forcelimited, servo.forcerange = 1, [-limit, limit]
     bodies = list(parts.values())
-    for i, a in enumerate(bodies):
-        for b in bodies[i + 2 :]:
-            spec.add_exclude(bodyname1=a.name, bodyname2=b.name)
+    for i, first_body in enumerate(bodies):
+        for second_body in bodies[i + 2 :]:
+            spec.add_exclude(bodyname1=first_body.name, bodyname2=second_body.name)
     grasp = spec.add_equality(name=f"{name}/grasp", type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY, active=False)
     grasp.name1, grasp.name2, grasp.solref = palm.name, base.name, [0.012, 1.0]
 

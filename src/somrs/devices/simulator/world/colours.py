@@ -48,10 +48,10 @@ def colour_of(solid: Solid) -> Colour:
     """The object's colour: its own, else what is typical of its type or its role."""
     typical = TYPICAL.get(solid.type) or BY_ROLE.get(solid.role, (0.62, 0.62, 0.60, 1))
     if solid.color in COLOURS:
-        own = COLOURS[solid.color]
+        own_colour = COLOURS[solid.color]
         if solid.role is Role.FLOOR:  # no floor is of a full colour: half of it, the rest light
-            own = (0.45 + 0.55 * own[0], 0.45 + 0.55 * own[1], 0.45 + 0.55 * own[2], 1)
-        return (*own[:3], typical[3])
+            own_colour = (0.45 + 0.55 * own_colour[0], 0.45 + 0.55 * own_colour[1], 0.45 + 0.55 * own_colour[2], 1)
+        return (*own_colour[:3], typical[3])
     return typical
 
 

@@ -19,8 +19,10 @@ def distances_from(solid: Solid, points: Array) -> Array:
     u, v = c * dx + s * dy, c * dy - s * dx
     match solid.form:
         case "Box":
-            a, b = np.abs(u) - solid.width / 2, np.abs(v) - solid.depth / 2
-            return np.asarray(np.hypot(np.maximum(a, 0.0), np.maximum(b, 0.0)) + np.minimum(np.maximum(a, b), 0.0))
+            excess_x, excess_y = np.abs(u) - solid.width / 2, np.abs(v) - solid.depth / 2
+            return np.asarray(
+                np.hypot(np.maximum(excess_x, 0.0), np.maximum(excess_y, 0.0)) + np.minimum(np.maximum(excess_x, excess_y), 0.0)
+            )
         case "Polygon":
             return _polygon_distances(solid.outline, u, v)
     return np.asarray(np.hypot(u, v) - solid.radius)
@@ -28,11 +30,11 @@ def distances_from(solid: Solid, points: Array) -> Array:
 
 def _polygon_distances(outline: tuple[Point, ...], u: Array, v: Array) -> Array:
     """Signed distances of points to a polygon's edge; the even-odd rule says what is inside."""
-    nearest, inside = np.full(u.shape, np.inf), np.zeros(u.shape, dtype=bool)
-    for (ax, ay), (bx, by) in zip(outline, (*outline[1:], outline[0]), strict=True):
-        dx, dy = bx - ax, by - ay
-        share = np.clip(((u - ax) * dx + (v - ay) * dy) / (dx * dx + dy * dy or 1.0), 0.0, 1.0)
-        nearest = np.minimum(nearest, np.hypot(u - ax - share * dx, v - ay - share * dy))
-        if ay != by:
-            inside ^= ((ay > v) != (by > v)) & (u < ax + (v - ay) / (by - ay) * dx)
-    return np.where(inside, -nearest, nearest)
+    nearest, interior = np.full(u.shape, np.inf), np.zeros(u.shape, dtype=bool)
+    for (start_x, start_y), (end_x, end_y) in zip(outline, (*outline[1:], outline[0]), strict=True):
+        dx, dy = end_x - start_x, end_y - start_y
+        share = np.clip(((u - start_x) * dx + (v - start_y) * dy) / (dx * dx + dy * dy or 1.0), 0.0, 1.0)
+        nearest = np.minimum(nearest, np.hypot(u - start_x - share * dx, v - start_y - share * dy))
+        if start_y != end_y:
+            interior ^= ((start_y > v) != (end_y > v)) & (u < start_x + (v - start_y) / (end_y - start_y) * dx)
+    return np.where(interior, -nearest, nearest)

@@ -27,13 +27,13 @@ def add_surroundings(spec: mujoco.MjSpec, low: tuple[float, float, float], high:
     spec.add_material(name="satin", specular=0.35, shininess=0.5)
     headlight = spec.visual.headlight
     headlight.ambient, headlight.diffuse, headlight.specular = [0.46, 0.46, 0.47], [0.18, 0.18, 0.18], [0.04, 0.04, 0.04]
-    middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+    middle = [(lower + upper) / 2 for lower, upper in zip(low, high, strict=True)]
     size = max(high[0] - low[0], high[1] - low[1], 4.0)
     directional = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    above = [middle[0] + size / 2, middle[1] - size / 2, high[2] + size]
-    sun = spec.worldbody.add_light(name="sun", type=directional, pos=above, dir=[-0.35, 0.3, -1], castshadow=True)
+    light_position = [middle[0] + size / 2, middle[1] - size / 2, high[2] + size]
+    sun = spec.worldbody.add_light(name="sun", type=directional, pos=light_position, dir=[-0.35, 0.3, -1], castshadow=True)
     sun.diffuse, sun.specular = [0.42, 0.41, 0.38], [0.2, 0.2, 0.2]
-    sky = spec.worldbody.add_light(name="sky", type=directional, pos=above, dir=[0.5, 0.6, -0.6], castshadow=False)
+    sky = spec.worldbody.add_light(name="sky", type=directional, pos=light_position, dir=[0.5, 0.6, -0.6], castshadow=False)
     sky.diffuse, sky.specular = [0.16, 0.17, 0.2], [0, 0, 0]
     spec.worldbody.add_geom(
         name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, pos=[middle[0], middle[1], low[2] - 0.02], size=[4 * size, 4 * size, 1],
@@ -68,8 +68,8 @@ def _table(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
     _part(body, (s.width, s.depth, board), (0, 0, s.height - board / 2), c)
     for x in (-1, 1):
         for y in (-1, 1):
-            at = (x * (s.width / 2 - leg), y * (s.depth / 2 - leg), (s.height - board) / 2)
-            _part(body, (leg, leg, s.height - board), at, METAL)
+            position = (x * (s.width / 2 - leg), y * (s.depth / 2 - leg), (s.height - board) / 2)
+            _part(body, (leg, leg, s.height - board), position, METAL)
 
 
 def _cupboard(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
@@ -119,8 +119,8 @@ def _plant(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
     for i in range(7):
         angle, ring = i * 2.4, 0.0 if i == 6 else 0.45 * radius
         leaf = (0.55 * radius, 0.55 * radius, 0.28 * (s.height - pot))
-        at = (ring * math.cos(angle), ring * math.sin(angle), pot + (s.height - pot) * (0.3 + 0.07 * i))
-        _part(body, leaf, at, shade(c, 0.8 + 0.08 * (i % 4)), "ellipsoid", "matt")
+        position = (ring * math.cos(angle), ring * math.sin(angle), pot + (s.height - pot) * (0.3 + 0.07 * i))
+        _part(body, leaf, position, shade(c, 0.8 + 0.08 * (i % 4)), "ellipsoid", "matt")
 
 
 def _door(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
@@ -128,9 +128,9 @@ def _door(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
     along_y = s.depth >= s.width
     length, thick = (s.depth, s.width) if along_y else (s.width, s.depth)
 
-    def piece(along: float, across: float, z: float, size: tuple[float, float, float], colour: Colour) -> None:
-        at = (across, along, z) if along_y else (along, across, z)
-        _part(body, (size[1], size[0], size[2]) if along_y else size, at, colour)
+    def piece(offset_along: float, offset_across: float, z: float, size: tuple[float, float, float], colour: Colour) -> None:
+        position = (offset_across, offset_along, z) if along_y else (offset_along, offset_across, z)
+        _part(body, (size[1], size[0], size[2]) if along_y else size, position, colour)
 
     for side in (-1, 1):
         piece(side * (length / 2 - 0.02), 0, s.height / 2, (0.04, thick + 0.03, s.height), shade(c, 0.6))
@@ -204,6 +204,6 @@ ROUND_TOO = ("Plant", "Jar", "Bottle", "Place")
 
 def draw(body: mujoco.MjsBody, solid: Solid, ancestors: list[str]) -> None:
     """Give the body what one sees of the object: as its type's nearest known ancestor looks, else its plain form."""
-    found = next((name for name in ancestors if name in DRAWINGS), None)
-    drawing = DRAWINGS[found] if found is not None and (solid.form == "Box" or found in ROUND_TOO) else _plain
+    known_type = next((name for name in ancestors if name in DRAWINGS), None)
+    drawing = DRAWINGS[known_type] if known_type is not None and (solid.form == "Box" or known_type in ROUND_TOO) else _plain
     drawing(body, solid, colour_of(solid))

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
-from somrs.devices.simulator.link.commands import Seen
+from somrs.devices.simulator.link.commands import ObjectState
 from somrs.devices.simulator.world.chassis import Joints
 from somrs.devices.simulator.world.dimensions import dimensions_of
 from somrs.devices.simulator.world.distances import Array, distances_from
@@ -45,7 +45,7 @@ class Scene:
         self.time = 0.0
         self.disturbed, self._awake = 0.0, True
         self._bind()
-        for solid in self.world.of(Role.ROBOT):
+        for solid in self.world.by_role(Role.ROBOT):
             self._start(solid)
         self._settle()
 
@@ -55,8 +55,8 @@ class Scene:
         names = [model.body(int(body)).name for body in model.geom_bodyid]
         self._owner = [name.split("/")[0] for name in names]
         self._geom_body = names
-        self._things = {solid.name: model.body(solid.name).id for solid in self.world.of(Role.THING)}
-        self.joints = {s.name: Joints(s.name, model, self.data, s.gripper) for s in self.world.of(Role.ROBOT)}
+        self._things = {solid.name: model.body(solid.name).id for solid in self.world.by_role(Role.THING)}
+        self.joints = {s.name: Joints(s.name, model, self.data, s.gripper) for s in self.world.by_role(Role.ROBOT)}
         # Views of the physics' own memory: to ask for them anew costs more than to read them.
         self._position, self._velocity = np.asarray(self.data.qpos), np.asarray(self.data.qvel)
         self._place, self._rotation = np.asarray(self.data.xpos), np.asarray(self.data.xmat)
@@ -138,7 +138,7 @@ class Scene:
             self.model.eq_data[weld] = welds[robot]
             self.data.eq_active[weld] = 1
 
-    def put(self, thing: str, x: float, y: float, z: float, yaw: float) -> None:
+    def place_thing(self, thing: str, x: float, y: float, z: float, yaw: float) -> None:
         """A thing is elsewhere from now on, upright and at rest; whoever held it does so no more."""
         holder = self.holder(thing)
         if holder is not None:
@@ -168,7 +168,7 @@ class Scene:
     def upright(self, thing: str) -> bool:
         return float(self._rotation[self._things[thing]][8]) > 0.97
 
-    def still(self, *things: str) -> bool:
+    def are_at_rest(self, *things: str) -> bool:
         """Whether all the things have come to rest, to a millimetre or two a second."""
         first = np.array([self._motion[thing] for thing in things])
         velocity = np.abs(self._velocity[first[:, None] + np.arange(6)])
@@ -180,10 +180,10 @@ class Scene:
     def holder(self, thing: str) -> str | None:
         return next((robot for robot, held in self.held.items() if held == thing), None)
 
-    def seen(self, name: str) -> Seen:
+    def observe(self, name: str) -> ObjectState:
         """An object as it is; `on` by what carries it, None while a robot holds it."""
         x, y, z, yaw = self.pose(name)
-        return Seen(object=name, x=x, y=y, z=z, yaw=yaw, on=self.carrier(name), held_by=self.holder(name))
+        return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self.carrier(name), held_by=self.holder(name))
 
     def carrier(self, name: str) -> str | None:
         """What the object stands on: what touches it from below or, between two contacts, what is right below it. Things that
@@ -192,30 +192,36 @@ class Scene:
         if name in self._things:
             if self.holder(name) is not None:
                 return None
-            below = {other: self.world.solids[other].top for other, lower in self._contacts(name) if lower and other in self.world.solids}
-            touching = [other for other in below if self.world.solids[other].role is not Role.FLOOR]
+            support_tops = {
+                body_name: self.world.solids[body_name].top
+                for body_name, lower in self._contacts(name)
+                if lower and body_name in self.world.solids
+            }
+            touching = [body_name for body_name in support_tops if self.world.solids[body_name].role is not Role.FLOOR]
             if touching:
-                return max(touching, key=lambda other: below[other])
-        carrier = self.below(x, y, z + 0.02, name)
+                return max(touching, key=lambda body_name: support_tops[body_name])
+        carrier = self.support_below(x, y, z + 0.02, name)
         if carrier is not None and abs(carrier.top - z) > 0.05:
             return None
         if carrier is not None and carrier.role is Role.FLOOR and name in self._things:
-            marks = (mark for mark in self.world.of(Role.MARK) if abs(mark.z - z) < 0.1 and mark.distance(x, y) <= 0)
+            marks = (mark for mark in self.world.by_role(Role.MARK) if abs(mark.z - z) < 0.1 and mark.distance(x, y) <= 0)
             return min(marks, key=lambda mark: math.hypot(mark.x - x, mark.y - y), default=carrier).name
         return None if carrier is None else carrier.name
 
     def clearances(self, points: Array, low: float, high: float, ignored: Iterable[str] = ()) -> Array:
         """From each point to the nearest static thing that reaches into the range of heights; negative inside of it."""
-        skip, found = set(ignored), np.full(len(points), 9.0)
+        skip, distances = set(ignored), np.full(len(points), 9.0)
         for block in self.world.blocks():
             if block.z < high and block.top > low and block.name not in skip:
-                found = np.minimum(found, distances_from(block, points))
-        return found
+                distances = np.minimum(distances, distances_from(block, points))
+        return distances
 
-    def below(self, x: float, y: float, z: float, name: str = "") -> Solid | None:
+    def support_below(self, x: float, y: float, z: float, name: str = "") -> Solid | None:
         """The highest support, obstacle or floor under a point."""
-        under = (s for s in self.world.of(Role.FLOOR, Role.SUPPORT, Role.STATIC) if s.name != name and s.top <= z and s.distance(x, y) <= 0)
-        return max(under, key=lambda s: s.top, default=None)
+        candidates = (
+            s for s in self.world.by_role(Role.FLOOR, Role.SUPPORT, Role.STATIC) if s.name != name and s.top <= z and s.distance(x, y) <= 0
+        )
+        return max(candidates, key=lambda s: s.top, default=None)
 
     def _contacts(self, thing: str) -> Iterable[tuple[str, bool]]:
         """What touches the thing, and whether it does so from below."""
@@ -225,43 +231,53 @@ class Scene:
             mujoco.mj_collision(self.model, self.data)
             self.model.opt.enableflags = flags
         contact, middle = self.data.contact, self.pose(thing)[2] + 0.4 * self.world.solids[thing].height
-        for i, (a, b) in enumerate(contact.geom):
-            if thing in (self._owner[a], self._owner[b]):
-                other = self._owner[b] if self._owner[a] == thing else self._owner[a]
-                yield other, abs(float(contact.frame[i][2])) > 0.7 and float(contact.pos[i][2]) < middle
+        for i, (first_geom, second_geom) in enumerate(contact.geom):
+            if thing in (self._owner[first_geom], self._owner[second_geom]):
+                body_name = self._owner[second_geom] if self._owner[first_geom] == thing else self._owner[first_geom]
+                yield body_name, abs(float(contact.frame[i][2])) > 0.7 and float(contact.pos[i][2]) < middle
 
-    def touches(self, thing: str, others: Iterable[str]) -> bool:
+    def touches(self, thing: str, objects: Iterable[str]) -> bool:
         """Whether the thing touches one of the objects."""
-        wanted = set(others)
-        return any(other in wanted for other, _ in self._contacts(thing))
+        object_names = set(objects)
+        return any(body_name in object_names for body_name, _ in self._contacts(thing))
 
     def rests(self, thing: str) -> bool:
         """Whether something bears the thing from below."""
-        return any(lower and other not in self.joints for other, lower in self._contacts(thing))
+        return any(lower and body_name not in self.joints for body_name, lower in self._contacts(thing))
 
-    def pads(self, robot: str, thing: str) -> set[str]:
+    def touching_fingers(self, robot: str, thing: str) -> set[str]:
         """Which of the robot's fingers touch the thing."""
-        found = set()
-        for a, b in self.data.contact.geom:
-            for mine, other in ((a, b), (b, a)):
-                if self._owner[other] == thing and self._geom_body[mine] in (f"{robot}/left", f"{robot}/right"):
-                    found.add(self._geom_body[mine].rsplit("/", 1)[1])
-        return found
+        fingers = set()
+        for first_geom, second_geom in self.data.contact.geom:
+            for finger_geom, thing_geom in ((first_geom, second_geom), (second_geom, first_geom)):
+                if self._owner[thing_geom] == thing and self._geom_body[finger_geom] in (f"{robot}/left", f"{robot}/right"):
+                    fingers.add(self._geom_body[finger_geom].rsplit("/", 1)[1])
+        return fingers
 
     def finger_contacts(self, robot: str) -> set[str]:
         """Whatever a robot's fingers touch, by name."""
         fingers = (f"{robot}/left", f"{robot}/right")
-        pairs = [(int(a), int(b)) for a, b in self.data.contact.geom]
-        return {self._owner[o] for a, b in pairs for m, o in ((a, b), (b, a)) if self._geom_body[m] in fingers and self._owner[o] != robot}
+        pairs = [(int(first_geom), int(second_geom)) for first_geom, second_geom in self.data.contact.geom]
+        return {
+            self._owner[o]
+            for first_geom, second_geom in pairs
+            for m, o in ((first_geom, second_geom), (second_geom, first_geom))
+            if self._geom_body[m] in fingers and self._owner[o] != robot
+        }
 
     def robot_contacts(self) -> set[tuple[str, str]]:
         """The pairs of which one is a robot that touch, robots and things in their grippers aside."""
-        found = set()
-        for a, b in self.data.contact.geom:
-            one, two = sorted((self._owner[a], self._owner[b]))
-            if one != two and (one in self.joints or two in self.joints) and self.held.get(one) != two and self.held.get(two) != one:
-                found.add((one, two))
-        return found
+        contacts = set()
+        for first_geom, second_geom in self.data.contact.geom:
+            first_name, second_name = sorted((self._owner[first_geom], self._owner[second_geom]))
+            if (
+                first_name != second_name
+                and (first_name in self.joints or second_name in self.joints)
+                and self.held.get(first_name) != second_name
+                and self.held.get(second_name) != first_name
+            ):
+                contacts.add((first_name, second_name))
+        return contacts
 
     # The grasp
 
@@ -286,18 +302,18 @@ class Scene:
         self._disturb()
         self.held.pop(robot, None)
 
-    def ray(self, start: tuple[float, float, float], end: tuple[float, float, float], ignored: Iterable[str]) -> bool:
+    def is_unobstructed(self, start: tuple[float, float, float], end: tuple[float, float, float], ignored: Iterable[str]) -> bool:
         """Whether nothing solid but the ignored objects stands between two points."""
         vector = np.array(end) - np.array(start)
         length = float(np.linalg.norm(vector))
         groups, skip = np.array([0, 0, 0, 1, 0, 0], dtype=np.uint8), set(ignored)
-        at, left = np.array(start), length
+        origin, remaining = np.array(start), length
         for _ in range(20):
             hit = np.zeros(1, dtype=np.int32)
-            distance = mujoco.mj_ray(self.model, self.data, at, vector / length, groups, 1, -1, hit)
-            if distance < 0 or distance >= left:
+            distance = mujoco.mj_ray(self.model, self.data, origin, vector / length, groups, 1, -1, hit)
+            if distance < 0 or distance >= remaining:
                 return True
             if self._owner[int(hit[0])] not in skip:
                 return False
-            at, left = at + vector / length * (distance + 1e-4), left - distance - 1e-4
+            origin, remaining = origin + vector / length * (distance + 1e-4), remaining - distance - 1e-4
         return False

@@ -18,7 +18,7 @@ SIGHT = 4.0
 class Role(StrEnum):
     """How an object behaves in the world; follows from its type."""
 
-    NOTHING = "nothing"
+    IGNORED = "nothing"
     """Not made of matter, or without a place or a form."""
     MARK = "mark"
     """Only painted on the floor."""
@@ -38,9 +38,9 @@ class Role(StrEnum):
 
 # The first type that fits decides, so special ones come before general ones.
 ROLES = (
-    (ABSTRACT, Role.NOTHING),
-    ("Ceiling", Role.NOTHING),
-    ("Opening", Role.NOTHING),
+    (ABSTRACT, Role.IGNORED),
+    ("Ceiling", Role.IGNORED),
+    ("Opening", Role.IGNORED),
     ("Place", Role.MARK),
     ("Floor", Role.FLOOR),
     ("Door", Role.DOOR),
@@ -109,8 +109,8 @@ class Solid:
         u, v = c * (x - self.x) + s * (y - self.y), c * (y - self.y) - s * (x - self.x)
         match self.form:
             case "Box":
-                a, b = abs(u) - self.width / 2, abs(v) - self.depth / 2
-                return math.hypot(max(a, 0.0), max(b, 0.0)) + min(max(a, b), 0.0)
+                excess_x, excess_y = abs(u) - self.width / 2, abs(v) - self.depth / 2
+                return math.hypot(max(excess_x, 0.0), max(excess_y, 0.0)) + min(max(excess_x, excess_y), 0.0)
             case "Polygon":
                 return _polygon_distance(self.outline, u, v)
         return math.hypot(u, v) - self.radius
@@ -118,38 +118,38 @@ class Solid:
 
 def _polygon_distance(outline: tuple[Point, ...], u: float, v: float) -> float:
     """Signed distance of a point to a polygon's edge; the even-odd rule says what is inside."""
-    nearest, inside = math.inf, False
-    for (ax, ay), (bx, by) in zip(outline, (*outline[1:], outline[0]), strict=True):
-        dx, dy = bx - ax, by - ay
-        share = min(max(((u - ax) * dx + (v - ay) * dy) / (dx * dx + dy * dy or 1.0), 0.0), 1.0)
-        nearest = min(nearest, math.hypot(u - ax - share * dx, v - ay - share * dy))
-        if (ay > v) != (by > v):
-            inside ^= u < ax + (v - ay) / (by - ay) * dx
-    return -nearest if inside else nearest
+    nearest, is_interior = math.inf, False
+    for (start_x, start_y), (end_x, end_y) in zip(outline, (*outline[1:], outline[0]), strict=True):
+        dx, dy = end_x - start_x, end_y - start_y
+        share = min(max(((u - start_x) * dx + (v - start_y) * dy) / (dx * dx + dy * dy or 1.0), 0.0), 1.0)
+        nearest = min(nearest, math.hypot(u - start_x - share * dx, v - start_y - share * dy))
+        if (start_y > v) != (end_y > v):
+            is_interior ^= u < start_x + (v - start_y) / (end_y - start_y) * dx
+    return -nearest if is_interior else nearest
 
 
 def role_of(object: Object, ontology: Ontology) -> Role:
     """The role of the object's type; a type that the ontology does not know plays none."""
-    return next((role for ancestor, role in ROLES if ontology.is_subtype(object.type, ancestor)), Role.NOTHING)
+    return next((role for ancestor, role in ROLES if ontology.is_subtype(object.type, ancestor)), Role.IGNORED)
 
 
 def solid_of(object: Object, ontology: Ontology) -> Solid | None:
     """The object's place and form, its type's defaults where it says nothing; None if it takes up no known space."""
 
     def value(path: str) -> Value | None:
-        own = object.values.get(path)
-        return ontology.default(object.type, path) if own is None else own
+        own_value = object.values.get(path)
+        return ontology.default(object.type, path) if own_value is None else own_value
 
     def number(path: str, otherwise: float = 0.0) -> float:
-        found = value(path)
-        if found is None:
+        attribute_value = value(path)
+        if attribute_value is None:
             return otherwise
-        if isinstance(found, str) or not math.isfinite(found):
-            raise SimulationError(f"{object.name}: {path} must be a finite number, not {found!r}; correct it in the map")
-        return float(found)
+        if isinstance(attribute_value, str) or not math.isfinite(attribute_value):
+            raise SimulationError(f"{object.name}: {path} must be a finite number, not {attribute_value!r}; correct it in the map")
+        return float(attribute_value)
 
     role, form = role_of(object, ontology), value("Shape.Form")
-    if role is Role.NOTHING or form is None or value("PositionX") is None or value("PositionY") is None:
+    if role is Role.IGNORED or form is None or value("PositionX") is None or value("PositionY") is None:
         return None
     color = value("Color")
     gripper = ontology.is_subtype(object.type, "MobileManipulator")

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from somrs.devices.simulator.link.commands import Fault, RobotState, Seen
+from somrs.devices.simulator.link.commands import Fault, ObjectState, RobotState
 from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Role, Solid
 
@@ -25,7 +25,7 @@ class Eye:
     `nods`: a robot's camera looks as far up and down as need be; one that hangs somewhere has as much view up as sideways.
     """
 
-    at: Place
+    position: Place
     yaw: float
     pitch: float
     view: float
@@ -34,17 +34,20 @@ class Eye:
 
     def faces(self, point: Place) -> bool:
         """Whether the point is within range and field of view, whatever may be in between."""
-        if math.dist(self.at, point) > self.sight:
+        if math.dist(self.position, point) > self.sight:
             return False
         if self.view >= math.tau:
             return True
-        dx, dy, dz = (b - a for a, b in zip(self.at, point, strict=True))
-        ahead, left = dx * math.cos(self.yaw) + dy * math.sin(self.yaw), dy * math.cos(self.yaw) - dx * math.sin(self.yaw)
+        dx, dy, dz = (end - start for start, end in zip(self.position, point, strict=True))
+        ahead, leftward = dx * math.cos(self.yaw) + dy * math.sin(self.yaw), dy * math.cos(self.yaw) - dx * math.sin(self.yaw)
         if not self.nods:
-            ahead, up = ahead * math.cos(self.pitch) - dz * math.sin(self.pitch), ahead * math.sin(self.pitch) + dz * math.cos(self.pitch)
-            if abs(math.atan2(up, ahead)) > self.view / 2:
+            ahead, upward = (
+                ahead * math.cos(self.pitch) - dz * math.sin(self.pitch),
+                ahead * math.sin(self.pitch) + dz * math.cos(self.pitch),
+            )
+            if abs(math.atan2(upward, ahead)) > self.view / 2:
                 return False
-        return abs(math.atan2(left, ahead)) <= self.view / 2
+        return abs(math.atan2(leftward, ahead)) <= self.view / 2
 
 
 def eye_of(scene: Scene, name: str) -> Eye:
@@ -60,17 +63,17 @@ def visible(scene: Scene, viewer: str, name: str, radius: float | None = None) -
     if name == viewer or name not in scene.world.solids:
         return False
     eye = eye_of(scene, viewer)
-    first, *others = _points(scene, scene.world.solids[name], eye)
-    if not eye.faces(first) or (radius is not None and math.dist(eye.at[:2], first[:2]) > radius):
+    first, *other_points = _points(scene, scene.world.solids[name], eye)
+    if not eye.faces(first) or (radius is not None and math.dist(eye.position[:2], first[:2]) > radius):
         return False
     transparent = [viewer, name, *([held] if (held := scene.held.get(viewer)) else [])]
-    return any(scene.ray(eye.at, point, transparent) for point in (first, *others))
+    return any(scene.is_unobstructed(eye.position, point, transparent) for point in (first, *other_points))
 
 
-def view(scene: Scene, viewer: str, radius: float | None = None) -> tuple[Seen, ...]:
+def view(scene: Scene, viewer: str, radius: float | None = None) -> tuple[ObjectState, ...]:
     """Everything that the viewer's camera sees now, and where it is."""
-    names = [solid.name for solid in scene.world.of(*VISIBLE)]
-    return tuple(scene.seen(name) for name in names if visible(scene, viewer, name, radius))
+    names = [solid.name for solid in scene.world.by_role(*VISIBLE)]
+    return tuple(scene.observe(name) for name in names if visible(scene, viewer, name, radius))
 
 
 def _points(scene: Scene, solid: Solid, eye: Eye) -> Iterator[Place]:
@@ -79,16 +82,16 @@ def _points(scene: Scene, solid: Solid, eye: Eye) -> Iterator[Place]:
     middle = z + 0.6 * solid.height
     yield x, y, middle
     yield x, y, z + (MAST if solid.gripper else 0.95 * solid.height)
-    away = math.hypot(x - eye.at[0], y - eye.at[1]) or 1.0
-    aside = 0.7 * solid.extent / away
+    distance = math.hypot(x - eye.position[0], y - eye.position[1]) or 1.0
+    aside = 0.7 * solid.extent / distance
     for side in (-aside, aside):
-        yield x - side * (y - eye.at[1]), y + side * (x - eye.at[0]), middle
+        yield x - side * (y - eye.position[1]), y + side * (x - eye.position[0]), middle
 
 
 class StationaryCamera:
     """A camera that hangs where it is, as one speaks with it over the robot link. What it sees is `view`'s business."""
 
-    doing: None = None
+    activity: None = None
 
     def __init__(self, solid: Solid, scene: Scene) -> None:
         self.solid, self.scene = solid, scene
@@ -101,5 +104,7 @@ class StationaryCamera:
 
 def looks_towards(scene: Scene, eye: Place, point: Place, ignored: Iterable[str]) -> bool:
     """Whether nothing hides a point, where something may or may not be, from a camera that would be there."""
-    about = [n for n in (*scene.things(), *scene.joints) if math.dist(scene.pose(n)[:2], point[:2]) < scene.world.solids[n].extent + 0.3]
-    return scene.ray(eye, point, [*ignored, *about])
+    nearby_names = [
+        n for n in (*scene.things(), *scene.joints) if math.dist(scene.pose(n)[:2], point[:2]) < scene.world.solids[n].extent + 0.3
+    ]
+    return scene.is_unobstructed(eye, point, [*ignored, *nearby_names])

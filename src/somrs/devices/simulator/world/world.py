@@ -32,12 +32,12 @@ class World:
     ontology: Ontology
     solids: dict[str, Solid] = field(default_factory=dict)
 
-    def of(self, *roles: Role) -> list[Solid]:
+    def by_role(self, *roles: Role) -> list[Solid]:
         return [solid for solid in self.solids.values() if solid.role in roles]
 
     def blocks(self) -> list[Solid]:
         """Whatever stands in the way and does not move."""
-        return [solid for solid in self.of(*STATICS) if not (solid.role is Role.DOOR and solid.open)]
+        return [solid for solid in self.by_role(*STATICS) if not (solid.role is Role.DOOR and solid.open)]
 
     def add(self, object: Object) -> Solid | None:
         """Put an object into the description; None if it takes up no space."""
@@ -109,25 +109,30 @@ def _hull(solid: Solid) -> tuple[mujoco.mjtGeom, list[float], Point]:
 def triangles(outline: tuple[Point, ...]) -> list[tuple[Point, Point, Point]]:
     """A simple polygon cut into triangles, ear by ear; corners that lie on a line are left out."""
 
-    def cross(a: Point, b: Point, c: Point) -> float:
-        return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    def cross(origin: Point, first: Point, second: Point) -> float:
+        return (first[0] - origin[0]) * (second[1] - origin[1]) - (first[1] - origin[1]) * (second[0] - origin[0])
 
-    area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(outline, (*outline[1:], outline[0]), strict=True))
+    area = sum(start[0] * end[1] - end[0] * start[1] for start, end in zip(outline, (*outline[1:], outline[0]), strict=True))
     rest = list(outline) if area > 0 else list(reversed(outline))
-    found: list[tuple[Point, Point, Point]] = []
+    ears: list[tuple[Point, Point, Point]] = []
     while len(rest) > 2:
         for i in range(len(rest)):
-            a, b, c = rest[i - 1], rest[i], rest[(i + 1) % len(rest)]
-            turn = cross(a, b, c)
-            inside = (p for p in rest if p not in (a, b, c) and min(cross(a, b, p), cross(b, c, p), cross(c, a, p)) >= 0)
-            if abs(turn) < 1e-9 or (turn > 0 and next(inside, None) is None):
+            previous, corner, next_corner = rest[i - 1], rest[i], rest[(i + 1) % len(rest)]
+            turn = cross(previous, corner, next_corner)
+            inner_points = (
+                p
+                for p in rest
+                if p not in (previous, corner, next_corner)
+                and min(cross(previous, corner, p), cross(corner, next_corner, p), cross(next_corner, previous, p)) >= 0
+            )
+            if abs(turn) < 1e-9 or (turn > 0 and next(inner_points, None) is None):
                 if turn > 1e-9:
-                    found.append((a, b, c))
+                    ears.append((previous, corner, next_corner))
                 del rest[i]
                 break
         else:
             break  # an outline that crosses itself; what was found so far is all that can be drawn
-    return found
+    return ears
 
 
 def build(map: Map, ontology: Ontology) -> World:

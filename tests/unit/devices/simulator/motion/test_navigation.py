@@ -206,7 +206,7 @@ def test_finds_room_on_a_table_beside_what_stands_there() -> None:
     solid = plan.solids["Table1"]
     free, *others = [target for target, _ in edge_targets(solid, 0.1)]
     taken = [Disc(*target, 0.05) for target in others if math.dist(target, free) > 0.15]
-    poses = plan.approach_support((5, 5), solid, RADIUS, REACH, taken=taken)
+    poses = plan.approach_support((5, 5), solid, RADIUS, REACH, occupied_spots=taken)
     assert poses
     for pose in poses:
         assert solid.distance(*pose.target) <= -0.06

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import pytest
 from msgspec import structs
 
-from somrs.devices.simulator.link.commands import Approach, Command, Done, DriveTo, Gave, Grip, Place
+from somrs.devices.simulator.link.commands import Approach, Command, CommandDone, CommandGivenUp, DriveTo, Grip, Place
 from somrs.devices.simulator.server.follower import Follower
 from somrs.kernel.component import Component, Effect, Received, Send, Started, TimerFired
 from somrs.kernel.replica import GAP_TIME, ReplicaDue
@@ -52,8 +52,8 @@ class Both:
         self._carry(self.follower.handle(TimerFired(ReplicaDue()), self.now))
         assert self.follower.replica.version == self.repository.contents.version
 
-    def drive(self, command: Command, robot: str = "Patrol1") -> Done | Gave:
-        ends: list[Done | Gave] = []
+    def drive(self, command: Command, robot: str = "Patrol1") -> CommandDone | CommandGivenUp:
+        ends: list[CommandDone | CommandGivenUp] = []
         self.simulation.command(robot, command, ends.append)
         while not ends:
             assert self.simulation.time < 300
@@ -64,27 +64,27 @@ class Both:
 def test_a_door_that_is_closed_on_the_map_is_closed_in_the_world() -> None:
     both = Both()
     there, back = DriveTo(x=4, y=5), DriveTo(x=8, y=5)
-    assert isinstance(both.drive(there), Done)
+    assert isinstance(both.drive(there), CommandDone)
     both.update(UpdateMap(situation="Door1.Open = FALSE"))
     end = both.drive(back)
-    assert isinstance(end, Gave)
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "unreachable"
     both.update(UpdateMap(situation="Door1.Open = TRUE"))
-    assert isinstance(both.drive(back), Done)
+    assert isinstance(both.drive(back), CommandDone)
 
 
 def test_what_is_measured_moves_nothing() -> None:
     both = Both()
-    before = both.simulation.seen("Jar1")
+    before = both.simulation.observe("Jar1")
     both.update(UpdateMap(situation="Jar1.PositionX = 3 AND Jar1 isOn Floor1"))
-    assert both.simulation.seen("Jar1") == before
+    assert both.simulation.observe("Jar1") == before
 
 
 def test_what_comes_to_the_map_and_goes_from_it_comes_and_goes() -> None:
     both = Both()
     cup = Object(name="Cup1", type="Cup", values={"PositionX": 10.5, "PositionY": 4.0, "PositionZ": 0.3})
     both.update(UpdateMap(changes=(ObjectAdded(cup),)))
-    assert both.simulation.seen("Cup1").on == "Platform1"
+    assert both.simulation.observe("Cup1").support == "Platform1"
     both.update(UpdateMap(changes=(ObjectRemoved("Cup1"),)))
     assert "Cup1" not in both.simulation.scene.world.solids
 
@@ -96,7 +96,7 @@ def called(section: Section, name: str, to: str) -> Define:
 @pytest.mark.parametrize("type", ["Jar", "PatrolRobot", "Platform", "Building"])
 def test_what_is_of_a_type_with_another_name_stays_as_it_is(type: str) -> None:
     both = Both()
-    assert isinstance(both.drive(DriveTo(x=4, y=5)), Done)
+    assert isinstance(both.drive(DriveTo(x=4, y=5)), CommandDone)
     before = both.simulation.scene.pose("Jar1"), both.simulation.scene.pose("Patrol1")
     if type != "PatrolRobot":  # which SO-MRS relies on
         both.update(called(Section.TYPES, type, "Other"))
@@ -106,7 +106,7 @@ def test_what_is_of_a_type_with_another_name_stays_as_it_is(type: str) -> None:
         facts = tuple(FactAdded(fact) for fact in both.repository.contents.map.facts_about("Patrol1"))
         both.update(UpdateMap(changes=(ObjectRemoved("Patrol1"), ObjectAdded(robot), *facts)))
     assert (both.simulation.scene.pose("Jar1"), both.simulation.scene.pose("Patrol1")) == before
-    assert isinstance(both.drive(DriveTo(x=8, y=5)), Done)
+    assert isinstance(both.drive(DriveTo(x=8, y=5)), CommandDone)
 
 
 def test_a_thing_with_another_name_stays_where_it_is() -> None:
@@ -114,9 +114,9 @@ def test_a_thing_with_another_name_stays_where_it_is() -> None:
     both.simulation.move("Jar1", 3.0, 4.0, 0.0)
     for _ in range(50):
         both.simulation.step()
-    before = both.simulation.seen("Jar1")
+    before = both.simulation.observe("Jar1")
     both.update(RenameObject(name="Jar1", to="Krug"))
-    after = both.simulation.seen("Krug")
+    after = both.simulation.observe("Krug")
     assert (after.x, after.y, after.z) == pytest.approx((before.x, before.y, before.z), abs=1e-4)
     assert "Jar1" not in both.simulation.scene.world.solids
     both.update(RenameObject(name="Platform1", to="Stage1"))
@@ -125,22 +125,22 @@ def test_a_thing_with_another_name_stays_where_it_is() -> None:
 
 def test_a_thing_in_a_robots_hand_may_get_another_name_or_go() -> None:
     both = Both()
-    assert isinstance(both.drive(Approach(object="Jar1"), "Robot1"), Done)
-    assert isinstance(both.drive(Grip(object="Jar1"), "Robot1"), Done)
+    assert isinstance(both.drive(Approach(object="Jar1"), "Robot1"), CommandDone)
+    assert isinstance(both.drive(Grip(object="Jar1"), "Robot1"), CommandDone)
     both.update(RenameObject(name="Jar1", to="Krug"))
-    assert both.simulation.seen("Krug").held_by == "Robot1"
-    assert isinstance(both.drive(DriveTo(x=4, y=5), "Robot1"), Done)
+    assert both.simulation.observe("Krug").held_by == "Robot1"
+    assert isinstance(both.drive(DriveTo(x=4, y=5), "Robot1"), CommandDone)
     assert both.simulation.scene.pose("Krug")[:2] == pytest.approx((4, 5), abs=1)
-    ends: list[Done | Gave] = []
-    both.simulation.command("Robot1", Place(on="Floor1"), ends.append)
+    ends: list[CommandDone | CommandGivenUp] = []
+    both.simulation.command("Robot1", Place(support="Floor1"), ends.append)
     both.simulation.step()
     both.update(UpdateMap(changes=(ObjectRemoved("Krug"),)))
     while not ends:
         assert both.simulation.time < 300
         both.simulation.step()
-    assert isinstance(ends[0], Gave)
+    assert isinstance(ends[0], CommandGivenUp)
     assert "Krug was taken out of the world" in ends[0].description
-    assert isinstance(both.drive(DriveTo(x=4, y=4), "Robot1"), Done)
+    assert isinstance(both.drive(DriveTo(x=4, y=4), "Robot1"), CommandDone)
 
 
 def test_a_change_that_no_message_can_hold_is_followed_too() -> None:

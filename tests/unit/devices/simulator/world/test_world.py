@@ -8,7 +8,7 @@ import random
 import numpy as np
 import pytest
 
-from somrs.devices.simulator.link.commands import Approach, Done, DriveTo, Gave, Grip, Place
+from somrs.devices.simulator.link.commands import Approach, CommandDone, CommandGivenUp, DriveTo, Grip, Place
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world import scene as scene_module
 from somrs.devices.simulator.world.scene import Scene
@@ -22,8 +22,8 @@ from tests.support.simulator_room import ONTOLOGY, Run, box, robot, room, shell,
 def test_every_physical_object_of_the_map_is_in_the_world() -> None:
     scene = Scene(room(more=[Object(name="Room1", type="CuboidRoom")]), ONTOLOGY)
     assert set(scene.world.solids) == set(room().objects)
-    assert scene.seen("Jar002").on == "Cupboard001"
-    assert scene.seen("Robot1").on == "Floor1"
+    assert scene.observe("Jar002").support == "Cupboard001"
+    assert scene.observe("Robot1").support == "Floor1"
     assert scene.pose("Robot2")[:2] == (6.5, 4.5)
 
 
@@ -52,11 +52,11 @@ def test_what_sleeps_is_as_it_would_be_awake(monkeypatch: pytest.MonkeyPatch) ->
     for wake in (scene_module.RESTING, math.inf):
         monkeypatch.setattr(scene_module, "RESTING", wake)
         run = Run(room(more=more))
-        run.all("Robot1", Grip(object="Jar003"), Place(on="Platform001"))
+        run.all("Robot1", Grip(object="Jar003"), Place(support="Platform001"))
         for _ in range(100):
             run.step()
         assert sleeping(run) == (["Jar002", "Jar003", "Carton1"] if wake < math.inf else [])
-        ends.append([run.simulation.seen(name) for name in ("Robot1", "Jar002", "Jar003", "Carton1")])
+        ends.append([run.simulation.observe(name) for name in ("Robot1", "Jar002", "Jar003", "Carton1")])
     for slept, awake in zip(*ends, strict=True):
         assert (slept.on, slept.held_by) == (awake.on, awake.held_by)
         assert (slept.x, slept.y, slept.z, slept.yaw) == pytest.approx((awake.x, awake.y, awake.z, awake.yaw), abs=0.002)
@@ -65,11 +65,11 @@ def test_what_sleeps_is_as_it_would_be_awake(monkeypatch: pytest.MonkeyPatch) ->
 def test_what_sleeps_falls_when_what_it_stands_on_is_gone() -> None:
     run = Run(room())
     run.until(lambda: sleeping(run))
-    assert run.simulation.seen("Jar002").on == "Cupboard001"
+    assert run.simulation.observe("Jar002").support == "Cupboard001"
     assert run.simulation.scene.touches("Jar002", ["Cupboard001"])
     run.simulation.remove("Cupboard001")
     run.until(lambda: run.simulation.time > 3 and not run.simulation.busy)
-    assert run.simulation.seen("Jar002").on == "Floor1"
+    assert run.simulation.observe("Jar002").support == "Floor1"
     assert run.simulation.scene.pose("Jar002")[2] < 0.1
 
 
@@ -95,18 +95,18 @@ def test_what_appears_while_it_runs_is_there_and_changes_nothing_else() -> None:
     ends = run.start("Robot1", Approach(object="Platform001"))
     for _ in range(100):
         run.step()
-    before = run.simulation.state("Robot1"), run.simulation.seen("Jar002")
+    before = run.simulation.state("Robot1"), run.simulation.observe("Jar002")
     run.simulation.add(thing("Cup1", "Cup", 4, 5, 0.74))
     run.simulation.add(box("Table002", "Table", (2.5, 4.5, 0), (0.8, 0.8, 0.7)))
     run.simulation.add(robot("Robot3", (7, 5.3, 2.0)))
-    after = run.simulation.state("Robot1"), run.simulation.seen("Jar002")
+    after = run.simulation.state("Robot1"), run.simulation.observe("Jar002")
     assert (after[0].x, after[0].y, after[0].holding) == pytest.approx((before[0].x, before[0].y, "Jar002"), abs=1e-6)
     assert math.dist((before[1].x, before[1].y, before[1].z), (after[1].x, after[1].y, after[1].z)) < 1e-6
     run.until(lambda: ends)
-    assert isinstance(ends[0], Done)
-    run.all("Robot1", Place(on="Table002"))
-    run.all("Robot3", Grip(object="Cup1"), Place(on="Platform001"))
-    assert run.simulation.seen("Cup1").on == "Platform001"
+    assert isinstance(ends[0], CommandDone)
+    run.all("Robot1", Place(support="Table002"))
+    run.all("Robot3", Grip(object="Cup1"), Place(support="Platform001"))
+    assert run.simulation.observe("Cup1").support == "Platform001"
     assert not run.collisions
 
 
@@ -118,18 +118,18 @@ def test_what_is_removed_is_gone() -> None:
     ends = run.start("Robot2", DriveTo(x=3, y=3))
     run.step()
     run.simulation.remove("Robot2")
-    assert [end.reason for end in ends if isinstance(end, Gave)] == ["stopped"]
+    assert [end.reason for end in ends if isinstance(end, CommandGivenUp)] == ["stopped"]
     run.simulation.remove("Platform001")
     run.all("Robot1", DriveTo(x=6.5, y=1.5))
     with pytest.raises(UsageError, match="not in the simulated world"):
-        run.simulation.seen("Jar002")
+        run.simulation.observe("Jar002")
 
 
 def test_somebody_can_move_a_thing() -> None:
     run = Run(room())
     run.simulation.move("Jar002", 4, 5.2, 0.74)
     run.until(lambda: not run.simulation.busy)
-    assert run.simulation.seen("Jar002").on == "Table001"
+    assert run.simulation.observe("Jar002").support == "Table001"
     with pytest.raises(UsageError, match="not a thing"):
         run.simulation.move("Table001", 1, 1, 0)
 
@@ -158,10 +158,10 @@ def test_robots_work_on_a_floor_with_an_outline() -> None:
     shape: dict[str, float | str | bool] = {"Shape.Form": "Polygon", "Shape.Outline": text, "Shape.Height": 0.1}
     floor = thing("Floor1", "Floor", 0, 0, -0.1, **shape)
     run = Run(Map([floor, thing("Cup1", "Cup", 5, 3.2, 0), robot("Robot1", (1, 1, 0))]))
-    run.all("Robot1", Grip(object="Cup1"), DriveTo(x=1, y=1), Place(on="Floor1"))
-    assert run.simulation.seen("Cup1").on == "Floor1"
+    run.all("Robot1", Grip(object="Cup1"), DriveTo(x=1, y=1), Place(support="Floor1"))
+    assert run.simulation.observe("Cup1").support == "Floor1"
     end = run.do("Robot1", DriveTo(x=1, y=3.5))
-    assert isinstance(end, Gave)
+    assert isinstance(end, CommandGivenUp)
     assert end.reason == "unreachable"
 
 
@@ -172,5 +172,5 @@ def test_a_cup_is_moved_in_an_office_with_a_hundred_pieces_of_furniture() -> Non
     cups = [thing(f"Cup{i}", "Cup", 2 + 3 * (i % 10) + chance.uniform(-0.5, 0.5), 8 + 3 * (i // 10), 0.74) for i in range(10)]
     floor = box("Floor1", "Floor", (16, 13, -0.1), (33, 27, 0.1))
     run = Run(Map([floor, *desks, *chairs, *cups, robot("Robot1", (5, 3, 0)), robot("Robot2", (25, 3, 0))]))
-    run.all("Robot1", Grip(object="Cup3"), Place(on="Desk5"))
-    assert run.simulation.seen("Cup3").on == "Desk5"
+    run.all("Robot1", Grip(object="Cup3"), Place(support="Desk5"))
+    assert run.simulation.observe("Cup3").support == "Desk5"
