@@ -26,7 +26,7 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Halt, Order, Perform, Quote, Quoted, ServiceFailed, WorkDone
-from somrs.sites.pddl import Imported, read
+from somrs.sites.pddl import ImportedProblem, read
 from tests.support import warm
 from tests.support.command import somrs
 from tests.support.paths import ROOT
@@ -37,12 +37,12 @@ PARCELS = ROOT / "examples" / "parcels"
 
 
 @pytest.fixture
-def parcels() -> Imported:
+def parcels() -> ImportedProblem:
     return read(PARCELS / "domain.pddl", PARCELS / "problem.pddl")
 
 
 @pytest.fixture
-def world(parcels: Imported) -> SymbolicWorld:
+def world(parcels: ImportedProblem) -> SymbolicWorld:
     return SymbolicWorld(parcels.ontology, parcels.map)
 
 
@@ -105,7 +105,7 @@ def test_a_service_costs_what_its_type_says(world: SymbolicWorld) -> None:
 # Devices on virtual time
 
 
-def system_of(imported: Imported, faults: Faults) -> tuple[VirtualSystem, SymbolicWorld, dict[str, SymbolicAgent]]:
+def system_of(imported: ImportedProblem, faults: Faults) -> tuple[VirtualSystem, SymbolicWorld, dict[str, SymbolicAgent]]:
     system = VirtualSystem(site=dump_site(imported.ontology, imported.map))
     world = SymbolicWorld(imported.ontology, imported.map)
     agents = {name: SymbolicAgent(name=name, world=world, services=services, faults=faults) for name, services in imported.agents.items()}
@@ -116,7 +116,7 @@ def system_of(imported: Imported, faults: Faults) -> tuple[VirtualSystem, Symbol
     return system, world, agents
 
 
-def test_a_team_does_an_imported_task(parcels: Imported) -> None:
+def test_a_team_does_an_imported_task(parcels: ImportedProblem) -> None:
     system, world, _ = system_of(parcels, lambda order: None)
     (view,) = system.finish(system.submit(parcels.task))
     assert view.outcome is Outcome.ACCOMPLISHED
@@ -125,7 +125,7 @@ def test_a_team_does_an_imported_task(parcels: Imported) -> None:
     assert not world.rejected
 
 
-def test_a_team_recovers_from_works_that_fail_with_a_part_of_their_effect(parcels: Imported) -> None:
+def test_a_team_recovers_from_works_that_fail_with_a_part_of_their_effect(parcels: ImportedProblem) -> None:
     mishaps = [Mishap(), Mishap(select_changes=lambda changes: changes[:1]), None, None, Mishap(select_changes=lambda changes: changes[:1])]
 
     def faults(order: Order) -> Mishap | None:
@@ -143,7 +143,7 @@ def order(method: str, **inputs: str) -> Order:
     return Order(participant="p", method=method, inputs=inputs, effect="?x in ?Provider")
 
 
-def test_nothing_is_done_before_its_time_is_over(parcels: Imported, world: SymbolicWorld) -> None:
+def test_nothing_is_done_before_its_time_is_over(parcels: ImportedProblem, world: SymbolicWorld) -> None:
     agent = SymbolicAgent(name="van1", world=world, services=parcels.agents["van1"])
     assert [*agent.carry_out(Quote(order("drive", **{"from": "mill", "to": "market"})))] == [(0.0, Quoted(price=4, duration=4))]
     work = agent.carry_out(Perform(order("load", x="letter", p="mill")))
@@ -156,7 +156,7 @@ def test_nothing_is_done_before_its_time_is_over(parcels: Imported, world: Symbo
     assert len(world.actions) == 1
 
 
-def test_a_device_says_why_it_cannot_and_what_holds(parcels: Imported, world: SymbolicWorld) -> None:
+def test_a_device_says_why_it_cannot_and_what_holds(parcels: ImportedProblem, world: SymbolicWorld) -> None:
     agent = SymbolicAgent(name="van1", world=world, services=parcels.agents["van1"])
     ((_, failed),) = agent.carry_out(Perform(order("load", x="crate", p="mill")))
     assert isinstance(failed, ServiceFailed)
@@ -164,7 +164,7 @@ def test_a_device_says_why_it_cannot_and_what_holds(parcels: Imported, world: Sy
     assert failed.situation == "van1 at mill AND NOT crate lies mill AND NOT crate in van1"
 
 
-def test_a_device_that_leaves_is_not_heard_of_again(parcels: Imported, world: SymbolicWorld) -> None:
+def test_a_device_that_leaves_is_not_heard_of_again(parcels: ImportedProblem, world: SymbolicWorld) -> None:
     def half(changes: Sequence[Change]) -> Sequence[Change]:
         return [change for change in changes if isinstance(change, FactAdded)]
 
@@ -180,7 +180,7 @@ def test_a_device_that_leaves_is_not_heard_of_again(parcels: Imported, world: Sy
 # Over the network
 
 
-def test_all_devices_share_the_world_of_one_program(parcels: Imported, world: SymbolicWorld) -> None:
+def test_all_devices_share_the_world_of_one_program(parcels: ImportedProblem, world: SymbolicWorld) -> None:
     async def run() -> None:
         server = WorldServer(world, speed=2)
         await server.start()
@@ -238,7 +238,7 @@ async def wish(client: Client, effect: str) -> TaskView:
     return view
 
 
-def test_a_whole_system_does_an_imported_task_though_its_map_is_wrong(tmp_path: Path, parcels: Imported) -> None:
+def test_a_whole_system_does_an_imported_task_though_its_map_is_wrong(tmp_path: Path, parcels: ImportedProblem) -> None:
     """The map says that a van is where it is not: the world rejects the first step, the map learns the truth, and all is done."""
 
     async def run() -> None:

@@ -27,7 +27,7 @@ from somrs.repository.state import Contents
 from somrs.runtime.virtual import CarryOut, Work, World
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Profile
-from somrs.sites.pddl import Imported, classical, read
+from somrs.sites.pddl import ImportedProblem, classical, read
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.transaction.state import TaskState
 from verification.codmap.faults import Faults
@@ -57,7 +57,7 @@ class Client:
 class Play:
     """The whole system for one problem, on virtual time."""
 
-    def __init__(self, imported: Imported, faults: Faults, limit: float) -> None:
+    def __init__(self, imported: ImportedProblem, faults: Faults, limit: float) -> None:
         self.imported, self.faults, self.limit = imported, faults, limit
         self.truth = SymbolicWorld(imported.ontology, imported.map)
         self.plans: list[Plan | NoPlan] = []

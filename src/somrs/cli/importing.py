@@ -12,7 +12,7 @@ from somrs.ontology.files.site import dump_site
 
 if TYPE_CHECKING:
     from somrs.sites import Site
-    from somrs.sites.pddl import Imported
+    from somrs.sites.pddl import ImportedProblem
 
 PDDL = ".pddl"
 
@@ -48,7 +48,7 @@ def _import_problem(sources: Sequence[Path], out: Path | None) -> None:
     print(f"and in another terminal: somrs do {shlex.quote(imported.task)}")
 
 
-def problem_of(sources: Sequence[Path]) -> Imported:
+def problem_of(sources: Sequence[Path]) -> ImportedProblem:
     """The planning problem that two files state. Raises UsageError or ModelError."""
     from somrs.sites.pddl import read
 

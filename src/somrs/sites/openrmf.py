@@ -126,8 +126,8 @@ class _Import:
             return 1.0, 1.0
         ratios = []
         for start, end, parameters, *_ in data.get("measurements", ()):
-            a, b = (data["vertices"][int(index)][:2] for index in (start, end))
-            pixels, metres = math.dist(a, b), float(_parameter(parameters, "distance", 0.0))
+            first_point, second_point = (data["vertices"][int(index)][:2] for index in (start, end))
+            pixels, metres = math.dist(first_point, second_point), float(_parameter(parameters, "distance", 0.0))
             if pixels > 0 and metres > 0:
                 ratios.append(metres / pixels)
         if not ratios:
@@ -148,9 +148,9 @@ class _Import:
                 continue
             dx, dy = (sum(marks[0][name][axis] - mine[name][axis] for name in shared) / len(shared) for axis in (0, 1))
             level.points = [(x + dx, y + dy) for x, y in level.points]
-            off = max(math.dist((mine[name][0] + dx, mine[name][1] + dy), marks[0][name]) for name in shared)
-            if off > 0.2:
-                self.notes.append(f"level {level.name} fits level {levels[0].name} only to {off:.1f} m: it seems to be drawn turned")
+            deviation = max(math.dist((mine[name][0] + dx, mine[name][1] + dy), marks[0][name]) for name in shared)
+            if deviation > 0.2:
+                self.notes.append(f"level {level.name} fits level {levels[0].name} only to {deviation:.1f} m: it seems to be drawn turned")
 
     def _fiducials(self, level: _Level) -> dict[str, Point]:
         with self._reading(f"fiducials of {level.name}", ("levels", level.name, "fiducials")):
@@ -176,12 +176,12 @@ class _Import:
 
     def _fabric(self, level: _Level) -> None:
         gaps: list[tuple[Point, Point]] = []
-        for index, a, b, parameters in self._edges(level, "doors"):
-            gaps.append((a, b))
+        for index, edge_start, edge_end, parameters in self._edges(level, "doors"):
+            gaps.append((edge_start, edge_end))
             name = _identifier(str(_parameter(parameters, "name", "") or f"Door{index + 1:03}"))
-            self._wall_like(level, self._fresh(name), "Door", a, b, DOOR_HEIGHT, {"Open": True})
-        for _, a, b, _ in self._edges(level, "walls"):
-            pieces = [(a, b)]
+            self._wall_like(level, self._fresh(name), "Door", edge_start, edge_end, DOOR_HEIGHT, {"Open": True})
+        for _, edge_start, edge_end, _ in self._edges(level, "walls"):
+            pieces = [(edge_start, edge_end)]
             for gap in gaps:
                 pieces = [rest for piece in pieces for rest in without_gap(*piece, gap)]
             for start, end in pieces:
@@ -198,13 +198,13 @@ class _Import:
     def _edges(self, level: _Level, kind: str) -> Iterator[tuple[int, Point, Point, dict[str, Any]]]:
         for index, edge in enumerate(level.data.get(kind) or ()):
             with self._reading(f"{kind[:-1]} {index + 1} of {level.name}", ("levels", level.name, kind, index)):
-                a, b = level.points[int(edge[0])], level.points[int(edge[1])]
-                yield index, a, b, edge[2] if len(edge) > 2 else {}
+                start, end = level.points[int(edge[0])], level.points[int(edge[1])]
+                yield index, start, end, edge[2] if len(edge) > 2 else {}
 
-    def _wall_like(self, level: _Level, name: str, type: str, a: Point, b: Point, height: float, values: dict[str, Value]) -> Box:
+    def _wall_like(self, level: _Level, name: str, type: str, start: Point, end: Point, height: float, values: dict[str, Value]) -> Box:
         overlap = WALL_THICKNESS if type == "Wall" else 0.0
-        yaw = math.atan2(b[1] - a[1], b[0] - a[0])
-        box = Box((a[0] + b[0]) / 2, (a[1] + b[1]) / 2, math.dist(a, b) + overlap, WALL_THICKNESS, yaw)
+        yaw = math.atan2(end[1] - start[1], end[0] - start[0])
+        box = Box((start[0] + end[0]) / 2, (start[1] + end[1]) / 2, math.dist(start, end) + overlap, WALL_THICKNESS, yaw)
         self._add(name, type, {**_pose(box, level.elevation), **_shape(box, height), **values}, level.storey)
         return box
 
@@ -243,15 +243,15 @@ class _Import:
                 self._thing(level, kind, model)
 
     def _furniture(self, level: _Level, kind: str, model: dict[str, Any]) -> None:
-        known = MODELS.get(kind)
-        if known is None:
+        known_size = MODELS.get(kind)
+        if known_size is None:
             self.notes.append(f"{kind} is not known; an obstacle of 0.5 m stands for it")
-        size = known or UNKNOWN
+        size = known_size or UNKNOWN
         x, y = self._point(level, model["x"], model["y"])
-        wanted = Box(x, y, size.width, size.depth, float(model.get("yaw", 0.0)))
+        wanted_box = Box(x, y, size.width, size.depth, float(model.get("yaw", 0.0)))
         type_name = self._model_type(kind, size)
         name = self._numbered(_identifier(kind))
-        box = cleared(wanted, level.walls)
+        box = cleared(wanted_box, level.walls)
         if box is None:
             self.notes.append(f"{name} stands where walls leave no room for it; it is left out")
             return
@@ -270,9 +270,11 @@ class _Import:
     def _thing(self, level: _Level, kind: str, model: dict[str, Any]) -> None:
         name = self._numbered(_identifier(kind))
         point, z = self._point(level, model["x"], model["y"]), float(model.get("z", 0.0))
-        below = [(abs(top - z), support) for support, (box, top, can) in level.furniture.items() if can and box.gap(point) < 0.05]
-        if below:
-            support = min(below)[1]
+        candidates = [
+            (abs(top - z), support) for support, (box, top, is_support) in level.furniture.items() if is_support and box.gap(point) < 0.05
+        ]
+        if candidates:
+            support = min(candidates)[1]
             box, top, _ = level.furniture[support]
             moved = self._to_edge(level, support, box, point)
             if moved != point:
@@ -286,7 +288,7 @@ class _Import:
 
     def _to_edge(self, level: _Level, support: str, box: Box, point: Point) -> Point:
         """The point, or one near the edge of the support that is nearest of those in front of which a robot has room."""
-        others = [*level.walls, *(other for name, (other, _, _) in level.furniture.items() if name != support)]
+        obstacles = [*level.walls, *(other_box for name, (other_box, _, _) in level.furniture.items() if name != support)]
         u, v = box.local(point)
         half = (box.width / 2, box.depth / 2)
         u, v = (max(-h + NEAR_EDGE, min(h - NEAR_EDGE, t)) for t, h in zip((u, v), half, strict=True))
@@ -296,7 +298,7 @@ class _Import:
                 edge, stand = [u, v], [u, v]
                 edge[axis], stand[axis] = sign * (half[axis] - NEAR_EDGE), sign * (half[axis] + PLACE_RADIUS)
                 gap = half[axis] - sign * (u, v)[axis]
-                if clearance(box.world((stand[0], stand[1])), others) >= 0.3 and (best is None or gap < best[0]):
+                if clearance(box.world((stand[0], stand[1])), obstacles) >= 0.3 and (best is None or gap < best[0]):
                     best = gap, (u, v) if gap <= EDGE else (edge[0], edge[1])
         return box.world(best[1]) if best is not None and (best[0] > EDGE or (u, v) != box.local(point)) else point
 

@@ -26,9 +26,9 @@ class Box:
 
     def corners(self) -> list[Point]:
         """Counter-clockwise."""
-        (ax, ay), (bx, by) = self.axes
+        (u_x, u_y), (v_x, v_y) = self.axes
         w, d = self.width / 2, self.depth / 2
-        return [(self.x + i * w * ax + j * d * bx, self.y + i * w * ay + j * d * by) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        return [(self.x + i * w * u_x + j * d * v_x, self.y + i * w * u_y + j * d * v_y) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
 
     def local(self, point: Point) -> Point:
         """The point as seen from the middle, along the rectangle's own axes."""
@@ -36,11 +36,11 @@ class Box:
         return tuple(dx * ax + dy * ay for ax, ay in self.axes)  # type: ignore[return-value]  # two axes, two numbers
 
     def world(self, local: Point) -> Point:
-        (ax, ay), (bx, by) = self.axes
-        return self.x + local[0] * ax + local[1] * bx, self.y + local[0] * ay + local[1] * by
+        (u_x, u_y), (v_x, v_y) = self.axes
+        return self.x + local[0] * u_x + local[1] * v_x, self.y + local[0] * u_y + local[1] * v_y
 
-    def moved(self, by: Point) -> Box:
-        return replace(self, x=self.x + by[0], y=self.y + by[1])
+    def moved(self, offset: Point) -> Box:
+        return replace(self, x=self.x + offset[0], y=self.y + offset[1])
 
     def gap(self, point: Point) -> float:
         """From the point to the rectangle; negative inside, by the depth of it."""
@@ -49,19 +49,19 @@ class Box:
         return math.hypot(max(du, 0), max(dv, 0)) if max(du, dv) > 0 else max(du, dv)
 
 
-def separation(box: Box, other: Box) -> Point | None:
+def separation(box: Box, other_box: Box) -> Point | None:
     """The shortest move of `box` after which the two do not overlap; None when they do not (separating axes)."""
     best: Point | None = None
     shortest = math.inf
-    mine, theirs = box.corners(), other.corners()
-    for ax, ay in (*box.axes, *other.axes):
-        one, two = [x * ax + y * ay for x, y in mine], [x * ax + y * ay for x, y in theirs]
-        forward, back = max(two) - min(one), max(one) - min(two)
-        if forward <= 0 or back <= 0:
+    mine, theirs = box.corners(), other_box.corners()
+    for ax, ay in (*box.axes, *other_box.axes):
+        first_projection, second_projection = [x * ax + y * ay for x, y in mine], [x * ax + y * ay for x, y in theirs]
+        forward, backward = max(second_projection) - min(first_projection), max(first_projection) - min(second_projection)
+        if forward <= 0 or backward <= 0:
             return None
-        if min(forward, back) < shortest:
-            shortest = min(forward, back)
-            sign = 1.0 if forward < back else -1.0
+        if min(forward, backward) < shortest:
+            shortest = min(forward, backward)
+            sign = 1.0 if forward < backward else -1.0
             best = (ax * sign * shortest, ay * sign * shortest)
     return best
 
@@ -85,16 +85,16 @@ def clearance(point: Point, boxes: Iterable[Box]) -> float:
 
 def roomiest(point: Point, boxes: Sequence[Box], radius: float, reach: float) -> Point | None:
     """The nearest point, at most `reach` away, around which a disc of the radius is free; None when there is none."""
-    near = [box for box in boxes if box.gap(point) < reach + radius]
+    near_boxes = [box for box in boxes if box.gap(point) < reach + radius]
     candidates = [point] + [
         (point[0] + step * reach / 20 * math.cos(angle * math.pi / 16), point[1] + step * reach / 20 * math.sin(angle * math.pi / 16))
         for step in range(1, 21)
         for angle in range(32)
     ]
-    return next((candidate for candidate in candidates if clearance(candidate, near) >= radius), None)
+    return next((candidate for candidate in candidates if clearance(candidate, near_boxes) >= radius), None)
 
 
-def inside(point: Point, outline: Sequence[Point]) -> bool:
+def is_in_polygon(point: Point, outline: Sequence[Point]) -> bool:
     """Whether the point is inside the polygon (crossing number)."""
     x, y = point
     crossings = False
@@ -104,7 +104,7 @@ def inside(point: Point, outline: Sequence[Point]) -> bool:
     return crossings
 
 
-def without_gap(start: Point, end: Point, gap: tuple[Point, Point], near: float = 0.15) -> list[tuple[Point, Point]]:
+def without_gap(start: Point, end: Point, gap: tuple[Point, Point], tolerance: float = 0.15) -> list[tuple[Point, Point]]:
     """The pieces of a wall from start to end that leave an opening free; the whole wall when the opening is not in it.
 
     An opening belongs to the wall when both its ends are at most `near` from the wall's line.
@@ -113,10 +113,10 @@ def without_gap(start: Point, end: Point, gap: tuple[Point, Point], near: float 
     if length == 0:
         return []
     ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
-    along = [(x - start[0]) * ux + (y - start[1]) * uy for x, y in gap]
+    offsets = [(x - start[0]) * ux + (y - start[1]) * uy for x, y in gap]
     aside = [abs((y - start[1]) * ux - (x - start[0]) * uy) for x, y in gap]
-    low, high = max(min(along), 0.0), min(max(along), length)
-    if max(aside) > near or high - low < 0.05:
+    low, high = max(min(offsets), 0.0), min(max(offsets), length)
+    if max(aside) > tolerance or high - low < 0.05:
         return [(start, end)]
-    at = [(start[0] + t * ux, start[1] + t * uy) for t in (0.0, low, high, length)]
-    return [piece for piece in ((at[0], at[1]), (at[2], at[3])) if math.dist(*piece) > 0.05]
+    points = [(start[0] + t * ux, start[1] + t * uy) for t in (0.0, low, high, length)]
+    return [piece for piece in ((points[0], points[1]), (points[2], points[3])) if math.dist(*piece) > 0.05]

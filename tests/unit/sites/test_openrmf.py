@@ -19,7 +19,7 @@ from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Object
 from somrs.sites import IMPORTERS, Site
 from somrs.sites.openrmf import import_text
-from somrs.sites.plan import Box, Point, clearance, inside, separation, without_gap
+from somrs.sites.plan import Box, Point, clearance, is_in_polygon, separation, without_gap
 from tests.support.paths import SHARED
 
 OFFICE = SHARED / "sites" / "office.building.yaml"
@@ -138,7 +138,7 @@ def test_everything_stands_on_a_floor_and_in_no_wall(office: Site) -> None:
     floors, walls = outlines(office), [box(office, wall) for wall in objects(office, "Wall").values()]
     assert len(objects(office, "Furniture")) == 74
     for name, object in {**objects(office, "Furniture"), **objects(office, "Place"), **objects(office, "Graspable")}.items():
-        assert any(inside(spot(object), floor) for floor in floors), f"{name} is outside"
+        assert any(is_in_polygon(spot(object), floor) for floor in floors), f"{name} is outside"
     for name, object in objects(office, "Furniture").items():
         assert not any(separation(box(office, object), wall) for wall in walls), f"{name} overlaps a wall"
     for name, place in objects(office, "Place").items():
@@ -172,7 +172,7 @@ def test_a_robot_gets_from_every_place_to_every_other(office: Site) -> None:
         x, y = queue.popleft()
         for near in ((x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)):
             point = near[0] * 0.2, near[1] * 0.2
-            if near not in reached and any(inside(point, floor) for floor in floors) and clearance(point, solid) > 0.25:
+            if near not in reached and any(is_in_polygon(point, floor) for floor in floors) and clearance(point, solid) > 0.25:
                 reached.add(near)
                 queue.append(near)
     assert [name for name, at in places.items() if at not in reached] == []

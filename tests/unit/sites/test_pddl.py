@@ -21,7 +21,7 @@ from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.services import PROVIDER
 from somrs.ontology.truth import formula_holds
 from somrs.planner.model.plan import Step
-from somrs.sites.pddl import Imported, classical, read
+from somrs.sites.pddl import ImportedProblem, classical, read
 from tests.support.naive_pddl import Naive, State
 from tests.support.paths import SHARED
 from tests.support.pddl_harbour import DOMAIN, PROBLEM, written
@@ -39,11 +39,11 @@ OF_BENCHMARKS = [
 
 
 @pytest.fixture
-def harbour(tmp_path: Path) -> Imported:
+def harbour(tmp_path: Path) -> ImportedProblem:
     return read(*written(tmp_path))
 
 
-def steps(imported: Imported) -> list[Step]:
+def steps(imported: ImportedProblem) -> list[Step]:
     """Every use of every service, whether it can be done or not."""
     found = []
     for available in imported.problem().services:
@@ -63,7 +63,7 @@ def doing(step: Step) -> tuple[str, dict[str, str], str]:
     return step.service_type, {name: str(term) for name, term in step.inputs.items()}, step.provider
 
 
-def state(imported: Imported, world: SymbolicWorld, naive: Naive) -> State:
+def state(imported: ImportedProblem, world: SymbolicWorld, naive: Naive) -> State:
     """The world's facts in PDDL's words; the numbers of one object or none among them."""
     found = {
         (fact.relation, *(imported.pddl_name(name) for name in fact.arguments if name != "World"))
@@ -85,7 +85,7 @@ SAMPLE = 60
 """Of what cannot be done, so many a move are asked about, and of what can be done all."""
 
 
-def compare(imported: Imported, naive: Naive, moves: int, seed: int) -> set[str]:
+def compare(imported: ImportedProblem, naive: Naive, moves: int, seed: int) -> set[str]:
     """Walk at random, and compare in each state what can be done and what comes of it. Returns the actions seen."""
     dice = random.Random(seed)
     world = SymbolicWorld(imported.ontology, imported.map)
@@ -111,7 +111,7 @@ def compare(imported: Imported, naive: Naive, moves: int, seed: int) -> set[str]
     return seen
 
 
-def test_what_can_be_done_and_what_comes_of_it_is_as_pddl_defines_it(harbour: Imported, tmp_path: Path) -> None:
+def test_what_can_be_done_and_what_comes_of_it_is_as_pddl_defines_it(harbour: ImportedProblem, tmp_path: Path) -> None:
     naive = Naive(*written(tmp_path))
     seen = set().union(*(compare(harbour, naive, 40, seed) for seed in range(3)))
     assert seen == set(naive.domain.actions)
@@ -133,7 +133,7 @@ def test_benchmarks_mean_what_pddl_defines(name: str) -> None:
     assert compare(read(*files), Naive(*files), 3, seed=1)
 
 
-def test_the_ontology_and_the_map_are_in_order_and_survive_being_written(harbour: Imported) -> None:
+def test_the_ontology_and_the_map_are_in_order_and_survive_being_written(harbour: ImportedProblem) -> None:
     assert not ontology_violations(harbour.ontology)
     assert not violations(harbour.map, harbour.ontology)
     text = dump_ontology(harbour.ontology, base=upper()) + dump_map(harbour.map, harbour.ontology)
@@ -142,7 +142,7 @@ def test_the_ontology_and_the_map_are_in_order_and_survive_being_written(harbour
     assert [*again.ontology] == [*harbour.ontology]
 
 
-def test_agents_are_devices_and_offer_what_their_types_do(harbour: Imported) -> None:
+def test_agents_are_devices_and_offer_what_their_types_do(harbour: ImportedProblem) -> None:
     offered = {agent: sorted(service.name for service in services) for agent, services in harbour.agents.items()}
     assert set(offered) == {"boat1", "boat2", "crane1", "crane2"}
     assert offered["boat1"] == ["Sail", "pump", "pump-other-is-Provider", "refill", "signal"]
@@ -153,17 +153,17 @@ def test_agents_are_devices_and_offer_what_their_types_do(harbour: Imported) -> 
     assert not harbour.ontology.is_subtype(harbour.map.objects["crate1"].type, "Device")
 
 
-def test_the_task_is_the_goal_in_words_of_the_map(harbour: Imported) -> None:
+def test_the_task_is_the_goal_in_words_of_the_map(harbour: ImportedProblem) -> None:
     assert harbour.task == "crate1 at South AND NOT barrel1 at South AND marked(boat1)"
 
 
-def test_the_agent_is_the_provider_in_every_formula(harbour: Imported) -> None:
+def test_the_agent_is_the_provider_in_every_formula(harbour: ImportedProblem) -> None:
     for service in harbour.services:
         spoken = {**variables(parse(service.effect)), **(variables(parse(service.precondition)) if service.precondition else {})}
         assert PROVIDER in spoken, service
 
 
-def test_a_plan_is_written_as_pddl_with_the_agent_first(harbour: Imported) -> None:
+def test_a_plan_is_written_as_pddl_with_the_agent_first(harbour: ImportedProblem) -> None:
     step = Step(id="s", service_type="Sail", inputs={"from": Name("North"), "to": Name("South")}, effect=harbour.goal, provider="boat1")
     assert harbour.pddl_plan([step, step]) == "(Sail boat1 north south)\n" * 2
     assert harbour.cost(step) == 12 + 2 * 4
@@ -250,7 +250,7 @@ def test_an_agent_may_be_a_constant_of_its_own_action(tmp_path: Path) -> None:
         compare(imported, naive, 3, seed)
 
 
-def test_objects_of_mixed_types_are_picked_out_by_a_relation(harbour: Imported) -> None:
+def test_objects_of_mixed_types_are_picked_out_by_a_relation(harbour: ImportedProblem) -> None:
     """`signal` is of boats, which act, and boxes, which do not: no type of the ontology is both and nothing else."""
     signal = harbour.ontology.services["signal"]
     assert [parameter.type for parameter in signal.inputs] == ["PhysicalObject"]

@@ -10,20 +10,20 @@ from somrs.errors import UsageError
 from somrs.sites.pddl import syntax
 from somrs.sites.pddl import text as files
 from somrs.sites.pddl.classical import classical as without_agents
-from somrs.sites.pddl.imported import Imported, build
+from somrs.sites.pddl.imported import ImportedProblem, build
 
-__all__ = ["Imported", "classical", "read"]
+__all__ = ["ImportedProblem", "classical", "read"]
 
 
-def read(domain: Path, problem: Path) -> Imported:
+def read(domain: Path, problem: Path) -> ImportedProblem:
     """What two files say. Raises ModelError with everything that is wrong with them, or that is not read, each with its line."""
     domain_mistakes, mistakes = files.Mistakes(str(domain)), files.Mistakes(str(problem))
     domain_root, root = _root(domain, domain_mistakes), _root(problem, mistakes)
     files.raise_all(domain_mistakes, mistakes)
     assert domain_root is not None
     assert root is not None
-    known = syntax.domain(domain_root, domain_mistakes)
-    return build(known, syntax.task(root, mistakes, known))
+    parsed_domain = syntax.domain(domain_root, domain_mistakes)
+    return build(parsed_domain, syntax.task(root, mistakes, parsed_domain))
 
 
 def classical(domain: Path, problem: Path) -> tuple[str, str]:

@@ -14,7 +14,7 @@ from somrs.entish import Attribute, Comparison, Formula, Name, Not, Or, Relation
 from somrs.entish.formula import conjunction, conjuncts, disjunction, substitute, substitute_term, variables
 from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
-from somrs.sites.pddl.formulas import Effects, Setting, Speech, Words
+from somrs.sites.pddl.formulas import Effects, FormulaReader, Setting, SymbolTable
 from somrs.sites.pddl.kinds import Sorts
 from somrs.sites.pddl.names import Names
 from somrs.sites.pddl.syntax import Action, Typed
@@ -47,7 +47,7 @@ class _Case:
     deletes: tuple[Relation, ...]
     values: tuple[Setting, ...]
     sorts: Mapping[str, Sorts]
-    same: Equalities
+    equalities: Equalities
     apart: tuple[Equalities, ...] = ()
     """What the precondition has ruled out already."""
 
@@ -55,27 +55,27 @@ class _Case:
 class Actions:
     """Makes service types of the actions of one domain."""
 
-    def __init__(self, words: Words, map: Map, counted: bool) -> None:
+    def __init__(self, words: SymbolTable, map: Map, counted: bool) -> None:
         """`counted`: the plan is to keep a function small, so that each action costs what it adds to it."""
-        self.words, self.map, self.counted = words, map, counted
+        self.symbols, self.map, self.counted = words, map, counted
         self.services = Names()
 
     def changing(self, effects: Mapping[str, Effects]) -> set[str]:
         """The relations that actions change."""
-        return {atom.relation for found in effects.values() for atom in (*found.adds, *found.deletes)}
+        return {atom.relation for action_effects in effects.values() for atom in (*action_effects.adds, *action_effects.deletes)}
 
-    def all(self) -> Iterator[Offer]:
+    def make_offers(self) -> Iterator[Offer]:
         read: dict[str, tuple[Formula | None, Effects, dict[str, tuple[Variable, Sorts]]]] = {}
-        for name, action in self.words.domain.actions.items():
-            mistakes = self.words.domain.mistakes
+        for name, action in self.symbols.domain.actions.items():
+            mistakes = self.symbols.domain.mistakes
             scope = self._scope(action, mistakes)
-            speech = Speech(self.words, mistakes, action.word.written, scope)
-            precondition = speech.condition(action.precondition) if action.precondition is not None else None
-            effects = speech.effects(action.effect) if action.effect is not None else Effects()
+            reader = FormulaReader(self.symbols, mistakes, action.word.written, scope)
+            precondition = reader.condition(action.precondition) if action.precondition is not None else None
+            effects = reader.effects(action.effect) if action.effect is not None else Effects()
             read[name] = precondition, effects, scope
         self._changing = self.changing({name: effects for name, (_, effects, _) in read.items()})
         for name, (precondition, effects, scope) in read.items():
-            yield from self._offers(self.words.domain.actions[name], precondition, effects, scope)
+            yield from self._offers(self.symbols.domain.actions[name], precondition, effects, scope)
 
     def _scope(self, action: Action, mistakes: Mistakes) -> dict[str, tuple[Variable, Sorts]]:
         names = Names([PROVIDER])
@@ -87,9 +87,9 @@ class Actions:
                 mistakes.note(
                     thing.word, action.word.written, "duplicate", f"{thing.word} is there twice; give one of the two another name"
                 )
-            sorts = self.words.kinds.sorts(thing)
+            sorts = self.symbols.kinds.sorts(thing)
             if thing is action.agent:
-                scope[thing.name] = Variable(PROVIDER, self.words.kinds.kind(sorts, thing).type), sorts
+                scope[thing.name] = Variable(PROVIDER, self.symbols.kinds.kind(sorts, thing).type), sorts
             else:
                 scope[thing.name] = Variable(names.add(thing.name, thing.written)), sorts
         return scope
@@ -104,7 +104,7 @@ class Actions:
             deletes=tuple(dict.fromkeys(effects.deletes)),
             values=tuple(effects.values.values()),
             sorts={variable.name: sorts for variable, sorts in scope.values()},
-            same={},
+            equalities={},
         )
         for case in self._cases(whole):
             if case.adds or case.deletes or case.values:
@@ -114,15 +114,15 @@ class Actions:
         self, action: Action, case: _Case, cost: Term | None, scope: Mapping[str, tuple[Variable, Sorts]], declared: Mapping[str, Typed]
     ) -> Offer:
         written = action.word.written
-        joined = [f"{name}-is-{term.name}" for name, term in case.same.items() if isinstance(term, Name | Variable)]
+        joined = [f"{name}-is-{term.name}" for name, term in case.equalities.items() if isinstance(term, Name | Variable)]
         name = self.services.fresh("-".join([written, *joined]))
         picked: list[Formula] = []
         inputs: list[Parameter] = []
         provider = Variable(PROVIDER)
         for variable, _ in scope.values():
-            if variable.name in case.same:
+            if variable.name in case.equalities:
                 continue
-            kind = self.words.kinds.kind(case.sorts[variable.name], declared[variable.name])
+            kind = self.symbols.kinds.kind(case.sorts[variable.name], declared[variable.name])
             if kind.relation is not None:
                 picked.append(Relation(kind.relation, (variable,)))
             if variable.name != PROVIDER:
@@ -132,43 +132,45 @@ class Actions:
         if action.agent is not None:
             picked += self._of_provider(case, picked, action.agent)
         typed = {PROVIDER: provider}
-        needed = [substitute(formula, typed) for formula in (*case.precondition, *picked)]
-        brought = [substitute(formula, typed) for formula in _effect(case)]
-        term = substitute_term(substitute_term(cost, case.same), {PROVIDER: Variable(PROVIDER)}) if cost is not None else None
-        same = " and ".join(f"?{name} is {substitute_term(other, {PROVIDER: Variable(PROVIDER)})}" for name, other in case.same.items())
+        preconditions = [substitute(formula, typed) for formula in (*case.precondition, *picked)]
+        effects = [substitute(formula, typed) for formula in _effect(case)]
+        term = substitute_term(substitute_term(cost, case.equalities), {PROVIDER: Variable(PROVIDER)}) if cost is not None else None
+        equality_text = " and ".join(
+            f"?{name} is {substitute_term(equal_term, {PROVIDER: Variable(PROVIDER)})}" for name, equal_term in case.equalities.items()
+        )
         service = ServiceType(
             name=name,
             inputs=tuple(inputs),
-            precondition=str(conjunction(*needed)) if needed else None,
-            effect=str(conjunction(*brought)),
+            precondition=str(conjunction(*preconditions)) if preconditions else None,
+            effect=str(conjunction(*effects)),
             cost=(str(term) if term is not None else "0") if self.counted else None,
-            doc=f"The action {written} of PDDL where {same}" if same else "",
+            doc=f"The action {written} of PDDL where {equality_text}" if equality_text else "",
         )
-        arguments = tuple(substitute_term(variable, case.same) for variable, _ in scope.values())
-        agents = (self.words.kinds.sorts(action.agent) & case.sorts[PROVIDER]) if action.agent is not None else None
+        arguments = tuple(substitute_term(variable, case.equalities) for variable, _ in scope.values())
+        agents = (self.symbols.kinds.sorts(action.agent) & case.sorts[PROVIDER]) if action.agent is not None else None
         return Offer(service=service, action=written, arguments=arguments, agents=agents)
 
     def _of_provider(self, case: _Case, picked: list[Formula], agent: Typed) -> Iterator[Formula]:
         """Whoever is chosen to do it has to be one of those that can, even if nothing else is said of it."""
         provider = Variable(PROVIDER)
-        if (one := case.same.get(PROVIDER)) is not None:
-            yield Comparison(provider, "=", one)
+        if (equal_term := case.equalities.get(PROVIDER)) is not None:
+            yield Comparison(provider, "=", equal_term)
         elif not any(PROVIDER in variables(part) for part in (*case.precondition, *_effect(case), *picked)):
-            yield Relation(self.words.kinds.relation(case.sorts[PROVIDER], agent), (provider,))
+            yield Relation(self.symbols.kinds.relation(case.sorts[PROVIDER], agent), (provider,))
 
     # What is deleted and added again
 
     def _cases(self, case: _Case) -> Iterator[_Case]:
         case = replace(case, deletes=tuple(atom for atom in case.deletes if atom not in case.adds))
-        for one, other in _rivals(case):
-            same = self._same(one, other, case.sorts)
-            if same is None or any(ruled.items() <= same.items() for ruled in case.apart):
+        for first, second in _rivals(case):
+            equalities = self._unify(first, second, case.sorts)
+            if equalities is None or any(ruled.items() <= equalities.items() for ruled in case.apart):
                 continue
-            alike = self._alike(case, same)
+            alike = self._alike(case, equalities)
             if self._impossible(alike):
                 continue
-            differs = disjunction(*(Comparison(self._variable(name, case), "!=", term) for name, term in same.items()))
-            yield from self._cases(replace(case, precondition=(*case.precondition, differs), apart=(*case.apart, same)))
+            differs = disjunction(*(Comparison(self._variable(name, case), "!=", term) for name, term in equalities.items()))
+            yield from self._cases(replace(case, precondition=(*case.precondition, differs), apart=(*case.apart, equalities)))
             if _sensible(alike) and not _idle(alike):
                 yield from self._cases(alike)
             return
@@ -181,97 +183,104 @@ class Actions:
                 return variables(formula)[name]
         raise AssertionError(name)
 
-    def _same(self, one: Arguments, other: Arguments, sorts: Mapping[str, Sorts]) -> Equalities | None:
+    def _unify(self, first: Arguments, second: Arguments, sorts: Mapping[str, Sorts]) -> Equalities | None:
         """What must be the same for these to be the same; None if they cannot be."""
-        found: dict[str, Name | Variable] = {}
+        bindings: dict[str, Name | Variable] = {}
 
         def stands_for(term: Name | Variable) -> Name | Variable:
-            while isinstance(term, Variable) and term.name in found:
-                term = found[term.name]
+            while isinstance(term, Variable) and term.name in bindings:
+                term = bindings[term.name]
             return term
 
         order = [PROVIDER, *sorts]
         possible = dict(sorts)
-        for a, b in zip(one, other, strict=True):
-            a, b = stands_for(a), stands_for(b)
-            if a == b:
+        for first_term, second_term in zip(first, second, strict=True):
+            first_term, second_term = stands_for(first_term), stands_for(second_term)
+            if first_term == second_term:
                 continue
-            kept, gone = (
-                (a, b) if isinstance(a, Name) or (isinstance(b, Variable) and order.index(a.name) < order.index(b.name)) else (b, a)
+            representative, replaced = (
+                (first_term, second_term)
+                if isinstance(first_term, Name)
+                or (isinstance(second_term, Variable) and order.index(first_term.name) < order.index(second_term.name))
+                else (second_term, first_term)
             )
-            if isinstance(gone, Name) or not (both := self._sorts(kept, possible) & possible[gone.name] & self.words.kinds.inhabited):
+            if isinstance(replaced, Name) or not (
+                common_sorts := self._sorts(representative, possible) & possible[replaced.name] & self.symbols.kinds.inhabited
+            ):
                 return None
-            if isinstance(kept, Variable):
-                possible[kept.name] = both
-            found[gone.name] = kept
-        return {name: stands_for(term) for name, term in found.items()}
+            if isinstance(representative, Variable):
+                possible[representative.name] = common_sorts
+            bindings[replaced.name] = representative
+        return {name: stands_for(term) for name, term in bindings.items()}
 
     def _sorts(self, term: Name | Variable, sorts: Mapping[str, Sorts]) -> Sorts:
         if isinstance(term, Variable):
             return sorts[term.name]
-        return frozenset({self.words.types[self.words.objects.pddl(term.name)]})
+        return frozenset({self.symbols.types[self.symbols.objects.pddl(term.name)]})
 
-    def _alike(self, case: _Case, same: Equalities) -> _Case:
+    def _alike(self, case: _Case, equalities: Equalities) -> _Case:
         """The case in which these are the same."""
         sorts = dict(case.sorts)
-        for name, term in same.items():
+        for name, term in equalities.items():
             if isinstance(term, Variable):
                 sorts[term.name] = sorts[term.name] & sorts[name]
-        adds = _relations(case.adds, same)
+        adds = _relations(case.adds, equalities)
         return _Case(
-            precondition=tuple(dict.fromkeys(substitute(formula, same) for formula in case.precondition)),
+            precondition=tuple(dict.fromkeys(substitute(formula, equalities) for formula in case.precondition)),
             adds=adds,
-            deletes=tuple(atom for atom in _relations(case.deletes, same) if atom not in adds),
-            values=_settings(case.values, same),
+            deletes=tuple(atom for atom in _relations(case.deletes, equalities) if atom not in adds),
+            values=_settings(case.values, equalities),
             sorts=sorts,
-            same={**{name: substitute_term(term, same) for name, term in case.same.items()}, **same},
+            equalities={**{name: substitute_term(term, equalities) for name, term in case.equalities.items()}, **equalities},
         )
 
     def _impossible(self, case: _Case) -> bool:
         """Whether the precondition cannot hold, as far as can be told from itself and from what never changes."""
-        return any(self._never(formula, case.precondition) for formula in case.precondition)
+        return any(self._is_unsatisfiable(formula, case.precondition) for formula in case.precondition)
 
-    def _never(self, formula: Formula, beside: tuple[Formula, ...]) -> bool:
+    def _is_unsatisfiable(self, formula: Formula, precondition: tuple[Formula, ...]) -> bool:
         match formula:
             case Relation(name, arguments) if name not in self._changing:
                 return not any(_fits(arguments, fact.arguments) for fact in self.map.facts(name))
             case Not(Relation() as atom):
-                return atom in beside
-            case Comparison(left, "!=", right):
-                return left == right
-            case Comparison(Name() as left, "=", Name() as right):
-                return left != right
+                return atom in precondition
+            case Comparison(left_term, "!=", right_term):
+                return left_term == right_term
+            case Comparison(Name() as left_term, "=", Name() as right_term):
+                return left_term != right_term
             case Or(parts):
-                return all(self._never(part, beside) for part in parts)
+                return all(self._is_unsatisfiable(part, precondition) for part in parts)
         return False
 
 
 def _rivals(case: _Case) -> Iterator[tuple[Arguments, Arguments]]:
     """What must not be the same: a fact that is deleted and one that is added, and two attributes that get values."""
-    for deleted in case.deletes:
-        yield from ((deleted.arguments, added.arguments) for added in case.adds if added.relation == deleted.relation)
-    for one, other in combinations(case.values, 2):
-        if one.target.path == other.target.path and one.target != other.target:
-            yield (one.target.owner,), (other.target.owner,)
+    for deleted_fact in case.deletes:
+        yield from (
+            (deleted_fact.arguments, added_fact.arguments) for added_fact in case.adds if added_fact.relation == deleted_fact.relation
+        )
+    for first, second in combinations(case.values, 2):
+        if first.target.path == second.target.path and first.target != second.target:
+            yield (first.target.owner,), (second.target.owner,)
 
 
 def _effect(case: _Case) -> list[Formula]:
     return [*case.adds, *(value.formula for value in case.values), *map(Not, case.deletes)]
 
 
-def _settings(values: tuple[Setting, ...], same: Equalities) -> tuple[Setting, ...]:
+def _settings(values: tuple[Setting, ...], equalities: Equalities) -> tuple[Setting, ...]:
     """What becomes of the attributes; two changes of one are added up."""
-    found: dict[Term, list[Setting]] = {}
+    settings_by_target: dict[Term, list[Setting]] = {}
     for value in values:
-        target = substitute_term(value.target, same)
+        target = substitute_term(value.target, equalities)
         assert isinstance(target, Attribute)
-        setting = Setting(target, value.amount.substituted(same), value.adds)
-        there = found.setdefault(target, [])
-        if there and (both := there[-1].and_also(setting)) is not None:
-            there[-1] = both
+        setting = Setting(target, value.amount.substituted(equalities), value.adds)
+        target_settings = settings_by_target.setdefault(target, [])
+        if target_settings and (combined := target_settings[-1].combine(setting)) is not None:
+            target_settings[-1] = combined
         else:
-            there.append(setting)
-    return tuple(setting for settings in found.values() for setting in settings if setting.amount.parts or not setting.adds)
+            target_settings.append(setting)
+    return tuple(setting for settings in settings_by_target.values() for setting in settings if setting.amount.parts or not setting.adds)
 
 
 def _sensible(case: _Case) -> bool:
@@ -279,9 +288,9 @@ def _sensible(case: _Case) -> bool:
     return len({value.target for value in case.values}) == len(case.values)
 
 
-def _relations(atoms: tuple[Relation, ...], same: Equalities) -> tuple[Relation, ...]:
-    found = (substitute(atom, same) for atom in atoms)
-    return tuple(dict.fromkeys(atom for atom in found if isinstance(atom, Relation)))
+def _relations(atoms: tuple[Relation, ...], equalities: Equalities) -> tuple[Relation, ...]:
+    substituted = (substitute(atom, equalities) for atom in atoms)
+    return tuple(dict.fromkeys(atom for atom in substituted if isinstance(atom, Relation)))
 
 
 def _fits(pattern: tuple[Name | Variable, ...], arguments: tuple[str, ...]) -> bool:

@@ -14,16 +14,16 @@ from somrs.sites.pddl.text import Group, Node, Word
 def classical(root: Group) -> str:
     """The text of a domain or problem file without agents and privacy."""
     sections = [_section(item) if isinstance(item, Group) else item for item in root.items]
-    return "(define\n" + "\n".join(f"  {_shown(section)}" for section in sections[1:] if section is not None) + "\n)\n"
+    return "(define\n" + "\n".join(f"  {_format_node(section)}" for section in sections[1:] if section is not None) + "\n)\n"
 
 
 def _section(section: Group) -> Group | None:
     match section.head:
         case ":requirements":
-            kept = tuple(
+            requirements = tuple(
                 item for item in section.items if not (isinstance(item, Word) and item.text in (":multi-agent", ":unfactored-privacy"))
             )
-            return Group(kept, section.line) if len(kept) > 1 else None
+            return Group(requirements, section.line) if len(requirements) > 1 else None
         case ":predicates" | ":functions":
             return Group((section.items[0], *_open(section.items[1:])), section.line)
         case ":objects" | ":constants":
@@ -82,7 +82,7 @@ def _action(section: Group) -> Group:
     return Group((*items[:2], *parameters, *items[2:]), section.line)
 
 
-def _shown(node: Node) -> str:
+def _format_node(node: Node) -> str:
     if isinstance(node, Group) and node.head in (":init", ":action", ":predicates"):
         return f"({' '.join(map(str, node.items[:1]))}\n" + "\n".join(f"    {item}" for item in node.items[1:]) + ")"
     return str(node)

@@ -10,7 +10,7 @@ from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relati
 from somrs.entish.formula import conjunction, disjunction
 from somrs.sites.pddl.kinds import Kinds, Sorts
 from somrs.sites.pddl.names import Names
-from somrs.sites.pddl.sums import Sum, constant, one
+from somrs.sites.pddl.sums import Sum, constant, single_factor
 from somrs.sites.pddl.syntax import Domain, Signature, Typed
 from somrs.sites.pddl.text import Group, Mistakes, Node, Word, number
 
@@ -26,7 +26,7 @@ _COUNTING = ("increase", "decrease", "scale-up", "scale-down", "assign")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Words:
+class SymbolTable:
     """What formulas may speak of: the names of one domain and one problem, on both sides."""
 
     domain: Domain
@@ -53,11 +53,11 @@ class Setting:
 
     @property
     def formula(self) -> Comparison:
-        return Comparison(self.target, "=", (one(self.target) + self.amount if self.adds else self.amount).term)
+        return Comparison(self.target, "=", (single_factor(self.target) + self.amount if self.adds else self.amount).term)
 
-    def and_also(self, other: Setting) -> Setting | None:
+    def combine(self, setting: Setting) -> Setting | None:
         """Both, for the same attribute; None if that makes no sense."""
-        return Setting(self.target, self.amount + other.amount, adds=True) if self.adds and other.adds else None
+        return Setting(self.target, self.amount + setting.amount, adds=True) if self.adds and setting.adds else None
 
 
 @dataclass(slots=True)
@@ -70,13 +70,13 @@ class Effects:
     cost: Sum | None = None
 
 
-class Speech:
+class FormulaReader:
     """What is said in one action, or in a goal: its variables, and where mistakes in it are noted."""
 
-    def __init__(self, words: Words, mistakes: Mistakes, subject: str, variables: Mapping[str, tuple[Variable, Sorts]]) -> None:
-        self.words, self.mistakes, self.subject, self.variables = words, mistakes, subject, variables
+    def __init__(self, symbols: SymbolTable, mistakes: Mistakes, subject: str, variables: Mapping[str, tuple[Variable, Sorts]]) -> None:
+        self.symbols, self.mistakes, self.subject, self.variables = symbols, mistakes, subject, variables
 
-    def _wrong(self, node: Node, message: str) -> None:
+    def _note_mistake(self, node: Node, message: str) -> None:
         self.mistakes.note(node, self.subject, "condition", message)
 
     # Conditions
@@ -84,89 +84,91 @@ class Speech:
     def condition(self, node: Node, negated: bool = False) -> Formula | None:
         """The formula; None when it says nothing, or after a mistake."""
         if not isinstance(node, Group) or not node.head:
-            self._wrong(node, f"{str(node)[:60]} is no condition; a condition is a group that begins with a word")
+            self._note_mistake(node, f"{str(node)[:60]} is no condition; a condition is a group that begins with a word")
             return None
         head, rest = node.head, node.items[1:]
-        if head in _REFUSED and head not in self.words.domain.predicates:
+        if head in _REFUSED and head not in self.symbols.domain.predicates:
             self.mistakes.unsupported(node, self.subject, _REFUSED[head])
             return None
         match head:
             case "and" | "or":
-                return self._joined(rest, (head == "and") is not negated, negated)
+                return self._join_conditions(rest, (head == "and") is not negated, negated)
             case "not" if len(rest) == 1:
                 return self.condition(rest[0], not negated)
             case "imply" if len(rest) == 2:
-                either = Group(
+                alternative = Group(
                     (Word("or", "or", node.line), Group((Word("not", "not", node.line), rest[0]), node.line), rest[1]), node.line
                 )
-                return self.condition(either, negated)
+                return self.condition(alternative, negated)
             case _ if head in _COMPARISONS:
                 return self._comparison(node, negated)
             case _:
                 atom = self.atom(node)
                 return Not(atom) if atom is not None and negated else atom
 
-    def _joined(self, parts: tuple[Node, ...], all_of: bool, negated: bool) -> Formula | None:
-        found = [self.condition(part, negated) for part in parts]
-        said = [formula for formula in found if formula is not None]
-        if not said or (not all_of and len(said) < len(found)):
+    def _join_conditions(self, parts: tuple[Node, ...], is_conjunction: bool, negated: bool) -> Formula | None:
+        formulas = [self.condition(part, negated) for part in parts]
+        known_formulas = [formula for formula in formulas if formula is not None]
+        if not known_formulas or (not is_conjunction and len(known_formulas) < len(formulas)):
             return None
-        return conjunction(*said) if all_of else disjunction(*said)
+        return conjunction(*known_formulas) if is_conjunction else disjunction(*known_formulas)
 
     def atom(self, node: Group) -> Relation | None:
         """A predicate of objects; one of none is said of the world."""
-        signature = self.words.domain.predicates.get(node.head)
+        signature = self.symbols.domain.predicates.get(node.head)
         if signature is None:
-            self._wrong(node, f"there is no predicate {node.items[0] if node.items else ''}; declare it in :predicates, or mend the name")
+            self._note_mistake(
+                node, f"there is no predicate {node.items[0] if node.items else ''}; declare it in :predicates, or mend the name"
+            )
             return None
         arguments = self._arguments(node, signature)
         if arguments is None:
             return None
-        return Relation(self.words.relations.entish(node.head), arguments or (Name(self.words.world),))
+        return Relation(self.symbols.relations.entish(node.head), arguments or (Name(self.symbols.world),))
 
     def _arguments(self, node: Group, signature: Signature) -> tuple[Name | Variable, ...] | None:
-        given = node.items[1:]
-        if len(given) != len(signature.parameters):
-            self._wrong(node, f"{node.items[0]} is of {len(signature.parameters)}, and {len(given)} are given")
+        argument_nodes = node.items[1:]
+        if len(argument_nodes) != len(signature.parameters):
+            self._note_mistake(node, f"{node.items[0]} is of {len(signature.parameters)}, and {len(argument_nodes)} are given")
             return None
-        found = [self._object(item, wanted) for item, wanted in zip(given, signature.parameters, strict=True)]
-        known = tuple(argument for argument in found if argument is not None)
-        return known if len(known) == len(found) else None
+        arguments = [self._object(item, parameter) for item, parameter in zip(argument_nodes, signature.parameters, strict=True)]
+        known_arguments = tuple(argument for argument in arguments if argument is not None)
+        return known_arguments if len(known_arguments) == len(arguments) else None
 
-    def _object(self, node: Node, wanted: Typed | None) -> Name | Variable | None:
+    def _object(self, node: Node, parameter: Typed | None) -> Name | Variable | None:
         if not isinstance(node, Word):
-            self._wrong(node, f"{str(node)[:60]} is no object; write its name, or a variable")
+            self._note_mistake(node, f"{str(node)[:60]} is no object; write its name, or a variable")
             return None
-        sorts, found = self._meaning(node)
-        if found is None:
-            where = "as a parameter of the action" if node.text.startswith("?") else "among the objects"
-            self._wrong(node, f"{node} is not known; declare it {where}, or mend the name")
-        elif wanted is not None and not sorts & self.words.kinds.sorts(wanted):
-            self._wrong(node, f"{node} can be no {' or '.join(wanted.types)}, and one is meant here")
+        sorts, term = self._meaning(node)
+        if term is None:
+            hint = "as a parameter of the action" if node.text.startswith("?") else "among the objects"
+            self._note_mistake(node, f"{node} is not known; declare it {hint}, or mend the name")
+        elif parameter is not None and not sorts & self.symbols.kinds.sorts(parameter):
+            self._note_mistake(node, f"{node} can be no {' or '.join(parameter.types)}, and one is meant here")
             return None
-        return found
+        return term
 
     def _meaning(self, word: Word) -> tuple[Sorts, Name | Variable | None]:
         if word.text.startswith("?"):
             variable, sorts = self.variables.get(word.text[1:], (None, frozenset[str]()))
             return sorts, variable
-        if word.text not in self.words.types:
+        if word.text not in self.symbols.types:
             return frozenset(), None
-        return frozenset({self.words.types[word.text]}), Name(self.words.objects.entish(word.text))
+        return frozenset({self.symbols.types[word.text]}), Name(self.symbols.objects.entish(word.text))
 
     def _comparison(self, node: Group, negated: bool) -> Formula | None:
         if len(node.items) != 3:
-            self._wrong(node, f"{node.head} compares two, and {len(node.items) - 1} are given")
+            self._note_mistake(node, f"{node.head} compares two, and {len(node.items) - 1} are given")
             return None
         sides = [self._side(item) for item in node.items[1:]]
-        left, right = sides
-        if left is None or right is None:
+        left_term, right_term = sides
+        if left_term is None or right_term is None:
             return None
         objects = [isinstance(side, Name | Variable) for side in sides]
         if any(objects) and (node.head != "=" or not all(objects)):
-            self._wrong(node, f"{node} compares what cannot be compared: objects by = alone, numbers with numbers")
+            self._note_mistake(node, f"{node} compares what cannot be compared: objects by = alone, numbers with numbers")
             return None
-        return Comparison(left, _OPPOSITES[node.head] if negated else node.head, right)
+        return Comparison(left_term, _OPPOSITES[node.head] if negated else node.head, right_term)
 
     def _side(self, node: Node) -> Term | None:
         return self._object(node, None) if isinstance(node, Word) and number(node) is None else self.number(node)
@@ -175,24 +177,24 @@ class Speech:
 
     def number(self, node: Node) -> Term | None:
         """A number, or what is reckoned from numbers."""
-        found = self._sum(node)
-        return found.term if found is not None else None
+        total = self._sum(node)
+        return total.term if total is not None else None
 
     def _sum(self, node: Node) -> Sum | None:
         if (value := number(node)) is not None:
             return constant(value)
         if not isinstance(node, Group) or not node.head:
-            self._wrong(node, f"{str(node)[:60]} is no number; write one, or a function such as (distance ?a ?b)")
+            self._note_mistake(node, f"{str(node)[:60]} is no number; write one, or a function such as (distance ?a ?b)")
             return None
-        return self._reckoned(node) if node.head in ("+", "-", "*", "/") else self._function(node)
+        return self._arithmetic(node) if node.head in ("+", "-", "*", "/") else self._function(node)
 
-    def _reckoned(self, node: Group) -> Sum | None:
+    def _arithmetic(self, node: Group) -> Sum | None:
         parts = [part for item in node.items[1:] if (part := self._sum(item)) is not None]
         if len(parts) < len(node.items) - 1:
             return None
         match node.head, parts:
-            case "-", [one_]:
-                return one_.times(-1)
+            case "-", [operand]:
+                return operand.times(-1)
             case "-", [first, second]:
                 return first + second.times(-1)
             case "/", [first, second] if second.number:
@@ -201,83 +203,85 @@ class Speech:
                 self.mistakes.unsupported(node, self.subject, "dividing by anything but a number other than 0 is not read")
                 return None
             case (("+" | "*"), [first, _, *_]):
-                return reduce(lambda a, b: a + b if node.head == "+" else a * b, parts[1:], first)
-        self._wrong(node, f"{node.head} is of two numbers: ({node.head} 1 2)")
+                return reduce(
+                    lambda left_sum, right_sum: left_sum + right_sum if node.head == "+" else left_sum * right_sum, parts[1:], first
+                )
+        self._note_mistake(node, f"{node.head} is of two numbers: ({node.head} 1 2)")
         return None
 
     def _function(self, node: Group) -> Sum | None:
         """An attribute of the one object; of the world, when there is none; else a table's entry."""
-        signature = self.words.domain.functions.get(node.head)
+        signature = self.symbols.domain.functions.get(node.head)
         if signature is None:
-            self._wrong(node, f"there is no function {node.items[0]}; declare it in :functions, or mend the name")
+            self._note_mistake(node, f"there is no function {node.items[0]}; declare it in :functions, or mend the name")
             return None
-        if node.head == self.words.cost:
+        if node.head == self.symbols.cost:
             self.mistakes.unsupported(node, self.subject, f"conditions on {node.head}, which the plan is to keep small, are not read")
             return None
         arguments = self._arguments(node, signature)
         if arguments is None:
             return None
         if len(arguments) > 1:
-            return one(Call(self.words.functions.entish(node.head), arguments))
-        return one(Attribute(arguments[0] if arguments else Name(self.words.world), self.words.attributes.entish(node.head)))
+            return single_factor(Call(self.symbols.functions.entish(node.head), arguments))
+        return single_factor(Attribute(arguments[0] if arguments else Name(self.symbols.world), self.symbols.attributes.entish(node.head)))
 
     # Effects
 
     def effects(self, node: Node) -> Effects:
-        found = Effects()
+        effects = Effects()
         for part in _flat(node):
-            self._effect(part, found)
-        return found
+            self._effect(part, effects)
+        return effects
 
-    def _effect(self, node: Node, found: Effects) -> None:
+    def _effect(self, node: Node, effects: Effects) -> None:
         if not isinstance(node, Group) or not node.head:
-            self._wrong(node, f"{str(node)[:60]} is no effect; an effect is a group that begins with a word")
+            self._note_mistake(node, f"{str(node)[:60]} is no effect; an effect is a group that begins with a word")
             return
         inner = node.items[1] if node.head == "not" and len(node.items) == 2 else node
-        if node.head in _COUNTING and node.head not in self.words.domain.predicates:
-            self._counted(node, found)
+        if node.head in _COUNTING and node.head not in self.symbols.domain.predicates:
+            self._numeric_effect(node, effects)
         elif node.head in ("when", "forall", "or", "oneof", "probabilistic"):
-            what = _REFUSED.get(node.head, f"{node.head} in an effect is not read; an effect says what becomes true and what false")
-            self.mistakes.unsupported(node, self.subject, what)
+            message = _REFUSED.get(node.head, f"{node.head} in an effect is not read; an effect says what becomes true and what false")
+            self.mistakes.unsupported(node, self.subject, message)
         elif isinstance(inner, Group) and (atom := self.atom(inner)) is not None:
-            (found.deletes if node.head == "not" else found.adds).append(atom)
+            (effects.deletes if node.head == "not" else effects.adds).append(atom)
 
-    def _counted(self, node: Group, found: Effects) -> None:
+    def _numeric_effect(self, node: Group, effects: Effects) -> None:
         """A number that the action changes; or what it adds to the cost."""
         if len(node.items) != 3 or not isinstance(node.items[1], Group):
-            self._wrong(node, f"{node.head} is of a function and a number: ({node.head} (total-cost) 1)")
+            self._note_mistake(node, f"{node.head} is of a function and a number: ({node.head} (total-cost) 1)")
             return
         function = node.items[1]
-        if function.head == self.words.cost and node.head == "increase":
+        if function.head == self.symbols.cost and node.head == "increase":
             if (amount := self._sum(node.items[2])) is not None:
-                found.cost = amount if found.cost is None else found.cost + amount
+                effects.cost = amount if effects.cost is None else effects.cost + amount
             return
-        if function.head == "total-cost" and self.words.cost is None:
+        if function.head == "total-cost" and self.symbols.cost is None:
             return  # no metric speaks of it, so that it changes nothing that a plan could depend on
         target, amount = self._sum(function), self._sum(node.items[2])
         attribute = target.term if target is not None else None
         if isinstance(attribute, Call):
             self.mistakes.unsupported(node, self.subject, "a function of several objects that actions change is not read")
         elif target is not None and amount is not None and isinstance(attribute, Attribute):
-            self._set(node, _setting(node.head, attribute, target, amount), found)
+            self._set(node, _setting(node.head, attribute, target, amount), effects)
 
-    def _set(self, node: Group, setting: Setting | None, found: Effects) -> None:
+    def _set(self, node: Group, setting: Setting | None, effects: Effects) -> None:
         if setting is None:
             self.mistakes.unsupported(node, self.subject, "dividing by anything but a number other than 0 is not read")
-        elif (there := found.values.get(setting.target)) is None:
-            found.values[setting.target] = setting
-        elif (both := there.and_also(setting)) is not None:
-            found.values[setting.target] = both
+        elif (existing := effects.values.get(setting.target)) is None:
+            effects.values[setting.target] = setting
+        elif (combined := existing.combine(setting)) is not None:
+            effects.values[setting.target] = combined
         else:
-            self._wrong(node, f"{node.items[1]} is changed in another way by the same action; say once what becomes of it")
+            self._note_mistake(node, f"{node.items[1]} is changed in another way by the same action; say once what becomes of it")
 
 
-def _setting(how: str, attribute: Attribute, target: Sum, amount: Sum) -> Setting | None:
-    match how:
+def _setting(operator: str, attribute: Attribute, target: Sum, amount: Sum) -> Setting | None:
+    match operator:
         case "assign":
             return Setting(attribute, amount, adds=False)
         case "increase" | "decrease":
-            return Setting(attribute, amount if how == "increase" else amount.times(-1), adds=True)
+            return Setting(attribute, amount if operator == "increase" else amount.times(-1), adds=True)
         case "scale-up":
             return Setting(attribute, target * amount, adds=False)
     return Setting(attribute, target.times(1 / amount.number), adds=False) if amount.number else None

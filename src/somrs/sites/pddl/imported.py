@@ -19,7 +19,7 @@ from somrs.ontology.values import measure
 from somrs.planner.model.plan import Step
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.sites.pddl.actions import Actions, Offer
-from somrs.sites.pddl.formulas import Speech, Words
+from somrs.sites.pddl.formulas import FormulaReader, SymbolTable
 from somrs.sites.pddl.kinds import DEVICE, DRIVER, Kinds
 from somrs.sites.pddl.names import Names
 from somrs.sites.pddl.syntax import Domain, Signature, Task, Typed
@@ -32,7 +32,7 @@ AGENT = "Agent"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Imported:
+class ImportedProblem:
     """What a domain and a problem say, in the words of SO-MRS.
 
     `agents` are the devices on the map and what each of them offers; `notes` are for people: what was left out.
@@ -104,13 +104,13 @@ class Imported:
         return "".join(f"{self.pddl_step(step)}\n" for step in steps)
 
 
-def build(domain: Domain, task: Task) -> Imported:
+def build(domain: Domain, task: Task) -> ImportedProblem:
     """Raises ModelError with everything that is wrong with the files, or is not read."""
     raise_all(domain.mistakes, task.mistakes)  # what comes now looks names up
-    return _Building(domain, task).imported()
+    return _ProblemBuilder(domain, task).imported()
 
 
-class _Building:
+class _ProblemBuilder:
     def __init__(self, domain: Domain, task: Task) -> None:
         self.domain, self.task = domain, task
         base = upper()
@@ -124,12 +124,12 @@ class _Building:
             if len(thing.types) > 1:
                 task.mistakes.unsupported(thing.word, thing.written, "an object of either of several types is not read")
         relations, types, attributes, functions = Names(base.relations), Names(base.types), Names([*base.attributes, *RESERVED]), Names()
-        self.taken = Names(base.functions)
+        self.function_names = Names(base.functions)
         for signature in domain.predicates.values():
             relations.add(signature.word.text, signature.word.written)
         for signature in domain.functions.values():
-            few = len(signature.parameters) < 2
-            (attributes if few else functions).add(signature.word.text, self.taken.fresh(signature.word.written))
+            is_attribute = len(signature.parameters) < 2
+            (attributes if is_attribute else functions).add(signature.word.text, self.function_names.fresh(signature.word.written))
         self.objects = Names()
         for name, thing in things.items():
             self.objects.add(name, thing.written)
@@ -138,7 +138,7 @@ class _Building:
         self.kinds = Kinds(domain, things.values(), types, relations)
         self.world_type = types.fresh(WORLD)
         self.cost, self.notes = _metric(task, domain)
-        self.words = Words(
+        self.symbols = SymbolTable(
             domain=domain,
             kinds=self.kinds,
             objects=self.objects,
@@ -154,26 +154,26 @@ class _Building:
         self.facts: dict[Fact, None] = {}
         self.agent_type = types.fresh(AGENT)
 
-    def imported(self) -> Imported:
-        speech = Speech(self.words, self.task.mistakes, "init", {})
+    def imported(self) -> ImportedProblem:
+        reader = FormulaReader(self.symbols, self.task.mistakes, "init", {})
         for node in self.task.init:
-            self._initial(node, speech)
+            self._initial(node, reader)
         map = self._map()
-        offers = [*Actions(self.words, map, self.cost is not None).all()]
+        offers = [*Actions(self.symbols, map, self.cost is not None).make_offers()]
         goal = self._goal()
         raise_all(self.domain.mistakes, self.task.mistakes)
         assert goal is not None
         services = tuple(offer.service for offer in offers)
-        agents, alone = self._agents(offers)
+        agents, lone_agent = self._agents(offers)
         map = Map(
-            [*self._objects(), *([Object(name=alone, type=self.agent_type)] if alone is not None else [])],
-            [*self._all_facts(), *([Fact(PART_OF, (alone, self.world))] if alone is not None else [])],
+            [*self._objects(), *([Object(name=lone_agent, type=self.agent_type)] if lone_agent is not None else [])],
+            [*self._all_facts(), *([Fact(PART_OF, (lone_agent, self.world))] if lone_agent is not None else [])],
         )
         if self.domain.name.lower() != self.task.domain.lower():
             self.notes.append(f"the problem is of a domain {self.task.domain}, and the domain's name is {self.domain.name}")
-        return Imported(
+        return ImportedProblem(
             name=self.task.name or self.domain.name,
-            ontology=upper().extended([*self._definitions(alone is not None), *services]),
+            ontology=upper().extended([*self._definitions(lone_agent is not None), *services]),
             map=map,
             goal=goal,
             services=services,
@@ -185,33 +185,33 @@ class _Building:
 
     # The map
 
-    def _initial(self, node: Node, speech: Speech) -> None:
+    def _initial(self, node: Node, reader: FormulaReader) -> None:
         if not isinstance(node, Group) or not node.head:
-            speech.mistakes.note(node, "init", "syntax", f"{str(node)[:60]} is no fact; a fact is a group: (at truck1 depot)")
+            reader.mistakes.note(node, "init", "syntax", f"{str(node)[:60]} is no fact; a fact is a group: (at truck1 depot)")
         elif node.head == "not":
             pass  # what is not said to hold does not
         elif node.head == "=" and len(node.items) == 3:
-            self._value(node, speech)
+            self._value(node, reader)
         elif node.head == "at" and len(node.items) == 3 and number(node.items[1]) is not None:
-            speech.mistakes.unsupported(node, "init", "facts that come true at a certain time are not read")
-        elif (atom := speech.atom(node)) is not None:
+            reader.mistakes.unsupported(node, "init", "facts that come true at a certain time are not read")
+        elif (atom := reader.atom(node)) is not None:
             self.facts[Fact(atom.relation, tuple(argument.name for argument in atom.arguments))] = None
 
-    def _value(self, node: Group, speech: Speech) -> None:
+    def _value(self, node: Group, reader: FormulaReader) -> None:
         target, value = node.items[1], number(node.items[2])
         if value is None or not isinstance(target, Group):
-            speech.mistakes.note(node, "init", "syntax", f"{node} gives no value; write (= (function object) number)")
+            reader.mistakes.note(node, "init", "syntax", f"{node} gives no value; write (= (function object) number)")
             return
         if target.head == self.cost or (target.head == "total-cost" and len(target.items) == 1):
             return  # it starts at 0, wherever it starts
         arguments = tuple(item.text for item in target.items[1:] if not isinstance(item, Group))
-        if speech.number(target) is None:
+        if reader.number(target) is None:
             return
         names = [self.objects.entish(name) for name in arguments]
         if len(names) > 1:
             self.tables.setdefault(target.head, {})[" ".join(names)] = value
         else:
-            self.values.setdefault(names[0] if names else self.world, {})[self.words.attributes.entish(target.head)] = value
+            self.values.setdefault(names[0] if names else self.world, {})[self.symbols.attributes.entish(target.head)] = value
 
     def _map(self) -> Map:
         return Map(self._objects(), self._all_facts())
@@ -219,9 +219,11 @@ class _Building:
     def _objects(self) -> Iterator[Object]:
         yield Object(name=self.world, type=self.world_type, values={"Label": self.task.name, **self.values.get(self.world, {})})
         for name, thing in self.things.items():
-            own = self.objects.entish(name)
-            label: dict[str, Value] = {"Label": thing.written} if own != thing.written else {}
-            yield Object(name=own, type=self.kinds.names.entish(thing.types[0]), values={**label, **self.values.get(own, {})})
+            entish_name = self.objects.entish(name)
+            label: dict[str, Value] = {"Label": thing.written} if entish_name != thing.written else {}
+            yield Object(
+                name=entish_name, type=self.kinds.names.entish(thing.types[0]), values={**label, **self.values.get(entish_name, {})}
+            )
 
     def _all_facts(self) -> Iterator[Fact]:
         yield from (Fact(PART_OF, (self.objects.entish(name), self.world)) for name in self.things)
@@ -233,16 +235,16 @@ class _Building:
 
     # The ontology
 
-    def _definitions(self, alone: bool) -> Iterator[Definition]:
+    def _definitions(self, has_lone_agent: bool) -> Iterator[Definition]:
         attributes: dict[str, list[str]] = {}
         for name, signature in self.domain.functions.items():
             if name != self.cost and len(signature.parameters) < 2:
-                attribute = self.words.attributes.entish(name)
+                attribute = self.symbols.attributes.entish(name)
                 yield AttributeType(name=attribute, kind=Kind.NUMBER)
                 for type_name in self.kinds.covering(signature.parameters[0]) if signature.parameters else [self.world_type]:
                     attributes.setdefault(type_name, []).append(attribute)
         for name, signature in self.domain.predicates.items():
-            yield RelationType(name=self.words.relations.entish(name), joins=self._joins(signature.parameters) or (self.world_type,))
+            yield RelationType(name=self.symbols.relations.entish(name), joins=self._joins(signature.parameters) or (self.world_type,))
         for relation in self.kinds.picked:
             yield RelationType(name=relation, joins=(self.kinds.of_picked(relation),), doc="Is one of those that an action is about")
         for name, signature in self.domain.functions.items():
@@ -250,7 +252,7 @@ class _Building:
                 yield self._table(name, signature)
         yield ObjectType(name=self.world_type, parent=ABSTRACT, attributes=tuple(attributes.get(self.world_type, ())))
         yield from self.kinds.definitions(attributes)
-        if alone:
+        if has_lone_agent:
             yield ObjectType(name=self.agent_type, parent=DEVICE, driver=DRIVER, doc="Does everything that the domain's actions do")
 
     def _joins(self, parameters: tuple[Typed, ...]) -> tuple[str, ...]:
@@ -258,7 +260,7 @@ class _Building:
 
     def _table(self, name: str, signature: Signature) -> FunctionType:
         values = self.tables.get(name, {})
-        return FunctionType(name=self.words.functions.entish(name), parameters=self._joins(signature.parameters), values=values)
+        return FunctionType(name=self.symbols.functions.entish(name), parameters=self._joins(signature.parameters), values=values)
 
     # Who does it, and what is to be done
 
@@ -266,20 +268,20 @@ class _Building:
         """The devices and what they offer; and the name of the one that is made up when the domain names none."""
         named = frozenset[str]().union(*(offer.agents for offer in offers if offer.agents is not None))
         if not named:
-            alone = self.objects.fresh(f"{AGENT}1")
-            return {alone: tuple(offer.service for offer in offers)}, alone
-        found: dict[str, tuple[ServiceType, ...]] = {}
+            lone_agent = self.objects.fresh(f"{AGENT}1")
+            return {lone_agent: tuple(offer.service for offer in offers)}, lone_agent
+        agents: dict[str, tuple[ServiceType, ...]] = {}
         for name, thing in self.things.items():
             if thing.types[0] in named:
                 able = (offer for offer in offers if offer.agents is None or thing.types[0] in offer.agents)
-                found[self.objects.entish(name)] = tuple(offer.service for offer in able)
-        return found, None
+                agents[self.objects.entish(name)] = tuple(offer.service for offer in able)
+        return agents, None
 
     def _goal(self) -> Formula | None:
         assert self.task.goal is not None
-        speech = Speech(self.words, self.task.mistakes, "goal", {})
-        goal = speech.condition(self.task.goal)
-        if goal is None and not self.task.mistakes.found:
+        reader = FormulaReader(self.symbols, self.task.mistakes, "goal", {})
+        goal = reader.condition(self.task.goal)
+        if goal is None and not self.task.mistakes.problems:
             self.task.mistakes.note(self.task.goal, "goal", "goal", "this goal asks for nothing; write a condition in it")
         return goal
 
@@ -295,6 +297,6 @@ def _metric(task: Task, domain: Domain) -> tuple[str | None, list[str]]:
                 return name, []
             if name == "total-time":
                 return None, ["the time that the plan takes is not kept small by its metric; the system keeps it small anyway"]
-    what = f"a metric {' '.join(map(str, task.metric.items[1:]))} is not read; one function without parameters can be kept small"
-    task.mistakes.unsupported(task.metric, "metric", what)
+    message = f"a metric {' '.join(map(str, task.metric.items[1:]))} is not read; one function without parameters can be kept small"
+    task.mistakes.unsupported(task.metric, "metric", message)
     return None, []

@@ -39,13 +39,13 @@ class Kinds:
         self._parents: dict[str, str | None] = {OBJECT: None, **domain.parents}
         self.inhabited = frozenset(thing.types[0] for thing in objects)
         acting = [action.agent for action in domain.actions.values() if action.agent is not None]
-        taking = [parameter for action in domain.actions.values() for parameter in action.parameters]
-        self._root_used = OBJECT in self.inhabited or any(OBJECT in thing.types for thing in (*acting, *taking))
-        below: dict[str, set[str]] = {name: set() for name in self._parents}
+        parameters = [parameter for action in domain.actions.values() for parameter in action.parameters]
+        self._root_used = OBJECT in self.inhabited or any(OBJECT in thing.types for thing in (*acting, *parameters))
+        descendants: dict[str, set[str]] = {name: set() for name in self._parents}
         for name in self._parents:
-            for above in self._line(name):
-                below[above].add(name)
-        self._below = {name: frozenset(found) for name, found in below.items()}
+            for ancestor in self._line(name):
+                descendants[ancestor].add(name)
+        self._descendants = {name: frozenset(type_names) for name, type_names in descendants.items()}
         self.acting = self._acting(frozenset().union(*(self.sorts(agent) for agent in acting)))
         for name in self._parents:
             if name != OBJECT or self._root_used:
@@ -59,16 +59,16 @@ class Kinds:
 
     def _acting(self, named: Sorts) -> Sorts:
         """The types of agents; and those above that have no others below them and no objects of their own."""
-        found = set(named)
+        acting_types = set(named)
         for name in sorted(self._parents, key=lambda name: -len([*self._line(name)])):
-            inner = self._below[name] - {name}
-            if inner and inner <= found and name not in self.inhabited and (name != OBJECT or self._root_used):
-                found.add(name)
-        return frozenset(found)
+            inner = self._descendants[name] - {name}
+            if inner and inner <= acting_types and name not in self.inhabited and (name != OBJECT or self._root_used):
+                acting_types.add(name)
+        return frozenset(acting_types)
 
     def sorts(self, thing: Typed) -> Sorts:
         """What something that is declared so may be."""
-        return frozenset[str]().union(*(self._below[name] for name in thing.types if name in self._below))
+        return frozenset[str]().union(*(self._descendants[name] for name in thing.types if name in self._descendants))
 
     def kind(self, sorts: Sorts, declared: Typed | None = None) -> Kind:
         """What to say of a variable that stands for such objects; the type that it was declared with, if that is right."""
@@ -79,43 +79,43 @@ class Kinds:
 
     def joined(self, thing: Typed) -> str:
         """The type that a predicate or function joins there; what it says of others is never true."""
-        wanted = self.sorts(thing) & self.inhabited
-        return self._exact(wanted, thing) or self._common(wanted)
+        target_sorts = self.sorts(thing) & self.inhabited
+        return self._exact(target_sorts, thing) or self._common(target_sorts)
 
-    def _exact(self, wanted: Sorts, declared: Typed | None) -> str | None:
+    def _exact(self, target_sorts: Sorts, declared: Typed | None) -> str | None:
         """The type of the ontology that has these objects and no others."""
         for name in (*(declared.types if declared is not None else ()), *self._parents):
-            if self._kept(name) and self._objects_of(name) == wanted:
+            if self._is_included(name) and self._objects_of(name) == target_sorts:
                 return self.names.entish(name)
         return None
 
-    def _common(self, wanted: Sorts) -> str:
+    def _common(self, target_sorts: Sorts) -> str:
         """The nearest type of the ontology that is above all these."""
-        lines = [[*map(self.names.entish, self._entish_line(sort)), *self._tops(sort)] for sort in wanted]
+        lines = [[*map(self.names.entish, self._entish_line(sort)), *self._tops(sort)] for sort in target_sorts]
         return next((name for name in lines[0] if all(name in line for line in lines)), PHYSICAL) if lines else PHYSICAL
 
-    def _kept(self, name: str) -> bool:
+    def _is_included(self, name: str) -> bool:
         return name != OBJECT or self._root_used
 
     def _objects_of(self, name: str) -> Sorts:
         """The types of the objects that the ontology's type of this name has."""
-        return frozenset(sort for sort in self._below[name] & self.inhabited if name in self._entish_line(sort))
+        return frozenset(sort for sort in self._descendants[name] & self.inhabited if name in self._entish_line(sort))
 
     def _entish_line(self, name: str) -> list[str]:
         """The types above it that stay above it: those on its side, of what acts or of what does not."""
         side = name in self.acting
-        return [above for above in self._line(name) if self._kept(above) and (above in self.acting) is side]
+        return [ancestor for ancestor in self._line(name) if self._is_included(ancestor) and (ancestor in self.acting) is side]
 
     def _tops(self, name: str) -> list[str]:
         return [DEVICE, PHYSICAL] if name in self.acting else [PHYSICAL]
 
-    def _relation(self, wanted: Sorts, declared: Typed | None) -> str:
-        for known, sorts in self.picked.items():
-            if sorts == wanted:
-                return known
-        said = "-or-".join(declared.types if declared is not None else sorted(wanted)) or "nothing"
-        relation = self.relations.fresh(f"is-{said}")
-        self.picked[relation] = wanted
+    def _relation(self, target_sorts: Sorts, declared: Typed | None) -> str:
+        for existing_relation, sorts in self.picked.items():
+            if sorts == target_sorts:
+                return existing_relation
+        type_text = "-or-".join(declared.types if declared is not None else sorted(target_sorts)) or "nothing"
+        relation = self.relations.fresh(f"is-{type_text}")
+        self.picked[relation] = target_sorts
         return relation
 
     def relation(self, sorts: Sorts, declared: Typed) -> str:
@@ -128,23 +128,23 @@ class Kinds:
 
     def covering(self, thing: Typed) -> list[str]:
         """The topmost types of the ontology that together hold all that it may be: those that get an attribute of it."""
-        sorts = [name for name in self.sorts(thing) if self._kept(name)]
-        return [self.names.entish(name) for name in sorts if self._above(name) not in sorts]
+        sorts = [name for name in self.sorts(thing) if self._is_included(name)]
+        return [self.names.entish(name) for name in sorts if self._nearest_ancestor(name) not in sorts]
 
-    def _above(self, name: str) -> str | None:
+    def _nearest_ancestor(self, name: str) -> str | None:
         line = self._entish_line(name)
         return line[1] if len(line) > 1 else None
 
     def definitions(self, attributes: dict[str, list[str]]) -> Iterator[ObjectType]:
         """The types; `attributes` are what objects of them may have, by the types' names in the ontology."""
         for name in self._parents:
-            if not self._kept(name):
+            if not self._is_included(name):
                 continue
-            own, above = self.names.entish(name), self._above(name)
-            parent = self.names.entish(above) if above is not None else DEVICE if name in self.acting else PHYSICAL
+            entish_name, ancestor = self.names.entish(name), self._nearest_ancestor(name)
+            parent = self.names.entish(ancestor) if ancestor is not None else DEVICE if name in self.acting else PHYSICAL
             yield ObjectType(
-                name=own,
+                name=entish_name,
                 parent=parent,
-                attributes=tuple(attributes.get(own, ())),
+                attributes=tuple(attributes.get(entish_name, ())),
                 driver=DRIVER if parent == DEVICE else None,
             )

@@ -13,8 +13,8 @@ _KEYWORDS = frozenset({"AND", "OR", "NOT", "TRUE", "FALSE"})
 class Names:
     """One sort of names (objects, relations, ...): PDDL's, in small letters, and Entish's, each the other's only one."""
 
-    def __init__(self, taken: Iterable[str] = ()) -> None:
-        self._taken = set(taken)
+    def __init__(self, reserved: Iterable[str] = ()) -> None:
+        self._reserved = set(reserved)
         self._entish: dict[str, str] = {}
         self._pddl: dict[str, str] = {}
 
@@ -29,14 +29,14 @@ class Names:
             self._pddl[name] = pddl
         return self._entish[pddl]
 
-    def fresh(self, wanted: str) -> str:
+    def fresh(self, wanted_name: str) -> str:
         """An Entish name like the wanted one that is nobody's yet."""
-        name = re.sub(r"-(?!\w)", "_", re.sub(r"[^\w-]", "_", wanted))
+        name = re.sub(r"-(?!\w)", "_", re.sub(r"[^\w-]", "_", wanted_name))
         if not NAME.fullmatch(name):
             name = "x" + name
-        while name in self._taken or name in _KEYWORDS:
+        while name in self._reserved or name in _KEYWORDS:
             name += "_"
-        self._taken.add(name)
+        self._reserved.add(name)
         return name
 
     def entish(self, pddl: str) -> str:

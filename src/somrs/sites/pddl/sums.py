@@ -17,11 +17,13 @@ class Sum:
 
     parts: tuple[tuple[tuple[Factor, ...], float], ...]
 
-    def __add__(self, other: Sum) -> Sum:
-        return _sum([*self.parts, *other.parts])
+    def __add__(self, addend: Sum) -> Sum:
+        return _sum([*self.parts, *addend.parts])
 
-    def __mul__(self, other: Sum) -> Sum:
-        return _sum([((*a, *b), m * n) for (a, m), (b, n) in product(self.parts, other.parts)])
+    def __mul__(self, multiplier: Sum) -> Sum:
+        return _sum(
+            [((*left_factors, *right_factors), m * n) for (left_factors, m), (right_factors, n) in product(self.parts, multiplier.parts)]
+        )
 
     def times(self, number: float) -> Sum:
         return _sum([(factors, count * number) for factors, count in self.parts])
@@ -36,13 +38,13 @@ class Sum:
     @property
     def term(self) -> Term:
         """As Entish says it."""
-        found: Term | None = None
+        term: Term | None = None
         for factors, count in self.parts:
-            if found is None:
-                found = _product(factors, count)
+            if term is None:
+                term = _product(factors, count)
             else:
-                found = Arithmetic(found, "+" if count > 0 else "-", _product(factors, abs(count)))
-        return found if found is not None else Number(0)
+                term = Arithmetic(term, "+" if count > 0 else "-", _product(factors, abs(count)))
+        return term if term is not None else Number(0)
 
     def substituted(self, bindings: Substitution) -> Sum:
         parts: list[tuple[tuple[Factor, ...], float]] = []
@@ -56,22 +58,22 @@ def constant(value: float) -> Sum:
     return _sum([((), value)])
 
 
-def one(factor: Factor) -> Sum:
+def single_factor(factor: Factor) -> Sum:
     return _sum([((factor,), 1.0)])
 
 
 def _sum(parts: list[tuple[tuple[Factor, ...], float]]) -> Sum:
     """With what is alike added up, and what is nothing left out."""
-    found: dict[tuple[Factor, ...], float] = {}
+    counts: dict[tuple[Factor, ...], float] = {}
     for factors, count in parts:
         key = tuple(sorted(factors, key=str))
-        found[key] = found.get(key, 0.0) + count
-    return Sum(tuple((factors, count) for factors, count in found.items() if count))
+        counts[key] = counts.get(key, 0.0) + count
+    return Sum(tuple((factors, count) for factors, count in counts.items() if count))
 
 
 def _product(factors: tuple[Factor, ...], count: float) -> Term:
-    found: Term | None = Number(count) if count != 1 or not factors else None
+    term: Term | None = Number(count) if count != 1 or not factors else None
     for factor in factors:
-        found = Arithmetic(found, "*", factor) if found is not None else factor
-    assert found is not None
-    return found
+        term = Arithmetic(term, "*", factor) if term is not None else factor
+    assert term is not None
+    return term

@@ -89,65 +89,65 @@ class Task:
 
 def domain(root: Group, mistakes: Mistakes) -> Domain:
     """The domain that a file defines."""
-    found = Domain(mistakes=mistakes)
+    definition = Domain(mistakes=mistakes)
     for section in _sections(root, "domain", mistakes):
         match section.head:
             case "domain":
-                found.name = str(section.items[1]) if len(section.items) > 1 else ""
+                definition.name = str(section.items[1]) if len(section.items) > 1 else ""
             case ":requirements":
                 _requirements(section, mistakes)
             case ":types":
-                _types(section, found)
+                _types(section, definition)
             case ":constants":
-                _declare(_objects(section.items[1:], mistakes), found.constants, mistakes)
+                _declare(_objects(section.items[1:], mistakes), definition.constants, mistakes)
             case ":predicates":
-                found.predicates.update((s.word.text, s) for s in _signatures(section.items[1:], mistakes))
+                definition.predicates.update((s.word.text, s) for s in _signatures(section.items[1:], mistakes))
             case ":functions":
-                found.functions.update((s.word.text, s) for s in _signatures(section.items[1:], mistakes))
+                definition.functions.update((s.word.text, s) for s in _signatures(section.items[1:], mistakes))
             case ":action":
-                _action(section, found)
+                _action(section, definition)
             case _:
-                _other(section, mistakes)
-    _known_types(found)
-    return found
+                _reject_section(section, mistakes)
+    _known_types(definition)
+    return definition
 
 
 def task(root: Group, mistakes: Mistakes, domain: Domain) -> Task:
     """The problem that a file defines."""
-    found = Task(mistakes=mistakes)
+    definition = Task(mistakes=mistakes)
     for section in _sections(root, "problem", mistakes):
         match section.head:
             case "problem":
-                found.name = str(section.items[1]) if len(section.items) > 1 else ""
+                definition.name = str(section.items[1]) if len(section.items) > 1 else ""
             case ":domain":
-                found.domain = str(section.items[1]) if len(section.items) > 1 else ""
+                definition.domain = str(section.items[1]) if len(section.items) > 1 else ""
             case ":requirements":
                 _requirements(section, mistakes)
             case ":objects":
-                _declare(_objects(section.items[1:], mistakes), found.objects, mistakes)
+                _declare(_objects(section.items[1:], mistakes), definition.objects, mistakes)
             case ":init":
-                found.init = section.items[1:]
+                definition.init = section.items[1:]
             case ":goal":
-                found.goal = section.items[1] if len(section.items) == 2 else None
+                definition.goal = section.items[1] if len(section.items) == 2 else None
             case ":metric":
-                found.metric = section
+                definition.metric = section
             case ":length":
                 pass  # a hint of how long a plan is allowed to be, which PDDL itself has given up
             case _:
-                _other(section, mistakes)
-    for thing in found.objects.values():
+                _reject_section(section, mistakes)
+    for thing in definition.objects.values():
         for name in thing.types:
             if name != OBJECT and name not in domain.parents:
                 message = f"the domain has no type {name}; declare it in :types, or mend the name"
                 mistakes.note(thing.word, thing.written, "unknown-type", message)
-    if found.goal is None:
+    if definition.goal is None:
         mistakes.note(root, "problem", "goal", "there is no goal; write (:goal ...) with one condition in it")
-    return found
+    return definition
 
 
-def _sections(root: Group, what: str, mistakes: Mistakes) -> Iterator[Group]:
-    if root.head != "define" or len(root.items) < 2 or not isinstance(root.items[1], Group) or root.items[1].head != what:
-        mistakes.note(root, "file", "syntax", f"this is no PDDL {what}; such a file begins with (define ({what} NAME)")
+def _sections(root: Group, kind: str, mistakes: Mistakes) -> Iterator[Group]:
+    if root.head != "define" or len(root.items) < 2 or not isinstance(root.items[1], Group) or root.items[1].head != kind:
+        mistakes.note(root, "file", "syntax", f"this is no PDDL {kind}; such a file begins with (define ({kind} NAME)")
         return
     for item in root.items[1:]:
         if isinstance(item, Group) and item.items:
@@ -156,7 +156,7 @@ def _sections(root: Group, what: str, mistakes: Mistakes) -> Iterator[Group]:
             mistakes.note(item, str(item), "syntax", "a section is a group, such as (:init ...)")
 
 
-def _other(section: Group, mistakes: Mistakes) -> None:
+def _reject_section(section: Group, mistakes: Mistakes) -> None:
     name = section.head or str(section)[:40]
     mistakes.unsupported(section, name, _SECTIONS.get(name, f"a section {name} is not known"))
 
@@ -170,10 +170,10 @@ def _requirements(section: Group, mistakes: Mistakes) -> None:
             )
 
 
-def _declare(declared: Iterator[Typed], into: dict[str, Typed], mistakes: Mistakes) -> None:
+def _declare(declared: Iterator[Typed], table: dict[str, Typed], mistakes: Mistakes) -> None:
     for thing in declared:
-        if (there := into.setdefault(thing.name, thing)).types != thing.types:
-            message = f"is declared as another type in line {there.word.line}; keep one of the two"
+        if (earlier := table.setdefault(thing.name, thing)).types != thing.types:
+            message = f"is declared as another type in line {earlier.word.line}; keep one of the two"
             mistakes.note(thing.word, thing.written, "duplicate", message)
 
 
@@ -193,13 +193,13 @@ def _typed(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Typed]:
     yield from (Typed(word=word, types=(OBJECT,)) for word in waiting)
 
 
-def _type_names(node: Node | None, at: Node, mistakes: Mistakes) -> tuple[str, ...]:
+def _type_names(node: Node | None, dash: Node, mistakes: Mistakes) -> tuple[str, ...]:
     match node:
         case Word(text):
             return (text,)
         case Group(items) if node.head == "either" and len(items) > 1 and all(isinstance(item, Word) for item in items):
             return tuple(dict.fromkeys(item.text for item in items[1:] if isinstance(item, Word)))
-    mistakes.note(node or at, "-", "syntax", "a type was expected after this -: a name, or (either NAME NAME)")
+    mistakes.note(node or dash, "-", "syntax", "a type was expected after this -: a name, or (either NAME NAME)")
     return (OBJECT,)
 
 
@@ -241,14 +241,14 @@ def _types(section: Group, domain: Domain) -> None:
             domain.parents[parent] = OBJECT  # named only as what others are below
             domain.types[parent] = Word(parent, parent, domain.types[name].line)
     for name in domain.parents:
-        above, seen = name, {name}
-        while above != OBJECT:
-            above = domain.parents[above]
-            if above in seen:
+        ancestor, visited = name, {name}
+        while ancestor != OBJECT:
+            ancestor = domain.parents[ancestor]
+            if ancestor in visited:
                 domain.mistakes.note(domain.types[name], name, "cycle", "this type is below itself; give it another type above")
                 domain.parents[name] = OBJECT
                 break
-            seen.add(above)
+            visited.add(ancestor)
 
 
 def _known_types(domain: Domain) -> None:
@@ -302,5 +302,5 @@ def _action(section: Group, domain: Domain) -> None:
 
 def _condition(parts: dict[str, list[Node]], key: str) -> Node | None:
     """None where nothing is said: left out, or ()."""
-    found = parts.get(key)
-    return found[0] if found and not (isinstance(found[0], Group) and not found[0].items) else None
+    nodes = parts.get(key)
+    return nodes[0] if nodes and not (isinstance(nodes[0], Group) and not nodes[0].items) else None

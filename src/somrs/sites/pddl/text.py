@@ -50,28 +50,28 @@ class Mistakes:
     """What is wrong with one file, gathered so that everything can be told at once."""
 
     file: str
-    found: list[Problem] = field(default_factory=list)
+    problems: list[Problem] = field(default_factory=list)
 
     def note(self, node: Node | int | None, subject: str, rule: str, message: str) -> None:
         line = node if isinstance(node, int) or node is None else node.line
-        self.found.append(Problem(file=self.file, line=line, subject=subject, rule=rule, message=message))
+        self.problems.append(Problem(file=self.file, line=line, subject=subject, rule=rule, message=message))
 
-    def unsupported(self, node: Node | int, subject: str, what: str) -> None:
+    def unsupported(self, node: Node | int, subject: str, message: str) -> None:
         """That the file uses something which is not read."""
-        self.note(node, subject, "unsupported", f"{what}; docs/pddl.md says what is read")
+        self.note(node, subject, "unsupported", f"{message}; docs/pddl.md says what is read")
 
 
 def raise_all(*files: Mistakes) -> None:
     """Raise ModelError if anything is wrong."""
-    found = [problem for file in files for problem in dict.fromkeys(file.found)]
-    if found:
-        raise ModelError(found)
+    problems = [problem for file in files for problem in dict.fromkeys(file.problems)]
+    if problems:
+        raise ModelError(problems)
 
 
 def parse(text: str, mistakes: Mistakes) -> Group | None:
     """The one group that a file holds; None after a mistake."""
     open_groups: list[tuple[int, list[Node]]] = []
-    done: list[Node] = []
+    top_nodes: list[Node] = []
     for token, line in _tokens(text):
         if token == "(":
             if len(open_groups) == DEEPEST:
@@ -82,18 +82,18 @@ def parse(text: str, mistakes: Mistakes) -> Group | None:
             if not open_groups:
                 mistakes.note(line, "file", "syntax", "this ) closes nothing; take it away, or write the ( that is missing")
                 return None
-            began, items = open_groups.pop()
-            (open_groups[-1][1] if open_groups else done).append(Group(tuple(items), began))
+            start_line, items = open_groups.pop()
+            (open_groups[-1][1] if open_groups else top_nodes).append(Group(tuple(items), start_line))
         else:
-            (open_groups[-1][1] if open_groups else done).append(Word(token.lower(), token, line))
+            (open_groups[-1][1] if open_groups else top_nodes).append(Word(token.lower(), token, line))
     if open_groups:
         mistakes.note(open_groups[-1][0], "file", "syntax", "the ( in this line is never closed; write the ) that is missing")
         return None
-    if len(done) != 1 or not isinstance(done[0], Group):
-        line = done[1].line if len(done) > 1 else 1
+    if len(top_nodes) != 1 or not isinstance(top_nodes[0], Group):
+        line = top_nodes[1].line if len(top_nodes) > 1 else 1
         mistakes.note(line, "file", "syntax", "a PDDL file is one group, (define ...), and nothing else")
         return None
-    return done[0]
+    return top_nodes[0]
 
 
 def _tokens(text: str) -> Iterator[tuple[str, int]]:
