@@ -54,17 +54,17 @@ def alive(pid: int) -> bool:
 def test_the_first_plan_counts_and_nobody_runs_on(task: Path) -> None:
     program, noted = noting(NEVER, task)
     slow_answer = f"import time, os\nwhile not os.path.exists({str(task.with_name('notes'))!r}): time.sleep(0.01)\n{ANSWERS}"
-    won = race([engine(program, "never"), engine(slow_answer, "answers")], task, 60, at_once=2)
-    assert (won.by, won.operators) == ("answers", ("3", "1"))
+    won = race([engine(program, "never"), engine(slow_answer, "answers")], task, 60, max_running=2)
+    assert (won.engine_name, won.operators) == ("answers", ("3", "1"))
     assert [alive(pid) for pid in noted()] == [False]
 
 
 def test_a_proof_that_there_is_no_plan_is_an_answer(task: Path) -> None:
-    assert race([engine(NEVER), engine(PROVES, "proves")], task, 60, at_once=2).operators is None
+    assert race([engine(NEVER), engine(PROVES, "proves")], task, 60, max_running=2).operators is None
 
 
 def test_one_that_falls_makes_room_for_the_next(task: Path) -> None:
-    assert race([engine(FALLS, "falls"), engine(ANSWERS, "answers")], task, 60, at_once=1).by == "answers"
+    assert race([engine(FALLS, "falls"), engine(ANSWERS, "answers")], task, 60, max_running=1).engine_name == "answers"
 
 
 def test_one_that_is_killed_is_started_again_once(task: Path) -> None:
@@ -96,8 +96,8 @@ def test_one_that_wants_too_much_memory_ends_without_harm(task: Path) -> None:
 
 
 def test_one_that_used_its_share_makes_room_and_the_last_has_all_the_time(task: Path) -> None:
-    won = race([engine(NEVER, "never", 0.01), engine("import time; time.sleep(1); " + ANSWERS, "answers", 0.001)], task, 60, at_once=1)
-    assert won.by == "answers"
+    won = race([engine(NEVER, "never", 0.01), engine("import time; time.sleep(1); " + ANSWERS, "answers", 0.001)], task, 60, max_running=1)
+    assert won.engine_name == "answers"
 
 
 def test_nobody_runs_on_when_time_is_up(task: Path) -> None:

@@ -26,7 +26,7 @@ from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
 from somrs.planner.search.search import TooHard, search
 from somrs.planner_service import engines
-from somrs.planner_service.engines import driver, entrants, plan_in_process, raced, solved
+from somrs.planner_service.engines import driver, entrants, plan_in_process, race_engines, solve
 from somrs.sites.pddl import read as read_pddl
 from tests.support.courier import DOMAIN as COURIER
 from tests.support.examples import examples
@@ -79,7 +79,7 @@ def test_every_engine_and_the_small_search_agree(problem: Problem) -> None:
     for name, entrant in ENGINES.items():
         if found is None and not entrant.proves:
             continue  # a solver would look for longer and longer plans
-        names = raced(encode_sas(merge_task(task)), 120, [entrant]).operators
+        names = race_engines(encode_sas(merge_task(task)), 120, [entrant]).operators
         assert (names is None) == (found is None), name
         if names is not None:
             state = task.initial
@@ -116,7 +116,7 @@ def test_hard_problems_of_the_field_are_planned_for(name: str) -> None:
 def test_a_task_of_scarce_things_is_solved_step_by_step() -> None:
     task = task_of(codmap("wireless/p06"))
     assert task is not None
-    names = raced(encode_sas(merge_task(task)), 60, [ENGINES["steps+0"]]).operators
+    names = race_engines(encode_sas(merge_task(task)), 60, [ENGINES["steps+0"]]).operators
     assert names is not None
     state = task.initial
     for move in decode_moves(list(names), task):
@@ -153,10 +153,10 @@ def test_counting_is_an_engine_that_proves(counted: int) -> None:
     counting = [entrant for entrant in entrants() if entrant.name == "counting"]
     task = encode_sas(lift(2, counted))
     if counted < 2:
-        assert raced(task, 120, counting).operators is None
+        assert race_engines(task, 120, counting).operators is None
     else:
         with pytest.raises(RemoteError):
-            raced(task, 120, counting)
+            race_engines(task, 120, counting)
 
 
 def test_without_an_engine_the_explanation_says_what_to_install() -> None:
@@ -185,5 +185,5 @@ def fifteen_puzzle() -> FiniteTask:
 def test_the_engine_ends_at_its_limit() -> None:
     started = time.monotonic()
     with pytest.raises(RemoteError, match="no plan was found in 1 s"):
-        solved(encode_sas(fifteen_puzzle()), 1)
+        solve(encode_sas(fifteen_puzzle()), 1)
     assert time.monotonic() - started < 120, "without the limit it searches for hours; a busy machine may be slow to start and stop it"

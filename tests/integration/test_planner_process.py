@@ -122,10 +122,10 @@ def test_little_is_sent_of_a_large_map_that_is_there_already() -> None:
     map = Map(Object(name=f"Jar{n}", type="Jar") for n in range(5_000))
     sender, recipient = Sender(), Recipient()
     whole, again = replace(SO_ALREADY, map=map), replace(SO_ALREADY, map=map.changed([ValueSet("Jar7", "PositionX", 2.0)]))
-    assert recipient.unpacked(sender.packed(whole)).map == whole.map
-    shipment = sender.packed(again)
+    assert recipient.unpack(sender.pack(whole)).map == whole.map
+    shipment = sender.pack(again)
     assert len(encode(shipment)) < 5_000
-    assert recipient.unpacked(shipment) == replace(again, ontology=whole.ontology)
+    assert recipient.unpack(shipment) == replace(again, ontology=whole.ontology)
 
 
 def test_what_needs_no_search_needs_no_process() -> None:

@@ -19,7 +19,7 @@ GRACE = 5.0
 """Seconds on top of the limit for the process to start and to write its answer."""
 
 
-def there() -> bool:
+def is_tyr_installed() -> bool:
     """Whether the `numbers` extra is installed."""
     return importlib.util.find_spec("pytyr") is not None
 
@@ -28,21 +28,21 @@ def tyr(domain: str, problem: str, seconds: float) -> list[str] | None:
     """The names of the actions of a plan; None when there is no plan. Raises RemoteError when there is no answer in time."""
     command = [sys.executable, "-m", "somrs.planner_service.engine_counters", str(seconds)]
     try:
-        asked = json.dumps([domain, problem])
-        done = subprocess.run(command, input=asked, capture_output=True, text=True, timeout=seconds + GRACE, check=False)
+        request = json.dumps([domain, problem])
+        process = subprocess.run(command, input=request, capture_output=True, text=True, timeout=seconds + GRACE, check=False)
     except subprocess.TimeoutExpired:
-        raise RemoteError(_none_in(seconds)) from None
-    if done.returncode:
-        raise RemoteError(f"pytyr ended with code {done.returncode}: {done.stderr[-500:]}")
-    answer: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+        raise RemoteError(_timeout_text(seconds)) from None
+    if process.returncode:
+        raise RemoteError(f"pytyr ended with code {process.returncode}: {process.stderr[-500:]}")
+    answer: dict[str, Any] = json.loads(process.stdout.splitlines()[-1])
     if answer["status"] == "SOLVED":
         return [str(name) for name in answer["plan"]]
     if answer["status"] in ("UNSOLVABLE", "EXHAUSTED"):
         return None
-    raise RemoteError(_none_in(seconds))
+    raise RemoteError(_timeout_text(seconds))
 
 
-def _none_in(seconds: float) -> str:
+def _timeout_text(seconds: float) -> str:
     return f"no plan with these numbers was found in {seconds:g} s, nor that there is none"
 
 
@@ -59,13 +59,13 @@ def _solve(domain: str, problem: str, seconds: float) -> dict[str, object]:
     axioms = lifted.AxiomEvaluatorFactory().create(task, context)
     states = lifted.StateRepositoryFactory().create(task)
     successors = lifted.SuccessorGeneratorFactory().create(task, context)
-    how = gbfs_lazy.Options()
-    how.search_budget = SearchBudget(max_time=timedelta(seconds=seconds))
-    found = gbfs_lazy.find_solution(task, states, axioms, successors, lifted.FFRPGHeuristic.create(task, context), how)
-    names = str(found.plan).replace("(", " ").replace(")", " ").split() if found.plan is not None else []
-    return {"status": found.status.name, "plan": names}
+    search_options = gbfs_lazy.Options()
+    search_options.search_budget = SearchBudget(max_time=timedelta(seconds=seconds))
+    result = gbfs_lazy.find_solution(task, states, axioms, successors, lifted.FFRPGHeuristic.create(task, context), search_options)
+    names = str(result.plan).replace("(", " ").replace(")", " ").split() if result.plan is not None else []
+    return {"status": result.status.name, "plan": names}
 
 
 if __name__ == "__main__":
-    asked: list[str] = json.load(sys.stdin)
-    print(json.dumps(_solve(asked[0], asked[1], float(sys.argv[1]))))
+    pddl_texts: list[str] = json.load(sys.stdin)
+    print(json.dumps(_solve(pddl_texts[0], pddl_texts[1], float(sys.argv[1]))))

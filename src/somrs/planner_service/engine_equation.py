@@ -24,8 +24,8 @@ INFEASIBLE = 2
 
 
 def main(task: str) -> int:
-    given = parse_sas(Path(task).read_text(encoding="ascii"))
-    return UNSOLVABLE if any(map(unsatisfiable, equations(given))) else 1
+    finite_task = parse_sas(Path(task).read_text(encoding="ascii"))
+    return UNSOLVABLE if any(map(is_unsatisfiable, equations(finite_task))) else 1
 
 
 def equations(task: FiniteTask) -> Iterator[Equation]:
@@ -39,24 +39,24 @@ def equations(task: FiniteTask) -> Iterator[Equation]:
 
 def parts(task: FiniteTask) -> Iterable[FiniteTask]:
     """What the parts of the goal depend on: one for all that depend on the same."""
-    found: dict[tuple[tuple[str, ...], ...], FiniteTask] = {}
+    subtasks: dict[tuple[tuple[str, ...], ...], FiniteTask] = {}
     for variable, value in task.goal:
         if task.initial[variable] != value:
             part = prune_irrelevant(replace(task, goal=((variable, value),)))
-            same = found.get(part.names)
-            found[part.names] = replace(part, goal=(*same.goal, *part.goal)) if same else part
-    return found.values()
+            subtask = subtasks.get(part.names)
+            subtasks[part.names] = replace(part, goal=(*subtask.goal, *part.goal)) if subtask else part
+    return subtasks.values()
 
 
-def unsatisfiable(wanted: Equation) -> bool:
+def is_unsatisfiable(state_equation: Equation) -> bool:
     """Whether no numbers of times satisfy it. As few times as possible are asked for: so the solver can begin with none at all,
     and is many times as fast as when any number will do."""
-    if not wanted.cases:
-        return max(wanted.least) > 0
-    rows, columns, changes = ([term[place] for term in wanted.terms] for place in range(3))
-    matrix = csr_array((changes, (rows, columns)), shape=(len(wanted.least), len(wanted.cases)), dtype=float)
-    found = linprog([1.0] * len(wanted.cases), A_ub=-matrix, b_ub=[-least for least in wanted.least], method="highs")
-    return bool(found.status == INFEASIBLE)
+    if not state_equation.cases:
+        return max(state_equation.least) > 0
+    rows, columns, changes = ([term[place] for term in state_equation.terms] for place in range(3))
+    matrix = csr_array((changes, (rows, columns)), shape=(len(state_equation.least), len(state_equation.cases)), dtype=float)
+    result = linprog([1.0] * len(state_equation.cases), A_ub=-matrix, b_ub=[-least for least in state_equation.least], method="highs")
+    return bool(result.status == INFEASIBLE)
 
 
 if __name__ == "__main__":

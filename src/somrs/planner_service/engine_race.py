@@ -19,7 +19,7 @@ from pathlib import Path
 
 from somrs.errors import RemoteError
 
-AT_ONCE = 2
+MAX_RUNNING = 2
 """Engines that run at a time, if there are so many processors."""
 MEMORY = 4 * 1024**3
 """Bytes that an engine may use."""
@@ -47,10 +47,10 @@ class Entrant:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Won:
+class EngineResult:
     """What came out: the names of the plan's operators, or None if there is no plan; by whom."""
 
-    by: str
+    engine_name: str
     operators: tuple[str, ...] | None
 
 
@@ -59,11 +59,11 @@ class _Running:
 
     def __init__(self, entrant: Entrant, number: int, task: Path, seconds: float, memory: int) -> None:
         self.entrant = entrant
-        self.plan = task.with_name(f"plan-{number}")
-        self.said = task.with_name(f"said-{number}")
-        self.begun = time.monotonic()
-        with task.open("rb") as given, self.said.open("wb") as said:
-            self.process = subprocess.Popen(entrant.command(task, self.plan), stdin=given, stdout=said, stderr=said)
+        self.plan_path = task.with_name(f"plan-{number}")
+        self.output_path = task.with_name(f"said-{number}")
+        self.started_at = time.monotonic()
+        with task.open("rb") as task_file, self.output_path.open("wb") as output_file:
+            self.process = subprocess.Popen(entrant.command(task, self.plan_path), stdin=task_file, stdout=output_file, stderr=output_file)
         if sys.platform == "linux":
             with contextlib.suppress(ProcessLookupError):
                 for kind, limit in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, round(seconds) + GRACE)):
@@ -73,16 +73,18 @@ class _Running:
         self.process.kill()
         self.process.wait()
 
-    def won(self) -> Won | None:
+    def read_result(self) -> EngineResult | None:
         """What an engine that has ended found out."""
-        if self.plan.exists():
-            lines = self.plan.read_text(encoding="ascii").splitlines()
-            return Won(by=self.entrant.name, operators=tuple(line.strip("()") for line in lines if not line.startswith(";")))
-        return Won(by=self.entrant.name, operators=None) if self.process.returncode in self.entrant.proves else None
+        if self.plan_path.exists():
+            lines = self.plan_path.read_text(encoding="ascii").splitlines()
+            return EngineResult(
+                engine_name=self.entrant.name, operators=tuple(line.strip("()") for line in lines if not line.startswith(";"))
+            )
+        return EngineResult(engine_name=self.entrant.name, operators=None) if self.process.returncode in self.entrant.proves else None
 
-    def failed(self) -> str:
-        last = self.said.read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
-        return f"{self.entrant.name} ended with code {self.process.returncode}" + (f" ({last[0][-200:]})" if last else "")
+    def describe_failure(self) -> str:
+        last_lines = self.output_path.read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
+        return f"{self.entrant.name} ended with code {self.process.returncode}" + (f" ({last_lines[0][-200:]})" if last_lines else "")
 
 
 @contextmanager
@@ -95,45 +97,45 @@ def _all_ended() -> Iterator[list[_Running]]:
             engine.end()
 
 
-def race(entrants: Sequence[Entrant], task: Path, seconds: float, *, at_once: int | None = None, memory: int = MEMORY) -> Won:
+def race(entrants: Sequence[Entrant], task: Path, seconds: float, *, max_running: int | None = None, memory: int = MEMORY) -> EngineResult:
     """The first answer to the task in the file. Raises RemoteError when none comes in time. Whatever happens, no engine is left."""
-    slots = at_once or max(1, min(AT_ONCE, os.cpu_count() or 1))
-    until = time.monotonic() + seconds
+    slots = max_running or max(1, min(MAX_RUNNING, os.cpu_count() or 1))
+    deadline = time.monotonic() + seconds
     waiting, failures = list(entrants), list[str]()
     with _all_ended() as running:
         wait = 0.001
         started = 0
-        again: dict[str, int] = {}
+        start_counts: dict[str, int] = {}
         while True:
             while waiting and len(running) < slots:
-                running.append(_Running(waiting.pop(0), started, task, max(until - time.monotonic(), 1), memory))
+                running.append(_Running(waiting.pop(0), started, task, max(deadline - time.monotonic(), 1), memory))
                 started += 1
             for engine in list(running):
                 if engine.process.poll() is not None:
-                    won = engine.won()
-                    if won is not None:
-                        return won
+                    result = engine.read_result()
+                    if result is not None:
+                        return result
                     running.remove(engine)
-                    failures.append(engine.failed())
-                    again[engine.entrant.name] = again.get(engine.entrant.name, 1) + 1
-                    if engine.process.returncode in KILLED and again[engine.entrant.name] <= engine.entrant.starts:
+                    failures.append(engine.describe_failure())
+                    start_counts[engine.entrant.name] = start_counts.get(engine.entrant.name, 1) + 1
+                    if engine.process.returncode in KILLED and start_counts[engine.entrant.name] <= engine.entrant.starts:
                         waiting.insert(0, engine.entrant)
-                elif waiting and time.monotonic() > engine.begun + engine.entrant.share * seconds:
+                elif waiting and time.monotonic() > engine.started_at + engine.entrant.share * seconds:
                     running.remove(engine)
                     engine.end()
             if not running and not waiting:
                 raise RemoteError(f"no engine found a plan, or that there is none: {'; '.join(failures)}")
-            if time.monotonic() > until:
+            if time.monotonic() > deadline:
                 raise RemoteError(f"no plan was found in {seconds:g} s, nor that there is none")
             time.sleep(wait)
             wait = min(wait * 1.2, MOST_WAIT)
 
 
-def found_by(entrants: Sequence[Entrant], task: Path, seconds: float, *, memory: int = MEMORY) -> list[Won]:
+def run_all(entrants: Sequence[Entrant], task: Path, seconds: float, *, memory: int = MEMORY) -> list[EngineResult]:
     """What each of them finds within the time, all at once."""
-    until = time.monotonic() + seconds
+    deadline = time.monotonic() + seconds
     with _all_ended() as running:
         running += [_Running(entrant, number, task, seconds, memory) for number, entrant in enumerate(entrants)]
-        while any(engine.process.poll() is None for engine in running) and time.monotonic() < until:
+        while any(engine.process.poll() is None for engine in running) and time.monotonic() < deadline:
             time.sleep(MOST_WAIT / 2)
-        return [won for engine in running if engine.plan.exists() and (won := engine.won()) is not None]
+        return [result for engine in running if engine.plan_path.exists() and (result := engine.read_result()) is not None]

@@ -8,11 +8,11 @@ from somrs.ontology.objects import Change, Map, differences
 from somrs.ontology.types import Ontology
 from somrs.planner.model.problem import Problem
 
-NOTHING = Map()
+EMPTY_MAP = Map()
 """In place of the map, while a problem is on its way."""
 
 
-class Shipment(Struct, frozen=True, kw_only=True):
+class ProblemDelta(Struct, frozen=True, kw_only=True):
     """A problem without what it was about last; `changes` lead from the last map to its own."""
 
     problem: Problem
@@ -22,7 +22,7 @@ class Shipment(Struct, frozen=True, kw_only=True):
     """The whole map, when it is the first, or the changes are many."""
 
 
-MANY = 1_000
+MAX_CHANGES = 1_000
 """More changes than this take longer to send than they save."""
 
 
@@ -33,14 +33,14 @@ class Sender:
         self._ontology: Ontology | None = None
         self._map: Map | None = None
 
-    def packed(self, problem: Problem) -> Shipment:
-        same = self._ontology is problem.ontology
+    def pack(self, problem: Problem) -> ProblemDelta:
+        is_same_ontology = self._ontology is problem.ontology
         changes = tuple(differences(self._map, problem.map)) if self._map is not None else ()
-        whole = self._map is None or len(changes) > MANY
+        whole = self._map is None or len(changes) > MAX_CHANGES
         self._ontology, self._map = problem.ontology, problem.map
-        return Shipment(
-            problem=structs.replace(problem, map=NOTHING, ontology=Ontology() if same else problem.ontology),
-            same_ontology=same,
+        return ProblemDelta(
+            problem=structs.replace(problem, map=EMPTY_MAP, ontology=Ontology() if is_same_ontology else problem.ontology),
+            same_ontology=is_same_ontology,
             changes=() if whole else changes,
             map=problem.map if whole else None,
         )
@@ -53,11 +53,11 @@ class Recipient:
         self._ontology = Ontology()
         self._map = Map()
 
-    def unpacked(self, shipment: Shipment) -> Problem:
-        if not shipment.same_ontology:
-            self._ontology = shipment.problem.ontology
-        if shipment.map is not None:
-            self._map = shipment.map
-        elif shipment.changes:
-            self._map = self._map.changed(shipment.changes)
-        return structs.replace(shipment.problem, ontology=self._ontology, map=self._map)
+    def unpack(self, delta: ProblemDelta) -> Problem:
+        if not delta.same_ontology:
+            self._ontology = delta.problem.ontology
+        if delta.map is not None:
+            self._map = delta.map
+        elif delta.changes:
+            self._map = self._map.changed(delta.changes)
+        return structs.replace(delta.problem, ontology=self._ontology, map=self._map)

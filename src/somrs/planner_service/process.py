@@ -20,7 +20,7 @@ from somrs.kernel.codec import Codec, encode
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner_service.engines import plan_in_process
-from somrs.planner_service.problem_delta import Recipient, Sender, Shipment
+from somrs.planner_service.problem_delta import ProblemDelta, Recipient, Sender
 
 PARENT_CHECK = 1.0
 """Seconds between two looks whether the parent process is still there."""
@@ -35,8 +35,8 @@ class Defect(Struct, frozen=True, tag=True):
     text: str
 
 
-_SHIPMENT: Codec[Shipment] = Codec(Shipment)
-_ANSWER: Codec[Plan | NoPlan | Defect] = Codec(Plan | NoPlan | Defect)
+_DELTA_CODEC: Codec[ProblemDelta] = Codec(ProblemDelta)
+_ANSWER_CODEC: Codec[Plan | NoPlan | Defect] = Codec(Plan | NoPlan | Defect)
 
 
 class PlannerProcess:
@@ -46,7 +46,7 @@ class PlannerProcess:
     """
 
     def __init__(self) -> None:
-        self._talking = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
+        self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
         self._running: tuple[SpawnProcess, Connection, Sender] | None = None
         self._closed = False
 
@@ -56,7 +56,7 @@ class PlannerProcess:
 
     async def plan(self, problem: Problem) -> Plan | NoPlan:
         """Raises RemoteError with what the planner raised, and when its process ends again and again."""
-        return await asyncio.get_running_loop().run_in_executor(self._talking, self._ask, problem)
+        return await asyncio.get_running_loop().run_in_executor(self._executor, self._ask, problem)
 
     def __enter__(self) -> PlannerProcess:
         return self
@@ -65,7 +65,7 @@ class PlannerProcess:
         self._closed = True
         if self._running is not None:
             _kill_with_engines(self._running[0])  # whatever it is at; nobody waits for the answer any more
-        self._talking.shutdown(cancel_futures=True)
+        self._executor.shutdown(cancel_futures=True)
         self._end()
 
     def _ask(self, problem: Problem) -> Plan | NoPlan:
@@ -74,8 +74,8 @@ class PlannerProcess:
                 raise RemoteError("the planner was ended before it had an answer")
             _, connection, sender = self._running or self._start()
             try:
-                connection.send_bytes(encode(sender.packed(problem)))
-                answer = _ANSWER.decode(connection.recv_bytes())
+                connection.send_bytes(encode(sender.pack(problem)))
+                answer = _ANSWER_CODEC.decode(connection.recv_bytes())
             except (EOFError, OSError):  # it has ended
                 self._end()
                 continue
@@ -90,11 +90,11 @@ class PlannerProcess:
     def _start(self) -> tuple[SpawnProcess, Connection, Sender]:
         # Spawned, not forked: a fork would keep the sockets of this process open when it is killed.
         spawned = multiprocessing.get_context("spawn")
-        here, there = spawned.Pipe()
-        process = spawned.Process(target=_serve, args=(there,), daemon=True)
+        parent_end, child_end = spawned.Pipe()
+        process = spawned.Process(target=_serve, args=(child_end,), daemon=True)
         process.start()
-        there.close()
-        self._running = process, here, Sender()
+        child_end.close()
+        self._running = process, parent_end, Sender()
         return self._running
 
     def _end(self) -> None:
@@ -125,7 +125,7 @@ def _serve(questions: Connection) -> None:
             question = questions.recv_bytes()
             answer: Plan | NoPlan | Defect
             try:
-                answer = plan_in_process(recipient.unpacked(_SHIPMENT.decode(question)))
+                answer = plan_in_process(recipient.unpack(_DELTA_CODEC.decode(question)))
             except Exception as error:  # noqa: BLE001  # whatever went wrong is the answer; the Task Manager says what it means
                 answer = Defect(str(error) or type(error).__name__)
             questions.send_bytes(encode(answer))

@@ -14,12 +14,12 @@ class Planner:
 
     def __init__(self, process: PlannerProcess) -> None:
         self._process = process
-        self._memory = PlanCache()
+        self._cache = PlanCache()
 
     async def plan(self, problem: Problem) -> Plan | NoPlan:
         """Raises what the planner raises."""
-        found = plan_quickly(problem) or self._memory.recall(problem)
-        if found is None:
-            found = await self._process.plan(problem)
-            self._memory.store(problem, found)
-        return found
+        result = plan_quickly(problem) or self._cache.recall(problem)
+        if result is None:
+            result = await self._process.plan(problem)
+            self._cache.store(problem, result)
+        return result

@@ -130,9 +130,9 @@ def test_a_lamp_that_a_switch_lights_only_if_there_is_power_is_not_looked_at_wit
 @examples(50)
 @given(tasks())
 def test_no_plan_is_said_of_no_task_that_has_one(task: FiniteTask) -> None:
-    from somrs.planner_service.engine_equation import equations, unsatisfiable
+    from somrs.planner_service.engine_equation import equations, is_unsatisfiable
 
-    if any(map(unsatisfiable, equations(task))):
+    if any(map(is_unsatisfiable, equations(task))):
         assert a_plan(task) is None
 
 

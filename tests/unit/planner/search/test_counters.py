@@ -18,11 +18,11 @@ from somrs.planner.model.world import World
 from somrs.planner.planning import plan
 from somrs.planner.search.counting import Counters, reaches_goal, search_with_counters
 from somrs.planner.search.numeric import NumericTask
-from somrs.planner_service.engine_counters import there, tyr
+from somrs.planner_service.engine_counters import is_tyr_installed, tyr
 from somrs.planner_service.engines import plan_in_process
 from tests.unit.planner.test_numbers import DRIVE, FAR, FILL, RECHARGE, corridor, problem
 
-needs_engine = pytest.mark.skipif(not there(), reason="the numbers extra is not installed")
+needs_engine = pytest.mark.skipif(not is_tyr_installed(), reason="the numbers extra is not installed")
 
 
 def counted(asked: Problem) -> tuple[Task, Counters]:
