@@ -89,7 +89,7 @@ def filled(path: Path) -> None:
         journal.append(entry)
         for effect, _ in journaled.handle(entry):
             if isinstance(effect, Record):
-                journal.keep(effect.entry)
+                journal.store_record(effect.entry)
     journal.close()
     print(f"\n{EVENTS} updates, of which each is kept, in {shown(time.process_time() - began)}")
 

@@ -39,7 +39,7 @@ class Here:
         for name in CARRIERS:
             device = Carrier(name)
             manager = ServiceManager(device.profile(), repository=repository, registry=registry)
-            host.add_journaled(f"/devices/{name}", _given(manager), self._kept.beside(name), carry_out=_work(device))
+            host.add_journaled(f"/devices/{name}", _given(manager), self._kept.for_component(name), carry_out=_work(device))
         self._journal = Journal(data / "task-manager.sqlite", SCHEMA)
         task_manager = host.add_journaled(
             "/task-manager",

@@ -89,7 +89,9 @@ async def _devices(data: Path, first: int) -> None:
     kept = device_journal(data, str(first))
     host = Host(HOST)
     await host.start()
-    runners = [DeviceRunner(Carrier(name), addresses, data, host, journal=kept.beside(name)) for name in CARRIERS[first : first + GROUP]]
+    runners = [
+        DeviceRunner(Carrier(name), addresses, data, host, journal=kept.for_component(name)) for name in CARRIERS[first : first + GROUP]
+    ]
     for runner in runners:
         await runner.start()
     ready()

@@ -65,7 +65,7 @@ def read(db: sqlite3.Connection, wanted: ReadRecords) -> tuple[list[TaskRecord],
     pages: list[Records] = []
 
     async def ask(page: ReadRecords) -> Records:
-        pages.append(archive.find(page, db))
+        pages.append(archive.find_records(page, db))
         return pages[-1]
 
     async def all() -> list[TaskRecord]:
@@ -89,8 +89,8 @@ def test_all_come_back_page_by_page_the_latest_first(db: sqlite3.Connection, rec
     chance = random.Random(1)
     kept = [numbered(recovered, number, ended_at=float(chance.randrange(12))) for number in range(60)]
     for record in kept:
-        archive.keep(record, db)
-        archive.keep(record, db)
+        archive.store_record(record, db)
+        archive.store_record(record, db)
     for limit in (1, 7, 1000):
         found, pages = read(db, ReadRecords(limit=limit))
         assert [record.ended_at for record in found] == sorted((record.ended_at for record in kept), reverse=True)
@@ -102,7 +102,7 @@ def test_all_come_back_page_by_page_the_latest_first(db: sqlite3.Connection, rec
 def test_a_page_fits_a_message_and_a_record_that_does_not_comes_in_parts(db: sqlite3.Connection, recovered: TaskRecord) -> None:
     kept = [longer(numbered(recovered, number, float(number)), times) for number, times in enumerate((1, 40, 1, 1, 15))]
     for record in kept:
-        archive.keep(record, db)
+        archive.store_record(record, db)
     assert len(msgspec.json.encode(kept[1])) > MOST_BYTES
     found, pages = read(db, ReadRecords())
     assert found == kept[::-1]
@@ -126,7 +126,7 @@ def test_it_is_known_how_work_ended_before_it_was_undone(recovered: TaskRecord) 
 def test_tasks_are_found_by_what_was_wished_for_and_by_who_worked(db: sqlite3.Connection, recovered: TaskRecord) -> None:
     other = structs.replace(numbered(recovered, 2, 2.0), effect="Cup_1 isOn Table001", work=recovered.work[:1])
     for record in (one := numbered(recovered, 1, 1.0), other):
-        archive.keep(record, db)
+        archive.store_record(record, db)
     device, _, service = recovered.work[1].service.partition(".")
     for wanted, expected in (
         (ReadRecords(text="CUP_1"), [other]),
@@ -147,7 +147,7 @@ def test_what_is_asked_for_is_what_comes(db: sqlite3.Connection, recovered: Task
     outcomes = [*Outcome] * 4
     kept = [numbered(recovered, number, float(number), outcome) for number, outcome in enumerate(outcomes)]
     for record in kept:
-        archive.keep(record, db)
+        archive.store_record(record, db)
     failed, pages = read(db, ReadRecords(outcome=Outcome.FAILED, since=5.0, limit=1))
     assert failed == [record for record in kept if record.outcome is Outcome.FAILED and record.ended_at >= 5.0][::-1]
     assert pages[0].total == len(failed) > 1
@@ -168,7 +168,7 @@ def stopped(tmp_path: Path, recovered: TaskRecord) -> Path:
         numbered(longer(recovered, 40), 2, recovered.ended_at + 86_400, Outcome.FAILED), explanation='no plan, "it says"; second reason'
     )
     for record in (recovered, failed):
-        disk.do(functools.partial(archive.keep, record))
+        disk.write_and_wait(functools.partial(archive.store_record, record))
     disk.close()
     return tmp_path
 
@@ -222,7 +222,7 @@ def test_csv_tables_have_a_row_for_each_thing(stopped: Path, recovered: TaskReco
 def test_terms_that_hold_longer_than_there_are_dates_are_exported(tmp_path: Path, recovered: TaskRecord) -> None:
     disk = Disk(tmp_path / archive.FILE, KIND)
     forever = tuple(structs.replace(contract, valid_until=1e18) for contract in recovered.contracts)
-    disk.do(functools.partial(archive.keep, structs.replace(recovered, contracts=forever)))
+    disk.write_and_wait(functools.partial(archive.store_record, structs.replace(recovered, contracts=forever)))
     disk.close()
     (row, *_) = csv.DictReader(io.StringIO(exported(tmp_path, Format.CSV, Table.CONTRACTS)))
     assert float(row["valid_until"]) == 1e18

@@ -176,7 +176,7 @@ def test_a_device_has_its_file_for_itself(tmp_path: Path) -> None:
 def test_devices_that_share_a_file_get_their_own_back(tmp_path: Path) -> None:
     shared = device_journal(tmp_path, "all")
     for device, steps in (("Robot1", ("s1", "s2")), ("Robot2", ("s1",))):
-        journal = shared.beside(device)
+        journal = shared.for_component(device)
         journaled, again = journal.begin(device, made(device))
         assert not again
         handled(journal, journaled, Started(device))
@@ -186,10 +186,10 @@ def test_devices_that_share_a_file_get_their_own_back(tmp_path: Path) -> None:
             journal.snapshot(journaled)
     shared.close()
     shared = device_journal(tmp_path, "all")
-    first, again = shared.beside("Robot1").begin("Robot1", made("Robot1"))
+    first, again = shared.for_component("Robot1").begin("Robot1", made("Robot1"))
     assert again
     assert participants(first) == ["Robot1.TransferObject#s1", "Robot1.TransferObject#s2"]
-    second, again = shared.beside("Robot2").begin("elsewhere", made("Robot2"))
+    second, again = shared.for_component("Robot2").begin("elsewhere", made("Robot2"))
     assert again, "a device goes on at another address"
     assert participants(second) == ["Robot2.TransferObject#s1"]
     shared.close()

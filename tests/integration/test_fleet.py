@@ -88,10 +88,10 @@ class Kept:
 
     def keep(self, *records: TaskRecord) -> None:
         for one in records:
-            archive.keep(one, self.db)
+            archive.store_record(one, self.db)
 
     async def ask(self, wanted: ReadRecords) -> Records:
-        page = archive.find(wanted, self.db)
+        page = archive.find_records(wanted, self.db)
         self.read += len(page.records)
         return page
 

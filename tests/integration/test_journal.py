@@ -171,7 +171,7 @@ def test_snapshots_make_room(shelf: Shelf) -> None:
             shelf.journal.snapshot(shelf.journaled)
     again = shelf.restarted()
     assert again.ledger.total == sum(range(600))
-    (entries,) = again.journal.disk.do(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
+    (entries,) = again.journal.disk.write_and_wait(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
     assert entries <= 100
     again.journal.close()
 
@@ -274,7 +274,7 @@ def test_what_comes_together_is_written_together(shelf: Shelf) -> None:
     disk = shelf.journal.disk
 
     def rows() -> int:
-        return int(disk.do(lambda db: db.execute("SELECT count(*) FROM entries").fetchone()[0]))
+        return int(disk.write_and_wait(lambda db: db.execute("SELECT count(*) FROM entries").fetchone()[0]))
 
     before = rows()
     for _ in range(30):
@@ -303,7 +303,7 @@ def test_an_interrupted_snapshot_leaves_the_one_before(shelf: Shelf) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        shelf.journal.disk.do(torn)
+        shelf.journal.disk.write_and_wait(torn)
     again = shelf.restarted()
     assert again.ledger.total == 3
     again.journal.close()
@@ -327,7 +327,7 @@ def test_a_state_that_is_damaged_is_said_to_be(shelf: Shelf) -> None:
 def test_an_entry_that_is_missing_is_noticed(shelf: Shelf) -> None:
     for amount in range(3):
         shelf.tell(amount)
-        shelf.journal.disk.do(lambda db: None)
+        shelf.journal.disk.write_and_wait(lambda db: None)
     shelf.journal.close()
     other(shelf.journal.disk.path, "DELETE FROM entries WHERE last = 2")
     with pytest.raises(UsageError, match="entry 2 is missing before entry 3"):
@@ -338,7 +338,7 @@ def test_an_entry_that_is_missing_is_noticed(shelf: Shelf) -> None:
 def test_with_nothing_open_another_begins_anew(shelf: Shelf, change: str) -> None:
     shelf.tell(1)
     shelf.answer()
-    shelf.journal.keep(next(effect.entry for effect in Ledger().handle(Received(told(0, 1)), 1.0) if isinstance(effect, Record)))
+    shelf.journal.store_record(next(effect.entry for effect in Ledger().handle(Received(told(0, 1)), 1.0) if isinstance(effect, Record)))
     assert not shelf.ledger.open
     shelf.journal.close()
     other(shelf.journal.disk.path, f"UPDATE life SET {change} = ?", 9 if change == "schema" else "something else")
@@ -495,12 +495,12 @@ def test_a_file_of_another_format_is_refused(path: Path) -> None:
 
 def test_a_disk_that_is_full_is_noticed_and_what_was_there_stays(shelf: Shelf) -> None:
     shelf.tell(1)
-    shelf.journal.disk.do(lambda db: db.execute("PRAGMA max_page_count = 20").fetchone())
+    shelf.journal.disk.write_and_wait(lambda db: db.execute("PRAGMA max_page_count = 20").fetchone())
     for amount in range(2000):
         shelf.tell(amount)
         if shelf.journal.disk.failed is not None:
             break
-    assert shelf.journal.disk.do(lambda db: 1) == 1
+    assert shelf.journal.disk.write_and_wait(lambda db: 1) == 1
     assert "full" in str(shelf.journal.disk.failed)
     assert shelf.journal.disk.durable < shelf.journal.disk.position
     acknowledged = shelf.journal.disk.durable

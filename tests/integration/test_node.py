@@ -142,7 +142,7 @@ def test_a_disk_that_is_full_is_not_the_senders_fault(tmp_path: Path) -> None:
         await rim.start()
         journal = repository_journal(tmp_path / "repository.sqlite")
         address = rim.add_journaled("/repository", lambda address: Repository(address, contents()), journal).address
-        journal.disk.do(lambda db: db.execute("PRAGMA max_page_count = 1").fetchone())
+        journal.disk.write_and_wait(lambda db: db.execute("PRAGMA max_page_count = 1").fetchone())
         journal.disk.write(lambda db: db.execute("INSERT INTO entries VALUES ('', -1, zeroblob(100000))"))
         update = knowledge.UpdateMap(situation="Jar1 isOn Table2")
         answers = [await wire.post(Message(header=header(address, message_id(n)), body=update)) for n in range(2)]

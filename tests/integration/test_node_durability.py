@@ -29,7 +29,7 @@ from tests.support.paths import ROOT
 
 NOTES = Kind(
     owner="a test's",
-    holds="note",
+    content="note",
     rival="another test",
     application=1,
     version=1,
@@ -215,7 +215,7 @@ def test_a_full_disk_stops_its_component_and_senders_go_on_repeating(tmp_path: P
         sink_at = rim.add("/sink", lambda address: sink).address
         journal = Journal(tmp_path / "ledger.sqlite", SCHEMA)
         node = rim.add_journaled("/ledger", lambda address: Ledger(sink_at, address), journal, carry_out=double)
-        journal.disk.do(lambda db: db.execute("PRAGMA max_page_count = 1").fetchone())
+        journal.disk.write_and_wait(lambda db: db.execute("PRAGMA max_page_count = 1").fetchone())
         journal.disk.write(lambda db: db.execute("INSERT INTO entries VALUES ('', -1, zeroblob(100000))"))
         message = told(1, 5, node.address, CLIENT, "http://x")
         for _ in range(2):
@@ -302,7 +302,7 @@ def test_a_stop_and_a_start_lose_nothing(tmp_path: Path) -> None:
                 await until(lambda: set(sink.heard) == expected([4]))
             await asyncio.sleep(0.05)
             await rim.stop()
-            (left,) = journal.disk.do(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
+            (left,) = journal.disk.write_and_wait(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
             assert left == 0, "a clean stop leaves a snapshot, and nothing to be handled again"
             journal.close()
         assert asked == ["4"] * 3
@@ -405,7 +405,7 @@ def ids(kind: str, numbers: list[int]) -> set[str]:
 def test_a_commit_survives_a_power_cut(tmp_path: Path) -> None:
     """As far as SQLite promises it, https://www.sqlite.org/pragma.html#pragma_synchronous; no test here cuts the power."""
     disk = Disk(tmp_path / "notes.sqlite", NOTES)
-    modes = disk.do(lambda db: [db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("journal_mode", "synchronous")])
+    modes = disk.write_and_wait(lambda db: [db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("journal_mode", "synchronous")])
     assert modes == ["wal", 2]
     disk.close()
 
@@ -413,10 +413,10 @@ def test_a_commit_survives_a_power_cut(tmp_path: Path) -> None:
 def test_a_disk_takes_no_more_once_it_failed(tmp_path: Path) -> None:
     disk = Disk(tmp_path / "notes.sqlite", NOTES)
     disk.write(lambda db: db.execute("INSERT INTO notes VALUES ('one')"))
-    disk.do(lambda db: None)
+    disk.write_and_wait(lambda db: None)
     disk.write(lambda db: db.execute("INSERT INTO notes VALUES ('two')"))
     disk.write(lambda db: db.execute("INSERT INTO nowhere VALUES (1)"))
-    disk.do(lambda db: None)
+    disk.write_and_wait(lambda db: None)
     disk.write(lambda db: db.execute("INSERT INTO notes VALUES ('three')"))
     notes = disk.read(lambda db: [text for (text,) in db.execute("SELECT text FROM notes")]).result()
     assert notes in (["one"], ["one", "two"])

@@ -149,7 +149,7 @@ class Keeper:
         effects = [effect for effect, _ in self.journaled.handle(entry)]
         for effect in effects:
             if isinstance(effect, Record):
-                self.journal.keep(effect.entry)
+                self.journal.store_record(effect.entry)
         return effects
 
     def _hear(self, event: Input) -> None:

@@ -81,7 +81,7 @@ async def past(data: Path) -> AsyncIterator[Past]:
 
 async def _read(wanted: ReadRecords, file: Path, db: sqlite3.Connection) -> Records:
     try:
-        return archive.find(wanted, db)
+        return archive.find_records(wanted, db)
     except sqlite3.DatabaseError as error:
         raise _unreadable(file, error) from None
     except msgspec.MsgspecError as error:

@@ -136,7 +136,7 @@ class Node:
             effects = journaled.handle(entry)
             for effect, _ in effects:
                 if isinstance(effect, Record):
-                    journal.keep(effect.entry)
+                    journal.store_record(effect.entry)
         finally:
             journal.note(journaled.component)
             self.output.position = journal.disk.position

@@ -44,87 +44,87 @@ _RECORD = msgspec.json.Decoder(TaskRecord)
 class TaskArchive:
     """The archive of a Task Manager's journal, as `journal.Archive`. Whoever has no tasks keeps nothing in it."""
 
-    def keep(self, record: object, db: sqlite3.Connection) -> None:
+    def store_record(self, record: object, db: sqlite3.Connection) -> None:
         assert isinstance(record, TaskRecord), f"an archive is of tasks, not of {type(record).__name__}"
-        keep(record, db)
+        store_record(record, db)
 
-    def again(self, records: Sequence[object], state: object, db: sqlite3.Connection) -> None:
+    def store_replayed(self, records: Sequence[object], state: object, db: sqlite3.Connection) -> None:
         """A record that is another than before takes its place: nothing else follows from it."""
         for record in records:
-            self.keep(record, db)
+            self.store_record(record, db)
 
     async def answer(self, task: object, disk: Disk) -> Records:
         assert isinstance(task, ReadRecords), f"an archive is of tasks, and knows nothing of {type(task).__name__}"
-        return await asyncio.wrap_future(disk.read(functools.partial(find, task)))
+        return await asyncio.wrap_future(disk.read(functools.partial(find_records, task)))
 
 
-def keep(record: TaskRecord, db: sqlite3.Connection) -> None:
+def store_record(record: TaskRecord, db: sqlite3.Connection) -> None:
     """Put a record in the archive; the same one twice is there once."""
     document = msgspec.json.encode(record).decode()
     values = (record.task, record.submitted_at, record.ended_at, record.outcome.value, record.effect, document)
     db.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?, ?)", values)
 
 
-def find(wanted: ReadRecords, db: sqlite3.Connection) -> Records:
+def find_records(query: ReadRecords, db: sqlite3.Connection) -> Records:
     """The page that is asked for."""
-    where, values = _condition(wanted)
+    condition, values = _condition(query)
     total: int | None = None
-    if wanted.behind is None:
-        (total,) = db.execute(f"SELECT count(*) FROM records WHERE {where}", values).fetchone()
+    if query.behind is None:
+        (total,) = db.execute(f"SELECT count(*) FROM records WHERE {condition}", values).fetchone()
     else:
-        where += " AND (ended_at, task) < (SELECT ended_at, task FROM records WHERE task = ?)"
-        values.append(wanted.behind)
-    limit = min(max(wanted.limit, 0), MOST_RECORDS)
-    rows = db.execute(f"SELECT document FROM records WHERE {where} ORDER BY ended_at DESC, task DESC LIMIT ?", [*values, limit + 1])
-    return _page((_RECORD.decode(document) for (document,) in rows), wanted, limit, total)
+        condition += " AND (ended_at, task) < (SELECT ended_at, task FROM records WHERE task = ?)"
+        values.append(query.behind)
+    limit = min(max(query.limit, 0), MOST_RECORDS)
+    rows = db.execute(f"SELECT document FROM records WHERE {condition} ORDER BY ended_at DESC, task DESC LIMIT ?", [*values, limit + 1])
+    return _page((_RECORD.decode(document) for (document,) in rows), query, limit, total)
 
 
-def _condition(wanted: ReadRecords) -> tuple[str, list[object]]:
+def _condition(query: ReadRecords) -> tuple[str, list[object]]:
     parts: list[str] = ["TRUE"]
     values: list[object] = []
-    if wanted.task is not None:
-        id = normalised_id(wanted.task)
+    if query.task is not None:
+        id = normalised_id(query.task)
         beginning = id if id.startswith("urn:uuid:") else f"urn:uuid:{id.lower()}"
         parts.append("substr(task, 1, ?) = ?")
         values += [len(beginning), beginning]
-    if wanted.since is not None:
+    if query.since is not None:
         parts.append("ended_at >= ?")
-        values.append(wanted.since)
-    if wanted.outcome is not None:
+        values.append(query.since)
+    if query.outcome is not None:
         parts.append("outcome = ?")
-        values.append(wanted.outcome.value)
-    if wanted.text:
+        values.append(query.outcome.value)
+    if query.text:
         parts.append("instr(lower(effect), lower(?)) > 0")
-        values.append(wanted.text)
-    if wanted.service:
+        values.append(query.text)
+    if query.service:
         parts.append(WORKED)
-        values += [f'"service":"{wanted.service}', wanted.service, f"{wanted.service}."]
+        values += [f'"service":"{query.service}', query.service, f"{query.service}."]
     return " AND ".join(parts), values
 
 
-def _page(found: Iterable[TaskRecord], wanted: ReadRecords, limit: int, total: int | None) -> Records:
+def _page(records: Iterable[TaskRecord], query: ReadRecords, limit: int, total: int | None) -> Records:
     page: list[TaskRecord] = []
-    room = PAGE_BYTES
-    for number, record in enumerate(found):
-        left_out = {*wanted.without} & {*LISTS} | ({*LONG} if wanted.brief else set())
-        whole = _without(record, left_out) if left_out else record
-        if number >= limit or (page and size(whole) > room):
+    free_bytes = PAGE_BYTES
+    for number, record in enumerate(records):
+        omitted_lists = {*query.without} & {*LISTS} | ({*LONG} if query.brief else set())
+        whole = _drop_lists(record, omitted_lists) if omitted_lists else record
+        if number >= limit or (page and size(whole) > free_bytes):
             return Records(records=tuple(page), more=True, total=total)
-        part, rest = cut(whole, wanted.after, room)
+        part, rest = cut(whole, query.after, free_bytes)
         page.append(part)
-        room -= size(part)
+        free_bytes -= size(part)
         if rest is not None:
             return Records(records=tuple(page), more=True, total=total, rest=rest)
     return Records(records=tuple(page), total=total)
 
 
-def cut(record: TaskRecord, after: int, room: int = PAGE_BYTES) -> tuple[TaskRecord, int | None]:
+def cut(record: TaskRecord, offset: int, free_bytes: int = PAGE_BYTES) -> tuple[TaskRecord, int | None]:
     """The record with as many of its parts behind the first `after` as fit; how many parts that makes, or None if these are the last."""
-    parts = [(name, part) for name in LISTS for part in getattr(record, name)][max(after, 0) :]
-    bare = _without(record, LISTS)
-    page = list(fit_page(parts, len(parts), room - size(bare)))
-    kept = {name: tuple(part for of, part in page if of == name) for name in LISTS}
-    return structs.replace(bare, **kept), (max(after, 0) + len(page) if len(page) < len(parts) else None)
+    parts = [(name, part) for name in LISTS for part in getattr(record, name)][max(offset, 0) :]
+    bare = _drop_lists(record, LISTS)
+    page = list(fit_page(parts, len(parts), free_bytes - size(bare)))
+    part_lists = {name: tuple(part for list_name, part in page if list_name == name) for name in LISTS}
+    return structs.replace(bare, **part_lists), (max(offset, 0) + len(page) if len(page) < len(parts) else None)
 
 
 def joined(record: TaskRecord, rest: TaskRecord) -> TaskRecord:
@@ -132,5 +132,5 @@ def joined(record: TaskRecord, rest: TaskRecord) -> TaskRecord:
     return structs.replace(record, **{name: (*getattr(record, name), *getattr(rest, name)) for name in LISTS})
 
 
-def _without(record: TaskRecord, lists: Iterable[str]) -> TaskRecord:
+def _drop_lists(record: TaskRecord, lists: Iterable[str]) -> TaskRecord:
     return structs.replace(record, **dict.fromkeys(lists, ()))

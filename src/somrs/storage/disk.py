@@ -43,7 +43,7 @@ class Kind:
     """
 
     owner: str
-    holds: str
+    content: str
     rival: str
     application: int
     version: int
@@ -67,7 +67,7 @@ class Disk:
         self.position = self.durable = 0
         self.failed: UsageError | None = None
         self._batch: list[_Write] = []
-        self._jobs: queue.SimpleQueue[list[_Write] | _Now | None] = queue.SimpleQueue()
+        self._jobs: queue.SimpleQueue[list[_Write] | _ImmediateJob | None] = queue.SimpleQueue()
         self._listeners: dict[asyncio.AbstractEventLoop, list[Callable[[], None]]] = {}
         opened: Future[None] = Future()
         self._thread = threading.Thread(target=self._run, args=(opened,), name=f"disk {path.name}", daemon=True)
@@ -93,17 +93,17 @@ class Disk:
         if batch:
             self._jobs.put(batch)
 
-    def do(self, job: Job[T]) -> T:
+    def write_and_wait(self, job: Job[T]) -> T:
         """Have something written at once, wholly or not at all, and wait for it: for starts and tools, not for an event loop."""
-        return self._now(job, writes=True).result()
+        return self._enqueue(job, writes=True).result()
 
     def read(self, job: Job[T]) -> Future[T]:
         """Have something read; all that was asked to be written before is in it."""
-        return self._now(job, writes=False)
+        return self._enqueue(job, writes=False)
 
-    def listen(self, told: Callable[[], None]) -> None:
+    def listen(self, listener: Callable[[], None]) -> None:
         """Have the function called in the running event loop whenever `durable` or `failed` changed."""
-        self._listeners.setdefault(asyncio.get_running_loop(), []).append(told)
+        self._listeners.setdefault(asyncio.get_running_loop(), []).append(listener)
 
     def close(self) -> None:
         """Write what is to be written, and close the file."""
@@ -111,13 +111,13 @@ class Disk:
         self._jobs.put(None)
         self._thread.join()
 
-    def _now(self, job: Job[T], *, writes: bool) -> Future[T]:
+    def _enqueue(self, job: Job[T], *, writes: bool) -> Future[T]:
         if not self._thread.is_alive():
             raise UsageError(f"{self.path}: is closed")
-        asked: Future[T] = Future()
+        future: Future[T] = Future()
         self._hand_over()
-        self._jobs.put(_Now(job, asked, writes))
-        return asked
+        self._jobs.put(_ImmediateJob(job, future, writes))
+        return future
 
     # The thread
 
@@ -128,33 +128,33 @@ class Disk:
             opened.set_exception(error)
             return
         opened.set_result(None)
-        going_on = True
-        while going_on:
-            writes, others, going_on = self._collect()
+        is_running = True
+        while is_running:
+            writes, immediate_jobs, is_running = self._collect()
             if writes:
                 self._write(db, writes)
-            for one in others:
-                one.carry_out(self, db)
+            for job in immediate_jobs:
+                job.carry_out(self, db)
         db.close()
 
-    def _collect(self) -> tuple[list[_Write], list[_Now], bool]:
+    def _collect(self) -> tuple[list[_Write], list[_ImmediateJob], bool]:
         """All that is asked for by now; whether there will be more."""
         writes: list[_Write] = []
-        others: list[_Now] = []
+        immediate_jobs: list[_ImmediateJob] = []
         job = self._jobs.get()
         while job is not None:
             if isinstance(job, list):
                 writes += job
             else:
-                others.append(job)
+                immediate_jobs.append(job)
             # A read sees what was written before it was asked for, and no harm is done when it sees more.
-            if others or len(writes) >= MOST_JOBS:
-                return writes, others, True
+            if immediate_jobs or len(writes) >= MOST_JOBS:
+                return writes, immediate_jobs, True
             try:
                 job = self._jobs.get_nowait()
             except queue.Empty:
-                return writes, others, True
-        return writes, others, False
+                return writes, immediate_jobs, True
+        return writes, immediate_jobs, False
 
     def _write(self, db: sqlite3.Connection, writes: list[_Write]) -> None:
         if self.failed is not None:
@@ -171,7 +171,7 @@ class Disk:
             self.durable = writes[-1].position
         for loop, listeners in [*self._listeners.items()]:
             with contextlib.suppress(RuntimeError):  # the loop was closed: nobody waits there any more
-                loop.call_soon_threadsafe(_tell, listeners)
+                loop.call_soon_threadsafe(_notify, listeners)
 
     def _open(self) -> sqlite3.Connection:
         with self.explained():
@@ -234,7 +234,7 @@ class Disk:
                 f"{self.path}: is not {self.kind.owner} file, or is damaged ({error}); take another file, or put a copy back"
             ) from None
         except (msgspec.MsgspecError, KeyError) as error:
-            raise UsageError(f"{self.path}: holds something that is no {self.kind.holds} ({error}); put a copy back") from None
+            raise UsageError(f"{self.path}: holds something that is no {self.kind.content} ({error}); put a copy back") from None
 
 
 def execute(db: sqlite3.Connection, step: Step) -> None:
@@ -246,9 +246,9 @@ def execute(db: sqlite3.Connection, step: Step) -> None:
         db.execute(statement)
 
 
-def _tell(listeners: list[Callable[[], None]]) -> None:
-    for told in listeners:
-        told()
+def _notify(listeners: list[Callable[[], None]]) -> None:
+    for listener in listeners:
+        listener()
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,11 +258,11 @@ class _Write:
 
 
 @dataclass(frozen=True, slots=True)
-class _Now:
+class _ImmediateJob:
     """Something that somebody waits for: a read, or a write in a transaction of its own."""
 
     job: Job[Any]
-    asked: Future[Any]
+    future: Future[Any]
     writes: bool
 
     def carry_out(self, disk: Disk, db: sqlite3.Connection) -> None:
@@ -270,6 +270,6 @@ class _Now:
             with disk.transaction(db) if self.writes else disk.explained():
                 value = self.job(db)
         except BaseException as error:  # noqa: BLE001  # it is raised where the result is waited for
-            self.asked.set_exception(error)
+            self.future.set_exception(error)
         else:
-            self.asked.set_result(value)
+            self.future.set_result(value)

@@ -51,7 +51,7 @@ WITHOUT_INDEX = """
 
 KIND = Kind(
     owner="a journal's",
-    holds="input, record or state",
+    content="input, record or state",
     rival="another process",
     application=0x534F4D4A,  # `SOMJ` in ASCII
     version=4,
@@ -85,11 +85,11 @@ class Contradiction(UsageError):
 class Archive(Protocol):
     """What is kept of a component's `Record`s, in the file of its journal, and how it is read."""
 
-    def keep(self, record: object, db: sqlite3.Connection) -> None:
+    def store_record(self, record: object, db: sqlite3.Connection) -> None:
         """Keep a record; the same one twice is there once."""
         ...
 
-    def again(self, records: Sequence[object], state: Any, db: sqlite3.Connection) -> None:
+    def store_replayed(self, records: Sequence[object], state: Any, db: sqlite3.Connection) -> None:
         """Keep the records that came once more of the inputs behind a snapshot, some of which may not have been on disk; they led to
         this state. Raises Contradiction when they are not those that came of these inputs before."""
         ...
@@ -99,7 +99,7 @@ class Archive(Protocol):
         ...
 
 
-class _Found(Struct):
+class _StoredJournal(Struct):
     """What is in a file: who wrote it, for which address, what was open then, its snapshot, and the entries behind it."""
 
     program: str
@@ -139,84 +139,84 @@ class Journal:
         self._written, self._archive = JournalCodec(schema), archive
         self._setting, self._component = setting, component
         self._queued: deque[tuple[int, bytes]] = deque()
-        self._since = 0
-        self._not_before = 0.0
+        self._entry_count = 0
+        self._next_snapshot_time = 0.0
         try:
-            self._found = self.disk.do(lambda db: _found(db, component))
+            self._stored_journal = self.disk.write_and_wait(lambda db: _read_stored_journal(db, component))
         except UsageError:
             self.disk.close()
             raise
-        self.address = self._found.address if self._found is not None else ""
-        self.open: tuple[str, ...] = tuple(self._found.open) if self._found is not None else ()
+        self.address = self._stored_journal.address if self._stored_journal is not None else ""
+        self.open: tuple[str, ...] = tuple(self._stored_journal.open) if self._stored_journal is not None else ()
 
-    def beside(self, component: str) -> Journal:
+    def for_component(self, component: str) -> Journal:
         """The journal of another component of this process, in the same file. Whoever closes one of them closes all."""
         return Journal(self.disk.path, self._written.schema, self._setting, component=component, disk=self.disk, archive=self._archive)
 
-    def begin(self, address: str, make: Callable[[str], Stateful]) -> tuple[JournaledComponent, bool]:
+    def begin(self, address: str, factory: Callable[[str], Stateful]) -> tuple[JournaledComponent, bool]:
         """The component, as it was when the last input came, and whether there was one: if not, it is made for this address.
 
         What was written by another version is written anew at once, so that all behind a snapshot is of one program. Raises UsageError when
         there is a state that cannot be gone on with and is not to be forgotten; or when what the inputs behind the snapshot come to now is
         not what is in the archive.
         """
-        found, self._found, self.address = self._found, None, address
-        if found is not None and (change := self._changed(found, address)) is not None:
-            if found.open or self._written.schema.irreplaceable:
-                raise UsageError(self._stuck(found, change))
-            found = None
-        if found is None:
-            journaled = JournaledComponent(make(address), self._written.schema)
-            self.disk.do(lambda db: self._anew(db, address, journaled))
+        stored_journal, self._stored_journal, self.address = self._stored_journal, None, address
+        if stored_journal is not None and (change := self._changed(stored_journal, address)) is not None:
+            if stored_journal.open or self._written.schema.irreplaceable:
+                raise UsageError(self._stuck(stored_journal, change))
+            stored_journal = None
+        if stored_journal is None:
+            journaled = JournaledComponent(factory(address), self._written.schema)
+            self.disk.write_and_wait(lambda db: self._anew(db, address, journaled))
             return journaled, False
         try:
-            journaled = self._replayed(found)
+            journaled = self._replayed(stored_journal)
         except UsageError:
             raise
         except Exception as error:  # whatever data raise that do not fit
-            raise UsageError(self._stuck(found, f"cannot be read ({type(error).__name__}: {error})")) from error
-        if (found.schema, found.program) != (self._written.schema.version, PROGRAM):
-            self.disk.do(lambda db: self._anew(db, address, journaled))
-            self._since = 0
+            raise UsageError(self._stuck(stored_journal, f"cannot be read ({type(error).__name__}: {error})")) from error
+        if (stored_journal.schema, stored_journal.program) != (self._written.schema.version, PROGRAM):
+            self.disk.write_and_wait(lambda db: self._anew(db, address, journaled))
+            self._entry_count = 0
         return journaled, True
 
-    def _changed(self, found: _Found, address: str) -> str | None:
+    def _changed(self, stored_journal: _StoredJournal, address: str) -> str | None:
         """Why the file cannot be gone on with, if it cannot."""
-        if not self._written.schema.can_read(found.schema):
-            return f"was written by {found.program}, whose state {PROGRAM} cannot read"
-        if found.setting != self._setting:
-            return f"was written for {found.setting}, and this is for {self._setting}"
-        if found.address != address and not self._written.schema.relocatable:
-            return f"belongs to {found.address}, where others expect its owner, and this is {address}"
+        if not self._written.schema.can_read(stored_journal.schema):
+            return f"was written by {stored_journal.program}, whose state {PROGRAM} cannot read"
+        if stored_journal.setting != self._setting:
+            return f"was written for {stored_journal.setting}, and this is for {self._setting}"
+        if stored_journal.address != address and not self._written.schema.relocatable:
+            return f"belongs to {stored_journal.address}, where others expect its owner, and this is {address}"
         return None
 
-    def _stuck(self, found: _Found, change: str) -> str:
-        what = f"{self.disk.path}: {change}"
+    def _stuck(self, stored_journal: _StoredJournal, change: str) -> str:
+        problem = f"{self.disk.path}: {change}"
         if self._written.schema.irreplaceable:
-            return f"{what}; go on as it was, put a copy back, or move the file away, which forgets what is in it"
-        if not found.open:
-            return f"{what}; nothing was open in it: move the file away"
-        named = ", ".join(found.open[:3]) + (" ..." if len(found.open) > 3 else "")
-        tasks = f"{len(found.open)} task{'s are' if len(found.open) > 1 else ' is'} open ({named})"
-        return f"{what}; {tasks}: go on as it was until they are over, or move the file away, which forgets them"
+            return f"{problem}; go on as it was, put a copy back, or move the file away, which forgets what is in it"
+        if not stored_journal.open:
+            return f"{problem}; nothing was open in it: move the file away"
+        named = ", ".join(stored_journal.open[:3]) + (" ..." if len(stored_journal.open) > 3 else "")
+        tasks = f"{len(stored_journal.open)} task{'s are' if len(stored_journal.open) > 1 else ' is'} open ({named})"
+        return f"{problem}; {tasks}: go on as it was until they are over, or move the file away, which forgets them"
 
-    def _replayed(self, found: _Found) -> JournaledComponent:
-        if zlib.crc32(found.state) != found.sum:
-            raise UsageError(self._stuck(found, "is damaged: its state is not the one that was written"))
-        journaled = self._written.decode_snapshot(found.state, found.schema)
-        entries = [entry for document in found.entries for entry in self._written.decode_batch(document, found.schema)]
+    def _replayed(self, stored_journal: _StoredJournal) -> JournaledComponent:
+        if zlib.crc32(stored_journal.state) != stored_journal.sum:
+            raise UsageError(self._stuck(stored_journal, "is damaged: its state is not the one that was written"))
+        journaled = self._written.decode_snapshot(stored_journal.state, stored_journal.schema)
+        entries = [entry for document in stored_journal.entries for entry in self._written.decode_batch(document, stored_journal.schema)]
         entries = [entry for entry in entries if entry.number > journaled.number]
-        self._since = len(entries)
+        self._entry_count = len(entries)
         try:
             records = journaled.replay(entries)
         except ValueError as error:
-            raise UsageError(self._stuck(found, f"is damaged: {error}")) from None
-        kept, state = [record.entry for record in records], journaled.component.state
+            raise UsageError(self._stuck(stored_journal, f"is damaged: {error}")) from None
+        archive_records, state = [record.entry for record in records], journaled.component.state
         try:
-            self.disk.do(lambda db: self._archive.again(kept, state, db))
+            self.disk.write_and_wait(lambda db: self._archive.store_replayed(archive_records, state, db))
         except Contradiction as error:
-            before = f"it was written by {found.program}: start that once more and stop it in order, then go on with {PROGRAM}"
-            raise UsageError(f"{self.disk.path}: {error}; {before}") from None
+            advice = f"it was written by {stored_journal.program}: start that once more and stop it in order, then go on with {PROGRAM}"
+            raise UsageError(f"{self.disk.path}: {error}; {advice}") from None
         return journaled
 
     # Writing
@@ -224,12 +224,12 @@ class Journal:
     def append(self, entry: Entry) -> None:
         """Have the entry on disk, soon."""
         self._queued.append((entry.number, self._written.encode_entry(entry)))
-        self._since += 1
+        self._entry_count += 1
         self.disk.write(self._flush)
 
-    def keep(self, record: object) -> None:
+    def store_record(self, record: object) -> None:
         """Have a record in the archive, soon."""
-        self.disk.write(functools.partial(self._archive.keep, record))
+        self.disk.write(functools.partial(self._archive.store_record, record))
 
     def note(self, component: Stateful) -> None:
         """Have on disk what the component has not finished, if that changed."""
@@ -242,21 +242,21 @@ class Journal:
     @property
     def due(self) -> bool:
         """Whether it is time for a snapshot."""
-        return self._since >= self._written.schema.snapshot_after and time.monotonic() >= self._not_before
+        return self._entry_count >= self._written.schema.snapshot_after and time.monotonic() >= self._next_snapshot_time
 
     @property
     def overdue(self) -> bool:
         """Whether it should not be put off until nothing else is to be done."""
-        return self.due and self._since >= 4 * self._written.schema.snapshot_after
+        return self.due and self._entry_count >= 4 * self._written.schema.snapshot_after
 
     def snapshot(self, journaled: JournaledComponent) -> None:
         """Have the state on disk, soon, and then forget the entries that led to it. An interrupted one leaves the one before."""
-        begun = time.monotonic()
+        start_time = time.monotonic()
         state = self._written.encode_snapshot(journaled)
-        self._since = 0
-        self._not_before = time.monotonic() + (time.monotonic() - begun) / SNAPSHOT_SHARE
-        number, at = journaled.number, journaled.time
-        self.disk.write(lambda db: _snapshot(db, self._component, number, at, state))
+        self._entry_count = 0
+        self._next_snapshot_time = time.monotonic() + (time.monotonic() - start_time) / SNAPSHOT_SHARE
+        number, timestamp = journaled.number, journaled.time
+        self.disk.write(lambda db: _snapshot(db, self._component, number, timestamp, state))
 
     def close(self) -> None:
         """Write what is to be written, and close the file."""
@@ -265,12 +265,12 @@ class Journal:
     def _flush(self, db: sqlite3.Connection) -> None:
         """Write all that is queued; it may be more than was when this was asked for, and the next then finds nothing."""
         entries: list[bytes] = []
-        last = 0
+        last_number = 0
         while self._queued:
-            last, entry = self._queued.popleft()
+            last_number, entry = self._queued.popleft()
             entries.append(entry)
         if entries:
-            db.execute("INSERT INTO entries VALUES (?, ?, ?)", (self._component, last, JournalCodec.encode_batch(entries)))
+            db.execute("INSERT INTO entries VALUES (?, ?, ?)", (self._component, last_number, JournalCodec.encode_batch(entries)))
 
     def _anew(self, db: sqlite3.Connection, address: str, journaled: JournaledComponent) -> None:
         begin_with(db, journaled, self._written, self._component, self._setting, address)
@@ -291,7 +291,7 @@ def begin_with(
     _snapshot(db, component, journaled.number, journaled.time, written.encode_snapshot(journaled))
 
 
-def _found(db: sqlite3.Connection, component: str) -> _Found | None:
+def _read_stored_journal(db: sqlite3.Connection, component: str) -> _StoredJournal | None:
     life = db.execute("SELECT program, setting, address, open, schema FROM life WHERE component = ?", (component,)).fetchone()
     if life is None:
         return None
@@ -299,7 +299,7 @@ def _found(db: sqlite3.Connection, component: str) -> _Found | None:
     snapshot = db.execute("SELECT state, sum FROM snapshot WHERE component = ?", (component,)).fetchone()
     if snapshot is None:
         raise KeyError("there is no state")
-    return _Found(
+    return _StoredJournal(
         program=program,
         setting=setting,
         address=address,
@@ -311,8 +311,8 @@ def _found(db: sqlite3.Connection, component: str) -> _Found | None:
     )
 
 
-def _snapshot(db: sqlite3.Connection, component: str, number: int, at: float, state: bytes) -> None:
-    db.execute("INSERT OR REPLACE INTO snapshot VALUES (?, ?, ?, ?, ?)", (component, number, at, zlib.crc32(state), state))
+def _snapshot(db: sqlite3.Connection, component: str, number: int, timestamp: float, state: bytes) -> None:
+    db.execute("INSERT OR REPLACE INTO snapshot VALUES (?, ?, ?, ?, ?)", (component, number, timestamp, zlib.crc32(state), state))
     db.execute("DELETE FROM entries WHERE component = ? AND last <= ?", (component, number))
 
 

@@ -54,10 +54,12 @@ def _contents(db: sqlite3.Connection) -> Contents | None:
     rows = db.execute("SELECT relation, arguments FROM facts ORDER BY rowid")
     facts = [Fact(relation, _ARGUMENTS.decode(arguments)) for relation, arguments in rows]
     (version,) = db.execute("SELECT coalesce(max(version), 0) FROM events").fetchone()
-    (since,) = db.execute("SELECT coalesce(max(version), 0) FROM events WHERE before IS NULL").fetchone()
+    (first_version,) = db.execute("SELECT coalesce(max(version), 0) FROM events WHERE before IS NULL").fetchone()
     defined_at: dict[Section, dict[str, DefinitionChange]] = {}
-    for section, name, at, author in db.execute("SELECT section, name, version, author FROM revised JOIN events USING (version)"):
-        defined_at.setdefault(Section(section), {})[name] = DefinitionChange(version=at, author=author)
+    for section, name, defined_version, author in db.execute(
+        "SELECT section, name, version, author FROM revised JOIN events USING (version)"
+    ):
+        defined_at.setdefault(Section(section), {})[name] = DefinitionChange(version=defined_version, author=author)
     answered = db.execute("SELECT request, answer FROM answered ORDER BY number")
     subscriptions = db.execute("SELECT address, until FROM subscriptions ORDER BY rowid")
     return Contents(
@@ -67,8 +69,8 @@ def _contents(db: sqlite3.Connection) -> Contents | None:
         changed_at=dict(db.execute("SELECT object, max(version) FROM touched GROUP BY object")),
         defined_at=defined_at,
         answered={request: _ANSWER.decode(answer) for request, answer in answered},
-        subscriptions={address: Subscription(until=until, version=version) for address, until in subscriptions},
-        since=since,
+        subscriptions={address: Subscription(until=end_time, version=version) for address, end_time in subscriptions},
+        since=first_version,
     )
 
 
@@ -90,8 +92,8 @@ MIGRATIONS: Mapping[int, Step] = {
     """,
     # The drivers of devices are in packages of their own since.
     2: "".join(
-        f"UPDATE definitions SET document = replace(document, '{before}:', '{after}:');"
-        for before, after in (
+        f"UPDATE definitions SET document = replace(document, '{old_module}:', '{new_module}:');"
+        for old_module, new_module in (
             ("somrs.devices.person", "somrs.devices.person.device"),
             *((f"somrs.devices.simulator.{name}", f"somrs.devices.simulator.drivers.{name}") for name in DRIVERS),
         )

@@ -24,9 +24,9 @@ from somrs.storage import journal
 from somrs.storage.disk import Disk, Kind
 from somrs.storage.journal import Contradiction, Journal
 from somrs.storage.repository_formats import MIGRATIONS
-from somrs.storage.store_events import event_of, happened_at, leading_back, past, reading
+from somrs.storage.store_events import event_of, read_event, read_job, read_way_back, restore_past
 
-KEPT = 4
+MAX_PAST_VERSIONS = 4
 """So many versions of the past are kept, for the next pages of them."""
 
 TABLES = """
@@ -39,7 +39,7 @@ TABLES = """
 
 KIND = Kind(
     owner="a Repository's",
-    holds="ontology, map or event",
+    content="ontology, map or event",
     rival="another process",
     application=0x534F4D52,  # `SOMR` in ASCII
     version=5,
@@ -60,44 +60,44 @@ class MapHistory:
     def __init__(self) -> None:
         self._pasts: dict[int, tuple[PastState, MapPages]] = {}
 
-    def keep(self, record: object, db: sqlite3.Connection) -> None:
+    def store_record(self, record: object, db: sqlite3.Connection) -> None:
         """Raises Contradiction for a version that is there and is another one."""
         assert isinstance(record, Event), f"the history of a map is of events, not of {type(record).__name__}"
-        known = happened_at(record.version, db)
-        if known is None:
+        row = read_event(record.version, db)
+        if row is None:
             _insert(record, db)
-        elif _told(event_of(known)) != _told(record):
+        elif _comparable_event(event_of(row)) != _comparable_event(record):
             raise Contradiction(f"version {record.version} of the map is not what comes of the same request now")
 
-    def again(self, records: Sequence[object], state: Contents, db: sqlite3.Connection) -> None:
+    def store_replayed(self, records: Sequence[object], state: Contents, db: sqlite3.Connection) -> None:
         for record in records:
-            self.keep(record, db)
+            self.store_record(record, db)
         (latest,) = db.execute("SELECT coalesce(max(version), 0) FROM events").fetchone()
         if latest > state.version:
             raise Contradiction(f"version {latest} of the map is not what comes of the same requests now, which lead to {state.version}")
 
     async def answer(self, task: object, disk: Disk) -> ArchivedEvents | MapPage | OntologyPage:
         match task:
-            case PageOf(question=question, at_version=at):
-                then, pages = self._pasts.get(at) or await self._past(task, disk)
+            case PageOf(question=question, at_version=version):
+                past_state, pages = self._pasts.get(version) or await self._load_past(task, disk)
                 if isinstance(question, ReadMap):
-                    return pages.page(at, question.after)
-                return ontology_page(then.ontology, at, question.after, then.changed_at)
+                    return pages.page(version, question.after)
+                return ontology_page(past_state.ontology, version, question.after, past_state.changed_at)
             case HistoryOf() | EventsOf():
-                rows = await asyncio.wrap_future(disk.read(reading(task)))
+                rows = await asyncio.wrap_future(disk.read(read_job(task)))
                 with disk.explained():
                     return await asyncio.to_thread(lambda: ArchivedEvents(tuple(map(event_of, rows))))
         raise TypeError(f"the history of a map has no {type(task).__name__}")
 
-    async def _past(self, asked: PageOf, disk: Disk) -> tuple[PastState, MapPages]:
-        way, changed_at = await asyncio.wrap_future(disk.read(lambda db: leading_back(asked.version, asked.at_version, db)))
+    async def _load_past(self, page_request: PageOf, disk: Disk) -> tuple[PastState, MapPages]:
+        way, changed_at = await asyncio.wrap_future(disk.read(lambda db: read_way_back(page_request.version, page_request.at_version, db)))
         with disk.explained():
             # Going back through ten thousand events takes a while: neither the event loop nor the disk waits for it.
-            found = await asyncio.to_thread(past, asked, way, changed_at)
-        while len(self._pasts) >= KEPT:
+            past_state = await asyncio.to_thread(restore_past, page_request, way, changed_at)
+        while len(self._pasts) >= MAX_PAST_VERSIONS:
             del self._pasts[next(iter(self._pasts))]
-        self._pasts[asked.at_version] = kept = found, MapPages(found.map)
-        return kept
+        self._pasts[page_request.at_version] = entry = past_state, MapPages(past_state.map)
+        return entry
 
 
 def _insert(event: Event, db: sqlite3.Connection) -> None:
@@ -114,7 +114,7 @@ def _insert(event: Event, db: sqlite3.Connection) -> None:
     )
     db.execute("INSERT INTO events VALUES (?, ?, ?, ?, ?, ?, ?, ?)", row)
     objects = [renaming for renaming in event.renamed if renaming.section is Section.OBJECTS]
-    db.executemany("INSERT INTO renamed VALUES (?, ?, ?)", ((one.to, version, one.name) for one in objects))
+    db.executemany("INSERT INTO renamed VALUES (?, ?, ?)", ((renaming.to, version, renaming.name) for renaming in objects))
     names = dict.fromkeys(name for change in event.changes for name in objects_of(change))
     db.executemany("INSERT INTO touched VALUES (?, ?)", ((name, version) for name in names))
 
@@ -123,9 +123,9 @@ def _json(value: object) -> str:
     return msgspec.json.encode(value).decode()
 
 
-def _told(event: Event) -> object:
+def _comparable_event(event: Event) -> object:
     """What an event says, in whatever order it says it: the order of what happened at once may be another after a restart."""
     revision = event.revision if event.revision is not None else Revision()
-    told = (event.changes, event.before, tuple(revision.before.all_definitions()), tuple(revision.after.all_definitions()))
-    lists = [sorted(msgspec.json.encode(one, order="sorted") for one in each) for each in told]
+    groups = (event.changes, event.before, tuple(revision.before.all_definitions()), tuple(revision.after.all_definitions()))
+    lists = [sorted(msgspec.json.encode(item, order="sorted") for item in group) for group in groups]
     return event.version, event.at, event.author, event.revision is None, event.renamed, event.undoes, lists

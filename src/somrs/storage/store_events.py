@@ -53,27 +53,27 @@ def event_of(row: Row) -> Event:
     )
 
 
-def reading(task: HistoryOf | EventsOf) -> Job[list[Row]]:
+def read_job(task: HistoryOf | EventsOf) -> Job[list[Row]]:
     """What reads the events that are asked for."""
     match task:
         case HistoryOf(object=object, limit=limit):
             return functools.partial(history, object, limit)
         case EventsOf():
-            return functools.partial(happened, task)
+            return functools.partial(read_events, task)
 
 
-def happened(wanted: EventsOf, db: sqlite3.Connection) -> list[Row]:
+def read_events(query: EventsOf, db: sqlite3.Connection) -> list[Row]:
     """The events that are asked for."""
-    where, order = ("version > ?", "ASC") if wanted.after is not None else ("version < ?", "DESC")
-    bound = wanted.after if wanted.after is not None else wanted.before if wanted.before is not None else 1 << 62
-    if wanted.ontology:
-        where += " AND revision IS NOT NULL"
-    columns = _BRIEF if wanted.brief else _COLUMNS
-    rows = db.execute(f"SELECT {columns} FROM events WHERE {where} ORDER BY version {order} LIMIT ?", (bound, wanted.limit))
+    condition, order = ("version > ?", "ASC") if query.after is not None else ("version < ?", "DESC")
+    bound = query.after if query.after is not None else query.before if query.before is not None else 1 << 62
+    if query.ontology:
+        condition += " AND revision IS NOT NULL"
+    columns = _BRIEF if query.brief else _COLUMNS
+    rows = db.execute(f"SELECT {columns} FROM events WHERE {condition} ORDER BY version {order} LIMIT ?", (bound, query.limit))
     return [Row(*row) for row in rows]
 
 
-def happened_at(version: int, db: sqlite3.Connection) -> Row | None:
+def read_event(version: int, db: sqlite3.Connection) -> Row | None:
     """The event that led to the version, if it is known."""
     row = db.execute(f"SELECT {_COLUMNS} FROM events WHERE version = ?", (version,)).fetchone()
     return Row(*row) if row is not None else None
@@ -81,24 +81,24 @@ def happened_at(version: int, db: sqlite3.Connection) -> Row | None:
 
 def history(object: str, limit: int, db: sqlite3.Connection) -> list[Row]:
     """The latest events that changed the object, newest first, under whatever name it had."""
-    found: list[Row] = []
-    name, last = object, 1 << 62
-    while len(found) < limit:
+    found_rows: list[Row] = []
+    name, last_version = object, 1 << 62
+    while len(found_rows) < limit:
         # The name was given to it in this version; what had the same name before was something else.
-        given = db.execute(
-            "SELECT version, before FROM renamed WHERE name = ? AND version <= ? ORDER BY version DESC", (name, last)
+        renaming_row = db.execute(
+            "SELECT version, before FROM renamed WHERE name = ? AND version <= ? ORDER BY version DESC", (name, last_version)
         ).fetchone()
-        first, before = given if given is not None else (0, None)
+        first, old_name = renaming_row if renaming_row is not None else (0, None)
         rows = db.execute(
             f"SELECT {_COLUMNS} FROM events JOIN touched USING (version) WHERE object = ? AND version BETWEEN ? AND ?"
             " ORDER BY touched.version DESC LIMIT ?",
-            (name, first, last, limit - len(found)),
+            (name, first, last_version, limit - len(found_rows)),
         )
-        found += [Row(*row) for row in rows]
-        if before is None:
+        found_rows += [Row(*row) for row in rows]
+        if old_name is None:
             break
-        name, last = before, first - 1
-    return found
+        name, last_version = old_name, first - 1
+    return found_rows
 
 
 class Way(NamedTuple):
@@ -108,20 +108,24 @@ class Way(NamedTuple):
     revision: str | None
 
 
-def leading_back(version: int, at: int, db: sqlite3.Connection) -> tuple[list[Way], int]:
+def read_way_back(version: int, earlier_version: int, db: sqlite3.Connection) -> tuple[list[Way], int]:
     """What leads from a version back to an earlier one, the latest event first; and the version in which the ontology changed last
     before that."""
-    rows = db.execute("SELECT before, revision FROM events WHERE version > ? AND version <= ? ORDER BY version DESC", (at, version))
+    rows = db.execute(
+        "SELECT before, revision FROM events WHERE version > ? AND version <= ? ORDER BY version DESC", (earlier_version, version)
+    )
     way = [Way(*row) for row in rows]
-    (changed,) = db.execute("SELECT coalesce(max(version), 0) FROM events WHERE revision IS NOT NULL AND version <= ?", (at,)).fetchone()
+    (changed,) = db.execute(
+        "SELECT coalesce(max(version), 0) FROM events WHERE revision IS NOT NULL AND version <= ?", (earlier_version,)
+    ).fetchone()
     return way, changed
 
 
-def past(asked: PageOf, way: Sequence[Way], changed_at: int) -> PastState:
+def restore_past(page_request: PageOf, way: Sequence[Way], changed_at: int) -> PastState:
     """The map and the ontology at the other end of the way."""
-    ontology = asked.ontology
+    ontology = page_request.ontology
     for step in way:
         if step.revision is not None:
             ontology = revert_revision(ontology, _REVISION.decode(step.revision))
-    map = rewind_map(asked.map, (_CHANGES.decode(step.before) for step in way if step.before != "[]"))
+    map = rewind_map(page_request.map, (_CHANGES.decode(step.before) for step in way if step.before != "[]"))
     return PastState(map=map, ontology=ontology, changed_at=changed_at)

@@ -207,7 +207,7 @@ def test_what_is_only_read_is_not_kept_and_an_orderly_stop_leaves_nothing_to_be_
         assert not any(isinstance(answer.body, Fault) for answer in answers)
         after = journal.disk.read(lambda db: db.execute("SELECT max(last) FROM entries").fetchone()[0]).result()
         await rim.stop()
-        (left,) = journal.disk.do(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
+        (left,) = journal.disk.write_and_wait(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
         assert left == 0
         journal.close()
         return after - before, [updated.body]
