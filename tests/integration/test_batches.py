@@ -19,7 +19,7 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime import batches
-from somrs.runtime.batches import MEDIA_TYPE, MOST_TOGETHER
+from somrs.runtime.batches import MAX_BATCH_SIZE, MEDIA_TYPE
 from somrs.runtime.host import Host
 from somrs.storage.journal import Journal
 from tests.integration.test_node_durability import Brake, in_time, until
@@ -174,7 +174,7 @@ def test_what_is_due_goes_together_once_the_other_said_that_it_takes_that() -> N
         await until(lambda: len(stage.one.heard) + len(stage.two.heard) == 101)
         assert stage.one.heard[1:] == NUMBERS[1::2]
         assert stage.two.heard == NUMBERS[::2]
-        assert len(stage.relay.kinds) == 3, f"one, and then {MOST_TOGETHER} and the rest"
+        assert len(stage.relay.kinds) == 3, f"one, and then {MAX_BATCH_SIZE} and the rest"
 
     staged(scenario)
 
@@ -276,7 +276,7 @@ def test_who_waits_for_an_answer_on_the_connection_does_not_wait_for_others() ->
     [
         (b"\xc1", 400),
         (msgspec.msgpack.encode("text"), 400),
-        (msgspec.msgpack.encode([b""] * (MOST_TOGETHER + 1)), 400),
+        (msgspec.msgpack.encode([b""] * (MAX_BATCH_SIZE + 1)), 400),
         (b"\x00" * (MOST_BYTES + 1), 413),
     ],
     ids=["no msgpack", "no array", "too many", "too large"],

@@ -17,7 +17,7 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime.http import Server
-from somrs.runtime.wire import NONE, Unanswered, Wire, asked_again
+from somrs.runtime.wire import NONE_ADDRESS, Unanswered, Wire, retry_unanswered
 
 TYPE = {"Content-Type": "application/soap+xml; charset=utf-8"}
 QUERY = knowledge.QueryMap(formula="Jar1 isOn ?Place")
@@ -306,7 +306,7 @@ def test_what_cannot_be_reached_or_is_no_component() -> None:
                 await wire.post(query(address))
         with pytest.raises(RemoteError, match="QueryMap cannot be sent"):
             await wire.post(Message(header=query(server.url).header, body=knowledge.QueryMap(formula="\x00")))
-        assert await wire.post(query(NONE)) is None, "what is sent there is thrown away"
+        assert await wire.post(query(NONE_ADDRESS)) is None, "what is sent there is thrown away"
         with pytest.raises(RemoteError, match=r"did not answer within 0\.2 s"):
             await wire.post(session_message(f"{server.url}/repository"), timeout=0.2)
         strange.close()
@@ -334,8 +334,8 @@ def test_who_comes_while_a_process_starts_comes_again() -> None:
             with pytest.raises(Unanswered, match=says):
                 await wire.post(query(f"{server.url}/repository"))
             with pytest.raises(Unanswered, match=says):
-                await wire.post_together([query(f"{server.url}/repository")] * 2, 30)
-            asking = asyncio.create_task(asked_again(lambda: wire.post(query(f"{server.url}/repository")), 60))
+                await wire.post_batch([query(f"{server.url}/repository")] * 2, 30)
+            asking = asyncio.create_task(retry_unanswered(lambda: wire.post(query(f"{server.url}/repository")), 60))
             await asyncio.sleep(0.05)
             assert not asking.done()
             server.parts["/repository"] = answer

@@ -12,7 +12,7 @@ import pytest
 from somrs.kernel.component import Effect, Effects, EffectsReturning, Input, Received, TimerFired
 from somrs.protocol.messages.clients import CancelTask, Policy
 from somrs.protocol.messages.frp import Accept, Outcome
-from somrs.runtime.virtual import Moment, World
+from somrs.runtime.virtual import KillPoint, World
 from somrs.service_manager.participant.timers import TermsDue
 from somrs.task_manager.execution.execution_log import ExecutionLog
 from somrs.task_manager.execution.member import Member
@@ -229,7 +229,7 @@ def test_a_journal_that_loses_what_came_last_is_noticed(snapshot: bool) -> None:
                 del world._journal(address).entries[-1:]
             super().revive(world, address)
 
-    killed = story(Kill(at=4.0, target="tm1", moment=Moment.KEPT, snapshot=snapshot))
+    killed = story(Kill(at=4.0, target="tm1", moment=KillPoint.JOURNALED, snapshot=snapshot))
     assert noticed(killed) is None
     assert noticed(killed, Forgetful()) is Property.RESTART
 

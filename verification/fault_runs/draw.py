@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.messages.clients import Policy
-from somrs.runtime.virtual import Moment
+from somrs.runtime.virtual import KillPoint
 from verification.fault_runs.site import FLOOR, LOOKING, SERVICES
 from verification.fault_runs.story import (
     AT_WORK,
@@ -185,7 +185,7 @@ class _Draw:
         return Kill(
             at=self.seconds(EVENTFUL),
             target=target,
-            moment=dice.choice(list(Moment)),
+            moment=dice.choice(list(KillPoint)),
             effects=dice.randint(0, 4),
             seconds=None if final and self.chance(OFTEN) else dice.choice((0.1, 2.0, 10.0, 25.0, 50.0)),
             snapshot=self.chance(OFTEN),

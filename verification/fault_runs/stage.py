@@ -22,7 +22,7 @@ from somrs.registry.component import Registry
 from somrs.repository.component import SCHEMA as REPOSITORY
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
-from somrs.runtime.virtual import LATENCY, Moment, Work, World
+from somrs.runtime.virtual import LATENCY, KillPoint, Work, World
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.state import ServiceManagerState
@@ -153,7 +153,7 @@ class Stage:
 
     def _play(self) -> None:
         for number, wish in enumerate(self.story.wishes):
-            self._at(wish.at, partial(self.world.ring, "client", f"submit {number}"))
+            self._at(wish.at, partial(self.world.fire_timer, "client", f"submit {number}"))
         for fault in self.story.faults:
             self._stage(fault)
         for at, scene in sorted(self._scenes, key=lambda scene: scene[0]):
@@ -218,7 +218,7 @@ class Stage:
             return
         if kill.snapshot:
             self.world.snapshot(address)
-        self._note(f"{address} is killed {kill.moment}{f' ({kill.effects})' if kill.moment is Moment.AMID else ''}")
+        self._note(f"{address} is killed {kill.moment}{f' ({kill.effects})' if kill.moment is KillPoint.AMID else ''}")
         self._doomed[address] = self.world.components[address]
         self.world.kill(address, kill.moment, kill.effects)
         if kill.seconds is None:

@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from somrs.ontology.services import Handler
 from somrs.protocol.messages.clients import Policy
-from somrs.runtime.virtual import Moment
+from somrs.runtime.virtual import KillPoint
 
 AT_WORK = "the device at work"
 """The target of a fault: whichever device works at that moment, if any does."""
@@ -91,7 +91,7 @@ class Kill:
 
     at: float
     target: str
-    moment: Moment = Moment.AT_ONCE
+    moment: KillPoint = KillPoint.BETWEEN_INPUTS
     effects: int = 0
     seconds: float | None = 10.0
     snapshot: bool = False

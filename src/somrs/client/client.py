@@ -20,7 +20,7 @@ from somrs.protocol.messages import clients, directory, frp, knowledge, records
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.people import client_address
-from somrs.runtime.wire import Wire, asked_again
+from somrs.runtime.wire import Wire, retry_unanswered
 
 SYSTEM_FILE = "system.json"
 PAGE = 50
@@ -114,7 +114,7 @@ class Client:
         """
         header = Header(sender=client_address(by) if by else self._who, recipient=address, message_id=id or uuid.uuid4().urn)
         message = Message(header=header, body=body)
-        answer = await asked_again(lambda: self._wire.post(message, timeout=timeout), patience)
+        answer = await retry_unanswered(lambda: self._wire.post(message, timeout=timeout), patience)
         if answer is None:
             raise RemoteError(f"{address} took the {type(body).__name__} without an answer")
         if isinstance(answer.body, expected):

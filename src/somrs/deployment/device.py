@@ -24,7 +24,7 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
-from somrs.runtime.wire import asked_again
+from somrs.runtime.wire import retry_unanswered
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
 from somrs.service_manager.participant.timers import DepartureRequested, Equipped, Observed
 from somrs.service_manager.sdk import orders
@@ -171,7 +171,7 @@ class DeviceRunner:
         header = Header(sender=ANONYMOUS, recipient=self._addresses.repository, message_id=uuid.uuid4().urn)
         rim, question = self._rim, Message(header=header, body=body)
         assert rim is not None, "devices ask once they listen"
-        return (await asked_again(lambda: rim.request(question), MAP_TIME)).body
+        return (await retry_unanswered(lambda: rim.request(question), MAP_TIME)).body
 
 
 async def serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:

@@ -19,25 +19,25 @@ MEDIA_TYPE = "application/vnd.so-mrs.batch+msgpack"
 ACCEPTED = f"{soap.MEDIA_TYPE}, {MEDIA_TYPE}"
 """What every answer of a server says in its header `Accept-Post` (Linked Data Platform 1.0, 7.1)."""
 
-MOST_TOGETHER = 64
+MAX_BATCH_SIZE = 64
 """The most messages of a batch: the loop of whoever takes it does nothing else while it handles them."""
 
 Outcome = tuple[int, bytes]
 """What came of one message: the status of HTTP, and what was said with it."""
 
-_AROUND = 8
+_OVERHEAD = 8
 """Bytes that msgpack needs around a document at most."""
 
-_BATCH = msgspec.msgpack.Decoder(Annotated[list[bytes], msgspec.Meta(max_length=MOST_TOGETHER)])
+_BATCH = msgspec.msgpack.Decoder(Annotated[list[bytes], msgspec.Meta(max_length=MAX_BATCH_SIZE)])
 _OUTCOMES = msgspec.msgpack.Decoder(list[Outcome])
 
 
-def together(documents: Iterable[bytes]) -> Iterator[bytes]:
+def fit_batch(documents: Iterable[bytes]) -> Iterator[bytes]:
     """The first of the documents, as many as one batch holds: together they are as large at most as one alone may be."""
-    room = MOST_BYTES - _AROUND
+    free_bytes = MOST_BYTES - _OVERHEAD
     for number, document in enumerate(documents):
-        room -= len(document) + _AROUND
-        if number and (room < 0 or number == MOST_TOGETHER):
+        free_bytes -= len(document) + _OVERHEAD
+        if number and (free_bytes < 0 or number == MAX_BATCH_SIZE):
             return
         yield document
 

@@ -16,9 +16,9 @@ class Clock:
     def now(self) -> float:
         return time.monotonic() + self._offset
 
-    def not_before(self, at: float) -> None:
+    def advance_to(self, timestamp: float) -> None:
         """Go on from there at least: the machine's clock was put back since."""
-        self._offset += max(0.0, at - self.now())
+        self._offset += max(0.0, timestamp - self.now())
 
 
 class TimeOfDay(Clock):
@@ -32,8 +32,8 @@ class TimeOfDay(Clock):
         self._latest = max(self._latest, time.time())
         return self._latest
 
-    def not_before(self, at: float) -> None:
-        self._latest = max(self._latest, at)
+    def advance_to(self, timestamp: float) -> None:
+        self._latest = max(self._latest, timestamp)
 
 
 def local_zone() -> str:

@@ -17,14 +17,14 @@ from somrs.protocol.messages.envelope import Message
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import Server
 from somrs.runtime.node import CarryOut, Node, Report, Watch
-from somrs.runtime.outbox import Letter, Outboxes
+from somrs.runtime.outbox import Outboxes, OutgoingMessage
 from somrs.runtime.wire import Wire
 from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)
 
 
-async def _nothing_to_do(task: object, report: Report) -> object:
+async def _refuse_work(task: object, report: Report) -> object:
     raise RemoteError(f"this node cannot do {type(task).__name__}")
 
 
@@ -38,7 +38,7 @@ class Host:
         self._nodes: dict[str, Node] = {}
         self._server = Server(host, port, {})
         self._watch = watch
-        self._local: deque[tuple[Node, Letter]] = deque()
+        self._local: deque[tuple[Node, OutgoingMessage]] = deque()
         self._outboxes = Outboxes(self.wire, self._post, self.clock.now)
 
     @property
@@ -48,18 +48,18 @@ class Host:
     async def start(self) -> None:
         await self._server.start()
 
-    def add(self, path: str, make: Callable[[str], Component], *, carry_out: CarryOut = _nothing_to_do) -> Node:
+    def add(self, path: str, factory: Callable[[str], Component], *, carry_out: CarryOut = _refuse_work) -> Node:
         """Put a component that keeps nothing, made for its address, at a path such as `/repository`, and start it."""
         address = f"{self.url}{path}"
-        return self._start(path, self._node(address, make(address), carry_out), again=False)
+        return self._start(path, self._node(address, factory(address), carry_out), is_resumed=False)
 
     def add_journaled(
         self,
         path: str,
-        make: Callable[[str], Stateful],
+        factory: Callable[[str], Stateful],
         journal: Journal,
         *,
-        carry_out: CarryOut = _nothing_to_do,
+        carry_out: CarryOut = _refuse_work,
         notices: Sequence[object] = (),
     ) -> Node:
         """Put a component there whose inputs are kept: as its journal has it, or, if it has none, made for its address.
@@ -67,10 +67,10 @@ class Host:
         `notices`: what it hears of before it starts. Raises UsageError when the journal cannot be gone on with.
         """
         address = f"{self.url}{path}"
-        journaled, again = journal.begin(address, make)
-        self.clock.not_before(journaled.time)
+        journaled, is_resumed = journal.begin(address, factory)
+        self.clock.advance_to(journaled.time)
         node = self._node(address, journaled.component, carry_out, journal=journal, journaled=journaled)
-        return self._start(path, node, again=again, notices=notices)
+        return self._start(path, node, is_resumed=is_resumed, notices=notices)
 
     def _node(
         self,
@@ -93,10 +93,10 @@ class Host:
             watch=self._watch,
         )
 
-    def _start(self, path: str, node: Node, *, again: bool, notices: Sequence[object] = ()) -> Node:
+    def _start(self, path: str, node: Node, *, is_resumed: bool, notices: Sequence[object] = ()) -> Node:
         self._nodes[node.address] = node
         self._server.parts[path] = node.receive
-        node.start(again=again, notices=notices)
+        node.start(is_resumed=is_resumed, notices=notices)
         return node
 
     async def remove(self, node: Node) -> None:
@@ -104,39 +104,39 @@ class Host:
         await node.close()
         del self._nodes[node.address], self._server.parts[urlsplit(node.address).path]
 
-    def send(self, letter: Letter) -> None:
+    def send(self, outgoing: OutgoingMessage) -> None:
         """Hand the message to whoever is at its recipient's address, in this process or another, behind those that wait already."""
-        address = letter.message.header.recipient
+        address = outgoing.message.header.recipient
         local = self._nodes.get(address)
         if local is None or self._outboxes.busy(address):
-            self._outboxes.put(letter)
+            self._outboxes.enqueue(outgoing)
             return
-        self._local.append((local, letter))
+        self._local.append((local, outgoing))
         if len(self._local) == 1:
             asyncio.get_running_loop().call_soon(self._hand_over)
 
     def _hand_over(self) -> None:
         """Hand over what waits by now; what comes of it waits for the next time, so that sockets and timers have their turn."""
         for _ in range(len(self._local)):
-            recipient, letter = self._local[0]
+            recipient, outgoing = self._local[0]
             try:
-                recipient.feed(Received(letter.message))
-                recipient.output.acknowledge(partial(self._handed, letter))
+                recipient.feed(Received(outgoing.message))
+                recipient.output.acknowledge(partial(self._handle_local_delivery, outgoing))
             except RemoteError:
-                self._outboxes.put_apart(letter)
+                self._outboxes.enqueue_separately(outgoing)
             except Exception as error:  # a defect in handling one message must not hold back those behind it
-                log.exception("%s: a %s could not be handled", recipient.address, type(letter.message.body).__name__)
-                letter.sender.given_up(letter, f"{type(error).__name__}: {error}")
+                log.exception("%s: a %s could not be handled", recipient.address, type(outgoing.message.body).__name__)
+                outgoing.sender.handle_delivery_failure(outgoing, f"{type(error).__name__}: {error}")
             finally:
                 self._local.popleft()
         if self._local:
             asyncio.get_running_loop().call_soon(self._hand_over)
 
-    def _handed(self, letter: Letter, error: RemoteError | None) -> None:
+    def _handle_local_delivery(self, outgoing: OutgoingMessage, error: RemoteError | None) -> None:
         if error is None:
-            letter.sender.taken(letter, None)
+            outgoing.sender.handle_acknowledgement(outgoing, None)
         else:
-            self._outboxes.put_apart(letter)
+            self._outboxes.enqueue_separately(outgoing)
 
     async def delivered(self, seconds: float) -> None:
         """Return when no message is on its way any more, but no later than in so many seconds."""

@@ -45,7 +45,7 @@ KEPT_TIME = 60
 
 CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
 HANG_UP = {"Connection": "close"}
-_TAKEN = Response(status_code=202)
+_ACCEPTED = Response(status_code=202)
 STOPPING = "this component is stopping"
 STARTING = "nothing is here yet; this process is starting"
 
@@ -71,8 +71,8 @@ class Server:
 
     async def start(self) -> None:
         """Listen. Port 0 becomes a free one. Raises UsageError when the port cannot be had."""
-        listening = bound(self.host, self.port)
-        self.port = listening.getsockname()[1]
+        server_socket = bound(self.host, self.port)
+        self.port = server_socket.getsockname()[1]
         config = uvicorn.Config(
             self._serve,
             interface="asgi3",
@@ -87,7 +87,7 @@ class Server:
             headers=[("Accept-Post", batches.ACCEPTED)],
         )
         self._server = QuietServer(config)
-        self._serving = asyncio.create_task(self._server.serve(sockets=[listening]))
+        self._serving = asyncio.create_task(self._server.serve(sockets=[server_socket]))
         while not self._server.started:
             if self._serving.done():
                 raise UsageError(f"cannot listen at {self.url}")
@@ -108,19 +108,19 @@ class Server:
         match scope["method"]:
             case _ if not self.parts:
                 # A process listens before its parts are read from disk: whoever knows their address is to come again.
-                response = _response(_not_taken(RemoteError(STARTING)))
+                response = _response(_unavailable(RemoteError(STARTING)))
             case "POST":
-                response = await self._take(scope, receive)
+                response = await self._handle_post(scope, receive)
             case "GET" | "HEAD":
-                response = await self._show(Request(scope))
+                response = await self._handle_get(Request(scope))
             case _:
                 response = PlainTextResponse("send messages with POST\n", 405, headers={"Allow": "GET, HEAD, POST"})
         await response(scope, receive, send)
 
-    async def _take(self, scope: Scope, receive: Receive) -> Response:
+    async def _handle_post(self, scope: Scope, receive: Receive) -> Response:
         handler = self.parts.get(scope["path"])
         if handler is None:
-            return PlainTextResponse(self._nothing(scope["path"]), 404)
+            return PlainTextResponse(self._not_found_text(scope["path"]), 404)
         headers: dict[bytes, bytes] = dict(scope["headers"])
         content_type = headers.get(b"content-type", b"").decode("latin-1")
         is_batch = content_type == batches.MEDIA_TYPE
@@ -136,7 +136,7 @@ class Server:
         except TimeoutError:
             return PlainTextResponse(f"the message was not here within {self.body_time:g} s\n", 408, headers=HANG_UP)
         except RemoteError as error:
-            return _response(_not_taken(error))
+            return _response(_unavailable(error))
         if document is None:
             return PlainTextResponse(f"the message has more than {MOST_BYTES} bytes, which are the most\n", 413, headers=HANG_UP)
         return await self._take_batch(document) if is_batch else _response(await self._outcome(document, handler))
@@ -159,7 +159,7 @@ class Server:
                 path = unquote(urlsplit(message.header.recipient).path)
                 handler = self.parts.get(path)
                 if handler is None:
-                    return 404, self._nothing(path).encode()
+                    return 404, self._not_found_text(path).encode()
             answer = await self._unless_stopped(handler(message))
             return _answer(answer) if answer is not None else (202, b"")
         except WireError as error:
@@ -167,14 +167,14 @@ class Server:
         except InputError as error:
             return _fault(WireError(SENDER, str(error)), message)
         except NotTaken as error:
-            return _not_taken(error)
+            return _unavailable(error)
         except RemoteError as error:
             return _fault(WireError(soap.RECEIVER, str(error)), message)
         except Exception:  # a defect here must not end the server, nor show the sender its stack trace
             log.exception("a %s could not be handled", type(message.body).__name__ if message else "message")
             return _fault(WireError(soap.RECEIVER, "this message met a defect here; see the log"), message)
 
-    def _nothing(self, path: str) -> str:
+    def _not_found_text(self, path: str) -> str:
         return f"nothing is at {path}; here are {', '.join(self.parts)}\n"
 
     async def _unless_stopped(self, work: Awaitable[T]) -> T:
@@ -192,16 +192,16 @@ class Server:
         finally:
             self._open.discard(task)
 
-    async def _show(self, request: Request) -> Response:
+    async def _handle_get(self, request: Request) -> Response:
         path = request.url.path
         if path not in self.parts:
-            return PlainTextResponse(self._nothing(path), 404)
+            return PlainTextResponse(self._not_found_text(path), 404)
         query = request.query_params
         if "wsdl" in query:
             # The address by which the client came is one by which it can come again.
             return _xml(description(path, str(request.url.replace(query=""))))
-        if (wanted := query.get("xsd")) is not None:
-            return _xml(schema(wanted))
+        if (schema_name := query.get("xsd")) is not None:
+            return _xml(schema(schema_name))
         return PlainTextResponse(f"a SOAP 1.2 endpoint of SO-MRS; its description is at {path}?wsdl\n")
 
 
@@ -214,15 +214,15 @@ class QuietServer(uvicorn.Server):
 
 
 def _response(outcome: Outcome) -> Response:
-    status, said = outcome
+    status, content = outcome
     if status == 202:
-        return _TAKEN
+        return _ACCEPTED
     if status == 503:
-        return Response(said, status, media_type="text/plain", headers=HANG_UP)
-    return Response(said, status, media_type=CONTENT_TYPE)
+        return Response(content, status, media_type="text/plain", headers=HANG_UP)
+    return Response(content, status, media_type=CONTENT_TYPE)
 
 
-def _not_taken(error: RemoteError) -> Outcome:
+def _unavailable(error: RemoteError) -> Outcome:
     """No Fault: that would be an answer, and the sender is to send the message again."""
     return 503, f"{error}\n".encode()
 
@@ -246,15 +246,15 @@ async def _body(headers: dict[bytes, bytes], receive: Receive) -> bytes | None:
     declared = headers.get(b"content-length", b"0")
     if not declared.isdigit() or int(declared[:20]) > MOST_BYTES:
         return None
-    body, more = b"", True
-    while more:
+    body, is_incomplete = b"", True
+    while is_incomplete:
         part = await receive()
         if part["type"] == "http.disconnect":
             raise ClientDisconnect
         body += part.get("body", b"")
         if len(body) > MOST_BYTES:
             return None
-        more = part.get("more_body", False)
+        is_incomplete = part.get("more_body", False)
     return body
 
 

@@ -35,9 +35,9 @@ from somrs.kernel.pending import DELIVERY_TIME, JournaledComponent
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import NotTaken
-from somrs.runtime.outbox import Letter
+from somrs.runtime.outbox import OutgoingMessage
 from somrs.runtime.output import Output
-from somrs.runtime.pending_replies import Requesters, in_session, is_waited_for
+from somrs.runtime.pending_replies import PendingReplies, in_session, is_waited_for
 from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)
@@ -76,7 +76,7 @@ class Node:
         carry_out: CarryOut,
         *,
         clock: Clock,
-        send: Callable[[Letter], None],
+        send: Callable[[OutgoingMessage], None],
         delivered: Callable[[float], Awaitable[None]],
         journal: Journal | None = None,
         journaled: JournaledComponent | None = None,
@@ -90,11 +90,11 @@ class Node:
         self._handling = self._closed = False
         self._broken = ""
         self._timers: dict[Hashable, asyncio.TimerHandle] = {}
-        self._asked: dict[Hashable, asyncio.Task[None]] = {}
-        self._requesters = Requesters()
+        self._work_tasks: dict[Hashable, asyncio.Task[None]] = {}
+        self._pending_replies = PendingReplies()
         self._snapshot: asyncio.TimerHandle | None = None
         self._last_input = 0.0
-        self.output = Output(journal.disk if journal is not None else None, self._do, self._break)
+        self.output = Output(journal.disk if journal is not None else None, self._perform, self._break)
 
     # Inputs
 
@@ -117,9 +117,9 @@ class Node:
         finally:
             self._handling = False
             if self._inputs:  # behind one that met a defect
-                asyncio.get_running_loop().call_soon(self._go_on)
+                asyncio.get_running_loop().call_soon(self._continue_inputs)
 
-    def _go_on(self) -> None:
+    def _continue_inputs(self) -> None:
         if self._inputs and not self._closed and not self._broken:
             self.feed(self._inputs.popleft())
 
@@ -127,7 +127,7 @@ class Node:
         now = self._clock.now()
         if self._journaled is None or self._journal is None or self._journaled.schema.is_read_only(event):
             for effect in self.component.handle(event, now):
-                self._come(effect, 0)
+                self._dispatch(effect, 0)
             return
         journal, journaled = self._journal, self._journaled
         entry = journaled.make_entry(event, now)
@@ -141,25 +141,25 @@ class Node:
             journal.note(journaled.component)
             self.output.position = journal.disk.position
         for effect, number in effects:
-            self._come(effect, number)
+            self._dispatch(effect, number)
         self._last_input = time.monotonic()
         if journal.due and self._snapshot is None:
             self._snapshot = asyncio.get_running_loop().call_later(QUIET, self._take_snapshot)
 
     async def receive(self, message: Message) -> Message | None:
         """A message from the wire; the answer, when the sender waits for it on the same connection."""
-        self._seen(message)
+        self._show_watcher(message)
         if message.header.reply_to != ANONYMOUS:
             self.feed(Received(message))
             await self.output.on_disk()
             return None
-        with self._requesters.waiting(message) as wanted:
+        with self._pending_replies.waiting(message) as reply:
             try:
                 self.feed(Received(message))
                 await self.output.on_disk()
-                if not wanted.done() and not is_waited_for(message):
+                if not reply.done() and not is_waited_for(message):
                     return None
-                return await asyncio.wait_for(wanted, ANSWER_TIME)
+                return await asyncio.wait_for(reply, ANSWER_TIME)
             except TimeoutError:
                 raise RemoteError(f"no answer to {type(message.body).__name__} within {ANSWER_TIME:.0f} s") from None
             except NotTaken as error:
@@ -169,10 +169,10 @@ class Node:
 
     # From start to stop
 
-    def start(self, *, again: bool, notices: Sequence[object] = ()) -> None:
+    def start(self, *, is_resumed: bool, notices: Sequence[object] = ()) -> None:
         """Start the component, which hears of the `notices` first; `again`, after it took up what it had under way when its process
         ended."""
-        if again and self._journaled is not None:
+        if is_resumed and self._journaled is not None:
             self._resume(self._journaled)
         for notice in notices:
             self.feed(Notified(notice))
@@ -180,14 +180,14 @@ class Node:
 
     def _resume(self, journaled: JournaledComponent) -> None:
         loop, now, pending = asyncio.get_running_loop(), self._clock.now(), journaled.pending
-        for number, sent in [*pending.messages.items()]:
-            letter = Letter(self, sent.message, sent.expiry_after_restart(now), number)
-            if letter.until <= now:
-                loop.call_soon(self.given_up, letter, "its time was over while its sender was away")
+        for number, sent_message in [*pending.messages.items()]:
+            outgoing = OutgoingMessage(self, sent_message.message, sent_message.expiry_after_restart(now), number)
+            if outgoing.deadline <= now:
+                loop.call_soon(self.handle_delivery_failure, outgoing, "its time was over while its sender was away")
             else:
-                self._send(letter)
-        for timer, at in pending.timers.items():
-            self._set(timer, at)
+                self._send(outgoing)
+        for timer, fire_time in pending.timers.items():
+            self._set_timer(timer, fire_time)
         answers = dict(pending.find_abandoned_questions(journaled.schema.volatile))
         for question, task in pending.questions.items():
             if question in answers:
@@ -201,7 +201,7 @@ class Node:
         timers = [*self._timers.values(), *([self._snapshot] if self._snapshot is not None else [])]
         for timer in timers:
             timer.cancel()
-        running = [*self._asked.values()]
+        running = [*self._work_tasks.values()]
         for task in running:
             task.cancel()
         await asyncio.gather(*running, return_exceptions=True)
@@ -229,51 +229,53 @@ class Node:
 
     # Effects
 
-    def _come(self, effect: Effect, number: int) -> None:
+    def _dispatch(self, effect: Effect, number: int) -> None:
         """Carry an effect out, now or when all that it may depend on is on disk."""
         # Every effect comes this way, and class patterns take longer.
         if isinstance(effect, SetTimer):
-            self._set(effect.timer, effect.at)  # seen by nobody; what its ringing comes to waits in its turn
+            self._set_timer(effect.timer, effect.at)  # seen by nobody; what its ringing comes to waits in its turn
         elif not isinstance(effect, Record):  # those are the journal's
-            self.output.put(effect, number)
+            self.output.add_effect(effect, number)
 
     def _break(self, error: Exception) -> None:
         """Something could not be kept. What is behind it never leaves, and whoever waits for it hears why."""
         # It is this node that was given a bad disk, not the sender that is wrong.
-        told = NotTaken(f"{self.address} takes nothing more, because it could not keep what it had to: {error}")
+        refusal = NotTaken(f"{self.address} takes nothing more, because it could not keep what it had to: {error}")
         if not self._broken:
-            log.critical("%s", told)
-        self._broken = str(told)
-        self.output.drop(told)
-        self._requesters.disappoint(told)
+            log.critical("%s", refusal)
+        self._broken = str(refusal)
+        self.output.drop(refusal)
+        self._pending_replies.fail_all(refusal)
 
-    def _do(self, effect: Effect, number: int) -> None:
+    def _perform(self, effect: Effect, number: int) -> None:
         match effect:
-            case Send(message, until):
-                self._seen(message)
+            case Send(message, deadline):
+                self._show_watcher(message)
                 if message.header.recipient == ANONYMOUS:
-                    self._requesters.answer(message)
+                    self._pending_replies.answer(message)
                 elif not self._closed:
-                    self._send(Letter(self, message, until if until is not None else self._clock.now() + DELIVERY_TIME, number))
+                    self._send(
+                        OutgoingMessage(self, message, deadline if deadline is not None else self._clock.now() + DELIVERY_TIME, number)
+                    )
             case Ask(question, task) if not self._closed:
                 self._ask(question, task)
             case Withdraw(question):
-                if (asked := self._asked.get(question)) is not None:
-                    asked.cancel()
+                if (running_task := self._work_tasks.get(question)) is not None:
+                    running_task.cancel()
 
-    def _set(self, timer: Hashable, at: float | None) -> None:
+    def _set_timer(self, timer: Hashable, fire_time: float | None) -> None:
         if (old := self._timers.pop(timer, None)) is not None:
             old.cancel()
-        if at is not None:
-            delay = max(0.0, at - self._clock.now())
-            self._timers[timer] = asyncio.get_running_loop().call_later(delay, self._ring, timer)
+        if fire_time is not None:
+            delay = max(0.0, fire_time - self._clock.now())
+            self._timers[timer] = asyncio.get_running_loop().call_later(delay, self._fire_timer, timer)
 
-    def _ring(self, timer: Hashable) -> None:
+    def _fire_timer(self, timer: Hashable) -> None:
         self._timers.pop(timer, None)
         self._feed_late(TimerFired(timer))
 
     def _ask(self, question: Hashable, task: object) -> None:
-        self._asked[question] = asyncio.create_task(self._carry(question, task))
+        self._work_tasks[question] = asyncio.create_task(self._carry(question, task))
 
     async def _carry(self, question: Hashable, task: object) -> None:
         value: object
@@ -289,8 +291,8 @@ class Node:
         except Exception as error:  # whatever went wrong is the answer; the component says what it means
             log.debug("%s: %s failed", self.address, question, exc_info=True)
             value = error
-        if self._asked.get(question) is asyncio.current_task():
-            del self._asked[question]
+        if self._work_tasks.get(question) is asyncio.current_task():
+            del self._work_tasks[question]
             self._answer(question, value)
 
     def _answer(self, question: Hashable, value: object) -> None:
@@ -305,29 +307,29 @@ class Node:
 
     # Messages
 
-    def _seen(self, message: Message) -> None:
+    def _show_watcher(self, message: Message) -> None:
         if self._watch is not None and message.header.transaction is not None:
             self._watch(message, self._clock.now())
 
-    def taken(self, letter: Letter, answer: Message | None = None) -> None:
+    def handle_acknowledgement(self, outgoing: OutgoingMessage, answer: Message | None = None) -> None:
         """The message was acknowledged, and perhaps answered on the same connection."""
         if self._closed:
             return  # it is sent again when the component is back, if it comes back
         if self._journaled is not None:
-            self._journaled.mark_delivered(letter.number)
+            self._journaled.mark_delivered(outgoing.number)
         if answer is not None:
             try:
-                self.feed(Received(in_session(answer, letter.message)))
+                self.feed(Received(in_session(answer, outgoing.message)))
             except Exception:  # the message was taken, whatever its answer does here
                 log.exception("%s: a %s could not be handled", self.address, type(answer.body).__name__)
 
-    def given_up(self, letter: Letter, reason: str) -> None:
+    def handle_delivery_failure(self, outgoing: OutgoingMessage, reason: str) -> None:
         """Nobody acknowledged the message in its time."""
         if self._closed:
             return
         if self._journaled is not None:
-            self._journaled.mark_delivered(letter.number)
+            self._journaled.mark_delivered(outgoing.number)
         try:
-            self._feed_late(DeliveryFailed(letter.message, reason))
+            self._feed_late(DeliveryFailed(outgoing.message, reason))
         except Exception:  # the others' letters are not to wait for this component's defects
             log.exception("%s: it could not be handled that a message was not delivered", self.address)

@@ -13,7 +13,7 @@ from typing import Protocol
 from somrs.errors import RemoteError
 from somrs.kernel.pending import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
-from somrs.runtime.batches import MOST_TOGETHER
+from somrs.runtime.batches import MAX_BATCH_SIZE
 from somrs.runtime.wire import Wire, origin
 
 log = logging.getLogger(__name__)
@@ -22,22 +22,22 @@ log = logging.getLogger(__name__)
 class Sender(Protocol):
     """Whose letters they are."""
 
-    def taken(self, letter: Letter, answer: Message | None) -> None:
+    def handle_acknowledgement(self, outgoing: OutgoingMessage, answer: Message | None) -> None:
         """The letter was acknowledged, and with which answer, if it was answered on the same connection."""
         ...
 
-    def given_up(self, letter: Letter, reason: str) -> None:
+    def handle_delivery_failure(self, outgoing: OutgoingMessage, reason: str) -> None:
         """The letter's time is over."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class Letter:
+class OutgoingMessage:
     """A message to be sent until then, and the number by which its sender knows it."""
 
     sender: Sender
     message: Message
-    until: float
+    deadline: float
     number: int = 0
 
 
@@ -50,9 +50,9 @@ class Outbox:
     """What is to be sent to one place. `apart` is given what was not taken although somebody answered: it is not to hold up those
     that come behind it."""
 
-    def __init__(self, post: Post, now: Callable[[], float], apart: Callable[[Letter], None]) -> None:
-        self._post, self._now, self._apart = post, now, apart
-        self._waiting: deque[Letter] = deque()
+    def __init__(self, post: Post, now: Callable[[], float], on_rejected: Callable[[OutgoingMessage], None]) -> None:
+        self._post, self._now, self._on_rejected = post, now, on_rejected
+        self._waiting: deque[OutgoingMessage] = deque()
         self._task: asyncio.Task[None] | None = None
 
     @property
@@ -60,8 +60,8 @@ class Outbox:
         """What sends that which waits, if anything does."""
         return self._task
 
-    def put(self, letter: Letter) -> None:
-        self._waiting.append(letter)
+    def enqueue(self, outgoing: OutgoingMessage) -> None:
+        self._waiting.append(outgoing)
         if self._task is None:
             self._task = asyncio.create_task(self._send())
 
@@ -70,9 +70,9 @@ class Outbox:
         pause = FIRST_PAUSE
         while self._waiting:
             first = self._waiting[0]
-            messages = [letter.message for letter in islice(self._waiting, MOST_TOGETHER)]
+            messages = [outgoing.message for outgoing in islice(self._waiting, MAX_BATCH_SIZE)]
             try:
-                outcomes = await self._post(messages, min(max(first.until - self._now(), 1.0), 10.0))
+                outcomes = await self._post(messages, min(max(first.deadline - self._now(), 1.0), 10.0))
             except RemoteError as error:
                 await asyncio.sleep(pause)
                 pause = min(pause * 2, LONGEST_PAUSE)
@@ -80,31 +80,31 @@ class Outbox:
             except Exception as error:  # a defect in one message must not hold back those behind it
                 log.exception("a %s to %s could not be sent", type(first.message.body).__name__, first.message.header.recipient)
                 self._waiting.popleft()
-                first.sender.given_up(first, f"{type(error).__name__}: {error}")
+                first.sender.handle_delivery_failure(first, f"{type(error).__name__}: {error}")
             else:
                 pause = FIRST_PAUSE
                 for outcome in outcomes:
-                    letter = self._waiting.popleft()
+                    outgoing = self._waiting.popleft()
                     if isinstance(outcome, RemoteError):
-                        self._apart(letter)
+                        self._on_rejected(outgoing)
                     else:
-                        letter.sender.taken(letter, outcome)
+                        outgoing.sender.handle_acknowledgement(outgoing, outcome)
         self._task = None
 
     def _give_up_late(self, reason: str) -> None:
         now = self._now()
-        late = [letter for letter in self._waiting if letter.until <= now]
-        self._waiting = deque(letter for letter in self._waiting if letter.until > now)
-        for letter in late:
-            letter.sender.given_up(letter, reason)
+        late = [outgoing for outgoing in self._waiting if outgoing.deadline <= now]
+        self._waiting = deque(outgoing for outgoing in self._waiting if outgoing.deadline > now)
+        for outgoing in late:
+            outgoing.sender.handle_delivery_failure(outgoing, reason)
 
 
 class Outboxes:
     """One for each address; and one for all addresses of a process that takes several messages in one request, where everything is
     put together that comes while a request is on its way. `alone` hands over a message that is sent by itself."""
 
-    def __init__(self, wire: Wire, alone: Callable[[Message, float], Awaitable[Message | None]], now: Callable[[], float]) -> None:
-        self._wire, self._alone, self._now = wire, alone, now
+    def __init__(self, wire: Wire, post_alone: Callable[[Message, float], Awaitable[Message | None]], now: Callable[[], float]) -> None:
+        self._wire, self._post_alone, self._now = wire, post_alone, now
         self._by_address: dict[str, Outbox] = {}
         self._by_origin: dict[str, Outbox] = {}
 
@@ -113,29 +113,29 @@ class Outboxes:
         box = self._by_address.get(address)
         return box is not None and box.task is not None
 
-    def put(self, letter: Letter) -> None:
+    def enqueue(self, outgoing: OutgoingMessage) -> None:
         """Send the letter, behind those that wait already."""
-        header = letter.message.header
+        header = outgoing.message.header
         # Whoever waits for an answer on the connection is not to wait for those of others.
         if self.busy(header.recipient) or header.reply_to == ANONYMOUS or not self._wire.takes_batches(header.recipient):
-            self.put_apart(letter)
+            self.enqueue_separately(outgoing)
             return
-        there = origin(header.recipient)
-        box = self._by_origin.get(there)
+        recipient_origin = origin(header.recipient)
+        box = self._by_origin.get(recipient_origin)
         if box is None:
-            box = self._by_origin[there] = Outbox(self._wire.post_together, self._now, self.put_apart)
-        box.put(letter)
+            box = self._by_origin[recipient_origin] = Outbox(self._wire.post_batch, self._now, self.enqueue_separately)
+        box.enqueue(outgoing)
 
-    def put_apart(self, letter: Letter) -> None:
+    def enqueue_separately(self, outgoing: OutgoingMessage) -> None:
         """Send the letter by itself, behind those to the same address."""
-        recipient = letter.message.header.recipient
+        recipient = outgoing.message.header.recipient
         box = self._by_address.get(recipient)
         if box is None:
-            box = self._by_address[recipient] = Outbox(self._post_first, self._now, self.put_apart)
-        box.put(letter)
+            box = self._by_address[recipient] = Outbox(self._post_first, self._now, self.enqueue_separately)
+        box.enqueue(outgoing)
 
     async def _post_first(self, messages: Sequence[Message], seconds: float) -> Sequence[Message | None]:
-        return [await self._alone(messages[0], seconds)]
+        return [await self._post_alone(messages[0], seconds)]
 
     async def flush(self, seconds: float) -> None:
         """Wait until all is delivered, but no longer than this."""

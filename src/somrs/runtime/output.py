@@ -18,13 +18,13 @@ Acknowledge = Callable[[RemoteError | None], None]
 """Hears that what was handled is on disk, or why it is not."""
 
 
-class _Held(NamedTuple):
+class _HeldEffect(NamedTuple):
     """What waits until `position` is on disk: an effect with its message's number, or somebody who waits for that."""
 
     position: int
     effect: Effect | None
     number: int
-    told: Acknowledge | None = None
+    callback: Acknowledge | None = None
 
 
 class Output:
@@ -33,10 +33,10 @@ class Output:
     Without a disk, or when it has everything, nothing waits.
     """
 
-    def __init__(self, disk: Disk | None, do: Callable[[Effect, int], None], failed: Callable[[Exception], None]) -> None:
+    def __init__(self, disk: Disk | None, perform: Callable[[Effect, int], None], failed: Callable[[Exception], None]) -> None:
         self.position = 0
-        self._disk, self._do, self._failed = disk, do, failed
-        self._held: deque[_Held] = deque()
+        self._disk, self._perform, self._failed = disk, perform, failed
+        self._held: deque[_HeldEffect] = deque()
         if disk is not None:
             disk.listen(self._release)
 
@@ -45,55 +45,55 @@ class Output:
         """Whether something that was handled is not on disk yet."""
         return bool(self._held) or (self._disk is not None and self.position > self._disk.durable)
 
-    def put(self, effect: Effect, number: int = 0) -> None:
+    def add_effect(self, effect: Effect, number: int = 0) -> None:
         """Have an effect carried out, now or as soon as it may be."""
         if self.waits:
-            self._held.append(_Held(self.position, effect, number))
+            self._held.append(_HeldEffect(self.position, effect, number))
         else:
-            self._do(effect, number)
+            self._perform(effect, number)
 
-    def acknowledge(self, told: Acknowledge) -> None:
+    def acknowledge(self, callback: Acknowledge) -> None:
         """Have it told when all that was handled so far is on disk, and its effects were carried out."""
         if self.waits:
-            self._held.append(_Held(self.position, None, 0, told))
+            self._held.append(_HeldEffect(self.position, None, 0, callback))
         else:
-            told(None)
+            callback(None)
 
     async def on_disk(self) -> None:
         """Return when all that was handled so far is on disk. Raises RemoteError when it cannot be."""
         if not self.waits:
             return
-        kept: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        disk_write: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
-        def told(error: RemoteError | None) -> None:
-            if kept.done():
+        def settle(error: RemoteError | None) -> None:
+            if disk_write.done():
                 return
             if error is None:
-                kept.set_result(None)
+                disk_write.set_result(None)
             else:
-                kept.set_exception(error)
+                disk_write.set_exception(error)
 
-        self.acknowledge(told)
-        await kept
+        self.acknowledge(settle)
+        await disk_write
 
     def drop(self, error: RemoteError) -> None:
         """Nothing more comes to be on disk. What waits for it never leaves, and who waits for it hears why."""
         held, self._held = self._held, deque()
-        for one in held:
-            if one.told is not None:
-                one.told(error)
+        for held_effect in held:
+            if held_effect.callback is not None:
+                held_effect.callback(error)
 
     def _release(self) -> None:
         """The disk has written more, or has failed."""
         assert self._disk is not None, "a disk told of it"
         while self._held and self._held[0].position <= self._disk.durable:
-            held = self._held.popleft()
+            held_effect = self._held.popleft()
             try:
-                if held.told is not None:
-                    held.told(None)
-                elif held.effect is not None:
-                    self._do(held.effect, held.number)
+                if held_effect.callback is not None:
+                    held_effect.callback(None)
+                elif held_effect.effect is not None:
+                    self._perform(held_effect.effect, held_effect.number)
             except Exception:  # a defect in carrying out one effect must not hold back those behind it
-                log.exception("a %s could not be carried out", type(held.effect).__name__)
+                log.exception("a %s could not be carried out", type(held_effect.effect).__name__)
         if self._disk.failed is not None:
             self._failed(self._disk.failed)

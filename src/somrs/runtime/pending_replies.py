@@ -17,7 +17,7 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Message
 log = logging.getLogger(__name__)
 
 
-class Requesters:
+class PendingReplies:
     """Those who wait for an answer of one component."""
 
     def __init__(self) -> None:
@@ -26,28 +26,28 @@ class Requesters:
     @contextmanager
     def waiting(self, message: Message) -> Iterator[asyncio.Future[Message]]:
         """Where the answer to the message comes, as long as it is waited for."""
-        wanted: asyncio.Future[Message] = asyncio.get_running_loop().create_future()
-        self._waiting[wanted] = message
+        reply: asyncio.Future[Message] = asyncio.get_running_loop().create_future()
+        self._waiting[reply] = message
         try:
-            yield wanted
+            yield reply
         finally:
-            del self._waiting[wanted]
-            if wanted.done() and not wanted.cancelled():
-                wanted.exception()  # whoever waited has heard it, if only by something else that went wrong first
+            del self._waiting[reply]
+            if reply.done() and not reply.cancelled():
+                reply.exception()  # whoever waited has heard it, if only by something else that went wrong first
 
     def answer(self, message: Message) -> None:
         """Give the answer to all whom it answers."""
-        waiting = [one for one, asked in self._waiting.items() if not one.done() and _answers(message, asked)]
-        for one in waiting:
-            one.set_result(message)
+        waiting = [reply for reply, request in self._waiting.items() if not reply.done() and _answers(message, request)]
+        for reply in waiting:
+            reply.set_result(message)
         if not waiting:
             log.debug("nobody waits for this %s any more", type(message.body).__name__)
 
-    def disappoint(self, error: RemoteError) -> None:
+    def fail_all(self, error: RemoteError) -> None:
         """There will be no answers."""
-        for one in self._waiting:
-            if not one.done():
-                one.set_exception(error)
+        for reply in self._waiting:
+            if not reply.done():
+                reply.set_exception(error)
 
 
 def is_waited_for(message: Message) -> bool:
@@ -57,22 +57,22 @@ def is_waited_for(message: Message) -> bool:
     return kind in REQUESTS or (kind in REPORTS and message.header.sender == ANONYMOUS)
 
 
-def _answers(answer: Message, asked: Message) -> bool:
+def _answers(answer: Message, request: Message) -> bool:
     """Whether it is what the one who asked waits for. Signs of life are not; a report that is sent again relates to what was
     told first, and answers those who told it since."""
-    if answer.header.relates_to == asked.header.message_id:
+    if answer.header.relates_to == request.header.message_id:
         return not isinstance(answer.body, frp.Progress)
-    session, other = ((header.transaction, header.participant) for header in (answer.header, asked.header))
-    return session == other and type(answer.body) in REPORTS.get(type(asked.body), ())
+    session, request_session = ((header.transaction, header.participant) for header in (answer.header, request.header))
+    return session == request_session and type(answer.body) in REPORTS.get(type(request.body), ())
 
 
 def in_session(answer: Message, message: Message) -> Message:
     """The answer, related to the message and in its session: the Fault of a node that could not read it does not know either."""
-    asked, answered = message.header, answer.header
+    request_header, answer_header = message.header, answer.header
     header = structs.replace(
-        answered,
-        relates_to=answered.relates_to or asked.message_id,
-        transaction=answered.transaction or asked.transaction,
-        participant=answered.participant or asked.participant,
+        answer_header,
+        relates_to=answer_header.relates_to or request_header.message_id,
+        transaction=answer_header.transaction or request_header.transaction,
+        participant=answer_header.participant or request_header.participant,
     )
     return structs.replace(answer, header=header)

@@ -56,12 +56,12 @@ Restored = Callable[[str, Component], None]
 """Sees each component that comes back from its journal, as its journal has it: before it hears anything new."""
 
 
-class Moment(StrEnum):
+class KillPoint(StrEnum):
     """The point at which a component is killed. Its next input is not acknowledged then, so that a message comes again."""
 
-    AT_ONCE = "between two inputs"
+    BETWEEN_INPUTS = "between two inputs"
     UNSEEN = "at its next input, of which nothing is on disk yet"
-    KEPT = "at its next input, when that is in its journal, with what it records, and nothing else was done"
+    JOURNALED = "at its next input, when that is in its journal, with what it records, and nothing else was done"
     AMID = "at its next input, after some of the effects were carried out"
 
 
@@ -72,21 +72,21 @@ class _Life:
     address: str
     component: Component
     journaled: JournaledComponent | None
-    doom: tuple[Moment, int] | None = None
+    planned_kill: tuple[KillPoint, int] | None = None
 
 
 @dataclass(slots=True, eq=False)
-class _Sent:
+class _Transmission:
     """A message on its way; `by` is who sends it again until `until`, and knows it by its number. None: it is from outside."""
 
     message: Message
-    until: float
-    by: _Life | None = None
+    deadline: float
+    sender: _Life | None = None
     number: int = 0
     pause: float = FIRST_PAUSE
     waiting: bool = False
     """No copy is on its way: it waits for its recipient, or for being sent again."""
-    over: bool = False
+    is_settled: bool = False
     """It was acknowledged, or given up."""
 
 
@@ -95,7 +95,7 @@ def promptly(message: Message) -> Sequence[float]:
     return (LATENCY,)
 
 
-def at_once(answer: Callable[[object], object]) -> CarryOut:
+def immediate_work(answer: Callable[[object], object]) -> CarryOut:
     """Work that takes no time; what it raises is its answer."""
 
     def work(task: object) -> Work:
@@ -107,7 +107,7 @@ def at_once(answer: Callable[[object], object]) -> CarryOut:
     return work
 
 
-def _cannot(task: object) -> object:
+def _refuse_work(task: object) -> object:
     raise RemoteError(f"nobody here can do {type(task).__name__}")
 
 
@@ -136,7 +136,7 @@ class World:
         self._count = itertools.count()
         self._timers: dict[tuple[str, Hashable], int] = {}
         self._work: dict[tuple[str, Hashable], int] = {}
-        self._parked: list[_Sent] = []
+        self._parked: list[_Transmission] = []
         self._cut_off: set[str] = set()
         self._posted: set[str] = set()
 
@@ -147,7 +147,7 @@ class World:
         this schema."""
         self.records[address] = []
         self._journals.pop(address, None)
-        self._carry_out[address] = carry_out or at_once(_cannot)
+        self._carry_out[address] = carry_out or immediate_work(_refuse_work)
         if journaled is not None:
             self._journals[address] = VirtualJournal(component, journaled)
         self._begin(address, component)
@@ -156,20 +156,20 @@ class World:
         """It is gone, without a word, and whatever it had under way with it."""
         self.components.pop(address, None)
         life = self._lives.pop(address, None)
-        for kept in (self._timers, self._work):
-            for key in [key for key in kept if key[0] == address]:
-                del kept[key]
+        for entries in (self._timers, self._work):
+            for key in [key for key in entries if key[0] == address]:
+                del entries[key]
         if life is not None:
-            self._parked = [sent for sent in self._parked if sent.by is not life]
+            self._parked = [transmission for transmission in self._parked if transmission.sender is not life]
 
-    def kill(self, address: str, moment: Moment = Moment.AT_ONCE, effects: int = 0) -> None:
+    def kill(self, address: str, moment: KillPoint = KillPoint.BETWEEN_INPUTS, effects: int = 0) -> None:
         """Kill the component at that moment, `AMID` after so many effects; `alive` tells whether it came. Its disk stays."""
         if address not in self._lives:
             raise UsageError(f"{address} cannot be killed: nobody is there")
-        if moment is Moment.AT_ONCE:
+        if moment is KillPoint.BETWEEN_INPUTS:
             self.remove(address)
         else:
-            self._lives[address].doom = moment, effects
+            self._lives[address].planned_kill = moment, effects
 
     def alive(self, address: str) -> bool:
         return address in self._lives
@@ -178,8 +178,8 @@ class World:
         """Start the component again with its journal: it goes on where it stopped. It is killed before, if it has not been yet."""
         journal = self._journal(address)
         self.remove(address)
-        known = self.records[address]
-        known += [record for record in journal.restart() if record not in known]
+        records = self.records[address]
+        records += [record for record in journal.restart() if record not in records]
         self._restored(address, journal.journaled.component)
         self._begin(address, journal.journaled.component)
 
@@ -204,22 +204,22 @@ class World:
     def _resume(self, life: _Life, journaled: JournaledComponent) -> None:
         """Take up what the component had under way when it was killed."""
         address, pending = life.address, journaled.pending
-        for number, sent in pending.messages.items():
-            again = _Sent(sent.message, sent.expiry_after_restart(self.now), life, number)
-            again.waiting = overdue = again.until <= self.now
+        for number, sent_message in pending.messages.items():
+            transmission = _Transmission(sent_message.message, sent_message.expiry_after_restart(self.now), life, number)
+            transmission.waiting = overdue = transmission.deadline <= self.now
             if not overdue:
-                self._count_once(sent.message)
-            self._at(self.now, partial(self._give_up if overdue else self._try, again))
-        for timer, at in pending.timers.items():
-            self._set(address, timer, at)
+                self._count_once(sent_message.message)
+            self._schedule(self.now, partial(self._expire if overdue else self._transmit, transmission))
+        for timer, fire_time in pending.timers.items():
+            self._set_timer(address, timer, fire_time)
         answers = dict(pending.find_abandoned_questions(journaled.schema.volatile))
         for question, task in pending.questions.items():
             if question in answers:
-                self._at(self.now, partial(self._answer, address, question, answers[question], life))
+                self._schedule(self.now, partial(self._answer, address, question, answers[question], life))
             else:
                 self._ask(address, question, task)
 
-    def ring(self, address: str, timer: Hashable) -> None:
+    def fire_timer(self, address: str, timer: Hashable) -> None:
         """Ring a timer that is rung from outside."""
         self._feed(address, TimerFired(timer))
 
@@ -241,7 +241,7 @@ class World:
 
     def send(self, message: Message) -> None:
         """Send a message from outside."""
-        self._post(_Sent(message, self.now + DELIVERY_TIME))
+        self._post(_Transmission(message, self.now + DELIVERY_TIME))
 
     # Time
 
@@ -252,12 +252,12 @@ class World:
             if not self._events or self._events[0][0] > end:
                 self.now = end
                 return until()
-            self.now, _, happen = heapq.heappop(self._events)
-            happen()
+            self.now, _, action = heapq.heappop(self._events)
+            action()
         return True
 
-    def _at(self, when: float, happen: Callable[[], None]) -> None:
-        heapq.heappush(self._events, (max(when, self.now), next(self._count), happen))
+    def _schedule(self, due_time: float, action: Callable[[], None]) -> None:
+        heapq.heappush(self._events, (max(due_time, self.now), next(self._count), action))
 
     # Inputs and effects
 
@@ -266,47 +266,47 @@ class World:
         life = self._lives.get(address)
         if life is None:
             return False
-        if life.doom is not None and life.doom[0] is Moment.UNSEEN:
+        if life.planned_kill is not None and life.planned_kill[0] is KillPoint.UNSEEN:
             self.remove(address)
             return False
         journal = self._journals.get(address)
         effects = journal.handle(event, self.now) if journal else [(effect, 0) for effect in life.component.handle(event, self.now)]
-        if life.doom is not None:
-            self._end(address, life, effects, *life.doom)
+        if life.planned_kill is not None:
+            self._end(address, life, effects, *life.planned_kill)
             return False
         for effect, number in effects:
-            self._do(address, life, effect, number)
+            self._perform(address, life, effect, number)
         self._watch(address, event)
         return True
 
-    def _end(self, address: str, life: _Life, effects: list[tuple[Effect, int]], moment: Moment, count: int) -> None:
+    def _end(self, address: str, life: _Life, effects: list[tuple[Effect, int]], moment: KillPoint, count: int) -> None:
         """Carry out what of the effects still comes to be, and no more."""
-        kept = [(effect, number) for effect, number in effects if isinstance(effect, Record)]
-        for effect, number in effects[:count] if moment is Moment.AMID else kept:
-            self._do(address, life, effect, number)
+        recorded_effects = [(effect, number) for effect, number in effects if isinstance(effect, Record)]
+        for effect, number in effects[:count] if moment is KillPoint.AMID else recorded_effects:
+            self._perform(address, life, effect, number)
         self.remove(address)
 
-    def _do(self, address: str, life: _Life, effect: Effect, number: int) -> None:
+    def _perform(self, address: str, life: _Life, effect: Effect, number: int) -> None:
         match effect:
-            case Send(message, until):
-                self._post(_Sent(message, until if until is not None else self.now + DELIVERY_TIME, life, number))
-            case SetTimer(timer, at):
-                self._set(address, timer, at)
+            case Send(message, deadline):
+                self._post(_Transmission(message, deadline if deadline is not None else self.now + DELIVERY_TIME, life, number))
+            case SetTimer(timer, fire_time):
+                self._set_timer(address, timer, fire_time)
             case Ask(question, task):
                 self._ask(address, question, task)
             case Withdraw(question):
                 if self._work.pop((address, question), None) is not None:
-                    self._at(self.now, partial(self._answer, address, question, RemoteError("withdrawn"), life))
+                    self._schedule(self.now, partial(self._answer, address, question, RemoteError("withdrawn"), life))
             case Record(entry):
                 self.records[address].append(entry)
 
-    def _set(self, address: str, timer: Hashable, at: float | None) -> None:
+    def _set_timer(self, address: str, timer: Hashable, fire_time: float | None) -> None:
         self._timers.pop((address, timer), None)
-        if at is not None:
+        if fire_time is not None:
             serial = self._timers[address, timer] = next(self._count)
-            self._at(at, partial(self._ring, address, timer, serial))
+            self._schedule(fire_time, partial(self._fire_timer, address, timer, serial))
 
-    def _ring(self, address: str, timer: Hashable, serial: int) -> None:
+    def _fire_timer(self, address: str, timer: Hashable, serial: int) -> None:
         if self._timers.get((address, timer)) == serial:
             del self._timers[address, timer]
             self._feed(address, TimerFired(timer))
@@ -322,9 +322,9 @@ class World:
     def _continue(self, address: str, question: Hashable, serial: int, work: Work) -> None:
         step = next(work, None)
         if step is not None:
-            self._at(self.now + step[0], partial(self._come, address, question, serial, work, step[1]))
+            self._schedule(self.now + step[0], partial(self._finish_work_step, address, question, serial, work, step[1]))
 
-    def _come(self, address: str, question: Hashable, serial: int, work: Work, value: object) -> None:
+    def _finish_work_step(self, address: str, question: Hashable, serial: int, work: Work, value: object) -> None:
         if self._work.get((address, question)) == serial:
             if value is not QUIET:
                 self._feed(address, Answered(question, value))
@@ -339,61 +339,67 @@ class World:
             self._posted.add(message.header.message_id)
             self.messages.append(message)
 
-    def _post(self, sent: _Sent) -> None:
-        self._posted.add(sent.message.header.message_id)
-        self.messages.append(sent.message)
-        self._try(sent)
+    def _post(self, transmission: _Transmission) -> None:
+        self._posted.add(transmission.message.header.message_id)
+        self.messages.append(transmission.message)
+        self._transmit(transmission)
 
-    def _try(self, sent: _Sent) -> None:
+    def _transmit(self, transmission: _Transmission) -> None:
         """Send the message, for the first time or again."""
-        if self._abandoned(sent):
+        if self._abandoned(transmission):
             return
-        sent.waiting = False
-        times = self._medium(sent.message)
-        for late in times:
-            self._at(self.now + late, partial(self._arrive, sent))
+        transmission.waiting = False
+        times = self._medium(transmission.message)
+        for delay in times:
+            self._schedule(self.now + delay, partial(self._arrive, transmission))
         if not times:
-            sent.waiting = True
-            again = self.now + sent.pause
-            sent.pause = min(sent.pause * 2, LONGEST_PAUSE)
-            self._at(min(again, sent.until), partial(self._try if again < sent.until else self._give_up, sent))
+            transmission.waiting = True
+            retry_time = self.now + transmission.pause
+            transmission.pause = min(transmission.pause * 2, LONGEST_PAUSE)
+            self._schedule(
+                min(retry_time, transmission.deadline),
+                partial(self._transmit if retry_time < transmission.deadline else self._expire, transmission),
+            )
 
-    def _arrive(self, sent: _Sent) -> None:
+    def _arrive(self, transmission: _Transmission) -> None:
         """At its recipient; or its sender repeats it, until it gets through or its time is over."""
-        if self._reaches(sent.message) and self._feed(sent.message.header.recipient, Received(sent.message)):
-            if not sent.over:
-                self._over(sent)
-        elif not (sent.over or sent.waiting or self._abandoned(sent)):
-            sent.waiting = True
-            self._parked.append(sent)
-            self._at(sent.until, partial(self._give_up, sent))
+        if self._reaches(transmission.message) and self._feed(transmission.message.header.recipient, Received(transmission.message)):
+            if not transmission.is_settled:
+                self._settle(transmission)
+        elif not (transmission.is_settled or transmission.waiting or self._abandoned(transmission)):
+            transmission.waiting = True
+            self._parked.append(transmission)
+            self._schedule(transmission.deadline, partial(self._expire, transmission))
 
     def _reaches(self, message: Message) -> bool:
         sender, recipient = message.header.sender, message.header.recipient
         return recipient in self.components and not self._cut_off & {sender, recipient}
 
-    def _abandoned(self, sent: _Sent) -> bool:
+    def _abandoned(self, transmission: _Transmission) -> bool:
         """Whether nobody sends it again, because its sender was killed. What is on its way may still arrive."""
-        return sent.by is not None and self._lives.get(sent.by.address) is not sent.by
+        return transmission.sender is not None and self._lives.get(transmission.sender.address) is not transmission.sender
 
-    def _over(self, sent: _Sent) -> None:
-        sent.over, sent.waiting = True, False
-        if sent.by is not None and sent.by.journaled is not None and not self._abandoned(sent):
-            sent.by.journaled.mark_delivered(sent.number)
+    def _settle(self, transmission: _Transmission) -> None:
+        transmission.is_settled, transmission.waiting = True, False
+        if transmission.sender is not None and transmission.sender.journaled is not None and not self._abandoned(transmission):
+            transmission.sender.journaled.mark_delivered(transmission.number)
 
     def _deliver_parked(self) -> None:
         parked, self._parked = self._parked, []
-        for sent in parked:
-            if self._reaches(sent.message):
-                sent.waiting = False
-                self._at(self.now + LATENCY, partial(self._arrive, sent))
+        for transmission in parked:
+            if self._reaches(transmission.message):
+                transmission.waiting = False
+                self._schedule(self.now + LATENCY, partial(self._arrive, transmission))
             else:
-                self._parked.append(sent)
+                self._parked.append(transmission)
 
-    def _give_up(self, sent: _Sent) -> None:
-        if not sent.waiting or self._abandoned(sent):
+    def _expire(self, transmission: _Transmission) -> None:
+        if not transmission.waiting or self._abandoned(transmission):
             return
-        if sent in self._parked:
-            self._parked.remove(sent)
-        self._over(sent)
-        self._feed(sent.by.address if sent.by is not None else sent.message.header.sender, DeliveryFailed(sent.message, "nobody is there"))
+        if transmission in self._parked:
+            self._parked.remove(transmission)
+        self._settle(transmission)
+        self._feed(
+            transmission.sender.address if transmission.sender is not None else transmission.message.header.sender,
+            DeliveryFailed(transmission.message, "nobody is there"),
+        )

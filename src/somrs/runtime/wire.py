@@ -18,10 +18,10 @@ from somrs.runtime.http import CONTENT_TYPE, KEPT_TIME
 
 T = TypeVar("T")
 
-NONE = "http://www.w3.org/2005/08/addressing/none"
+NONE_ADDRESS = "http://www.w3.org/2005/08/addressing/none"
 """WS-Addressing 1.0 Core, 2.1: what is sent there is thrown away."""
 
-_NOT_SAID = ("Accept", "Accept-Encoding", "User-Agent")
+_OMITTED_HEADERS = ("Accept", "Accept-Encoding", "User-Agent")
 """What aiohttp would say by itself: that anything may come back, even compressed, which is not read here."""
 
 
@@ -29,15 +29,15 @@ class Unanswered(RemoteError):
     """Nobody was there, or went away before it answered. The same message, sent again, is taken once."""
 
 
-async def asked_again(ask: Callable[[], Awaitable[T]], patience: float) -> T:
+async def retry_unanswered(ask: Callable[[], Awaitable[T]], patience: float) -> T:
     """What is answered; while nobody does, for so many seconds, it is asked again. Raises Unanswered then."""
     loop = asyncio.get_running_loop()
-    until, pause = loop.time() + patience, FIRST_PAUSE
+    deadline, pause = loop.time() + patience, FIRST_PAUSE
     while True:
         try:
             return await ask()
         except Unanswered:
-            if loop.time() + pause > until:
+            if loop.time() + pause > deadline:
                 raise
         await asyncio.sleep(pause)
         pause = min(pause * 2, LONGEST_PAUSE)
@@ -73,32 +73,32 @@ class Wire:
 
         A Fault that answers a request is an answer; a Fault because the message could not be processed is an error.
         """
-        if message.header.recipient == NONE:
+        if message.header.recipient == NONE_ADDRESS:
             return None
         return _read(await self._send_alone(message, _document(message), timeout), message)
 
-    async def post_together(self, messages: Sequence[Message], timeout: float) -> list[Message | RemoteError | None]:
+    async def post_batch(self, messages: Sequence[Message], timeout: float) -> list[Message | RemoteError | None]:
         """Send the first of the messages to the process where all of them are to go, as many as fit in one request; what came back
         for each, or why it was not taken. Raises Unanswered when nobody was there."""
         documents: list[bytes] = []
         try:
-            for document in batches.together(map(_document, messages)):
+            for document in batches.fit_batch(map(_document, messages)):
                 documents.append(document)  # those before one that cannot be sent are sent
         except RemoteError as error:
             if not documents:
                 return [error]
-        sent = messages[: len(documents)]
-        if len(sent) == 1:
-            return [_result(await self._send_alone(sent[0], documents[0], timeout), sent[0])]
-        response = await self._send(sent[0].header.recipient, batches.MEDIA_TYPE, batches.batch(documents), timeout)
+        sent_messages = messages[: len(documents)]
+        if len(sent_messages) == 1:
+            return [_result(await self._send_alone(sent_messages[0], documents[0], timeout), sent_messages[0])]
+        response = await self._send(sent_messages[0].header.recipient, batches.MEDIA_TYPE, batches.batch(documents), timeout)
         if response.media_type == batches.MEDIA_TYPE:
             outcomes = batches.outcomes_of(response.document)
-            if len(outcomes) == len(sent):
-                return [_result(_of_batch(*outcome), message) for outcome, message in zip(outcomes, sent, strict=True)]
-        refused = _unexpected(response, sent[0])
+            if len(outcomes) == len(sent_messages):
+                return [_result(_of_batch(*outcome), message) for outcome, message in zip(outcomes, sent_messages, strict=True)]
+        refused = _unexpected(response, sent_messages[0])
         if isinstance(refused, Unanswered):
             raise refused
-        return [refused] * len(sent)
+        return [refused] * len(sent_messages)
 
     async def _send_alone(self, message: Message, document: bytes, timeout: float) -> _Response:
         kind = f'{CONTENT_TYPE}; action="{soap.action(type(message.body))}"'
@@ -108,7 +108,7 @@ class Wire:
         if self._session is None:
             connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT_TIME)
             self._session = aiohttp.ClientSession(
-                connector=connector, cookie_jar=aiohttp.DummyCookieJar(), auto_decompress=False, skip_auto_headers=_NOT_SAID
+                connector=connector, cookie_jar=aiohttp.DummyCookieJar(), auto_decompress=False, skip_auto_headers=_OMITTED_HEADERS
             )
         try:
             async with self._session.post(
@@ -118,9 +118,9 @@ class Wire:
                 timeout=aiohttp.ClientTimeout(total=timeout),
                 allow_redirects=False,
             ) as response:
-                said = await response.content.read(MOST_BYTES + 1)
-                while len(said) <= MOST_BYTES and (more := await response.content.read(MOST_BYTES + 1 - len(said))):
-                    said += more
+                content = await response.content.read(MOST_BYTES + 1)
+                while len(content) <= MOST_BYTES and (chunk := await response.content.read(MOST_BYTES + 1 - len(content))):
+                    content += chunk
         except TimeoutError:
             raise Unanswered(f"{address} did not answer within {timeout:g} s") from None
         except aiohttp.ClientConnectorError as error:
@@ -129,9 +129,9 @@ class Wire:
             raise Unanswered(f"{address} cannot be reached: {error}") from None
         except ValueError as error:
             raise RemoteError(f"{address} cannot be reached: {error}") from None
-        takes = batches.MEDIA_TYPE in response.headers.get("Accept-Post", "")
-        (self._batching.add if takes else self._batching.discard)(origin(address))
-        return _Response(response.status, response.content_type, said)
+        accepts_batches = batches.MEDIA_TYPE in response.headers.get("Accept-Post", "")
+        (self._batching.add if accepts_batches else self._batching.discard)(origin(address))
+        return _Response(response.status, response.content_type, content)
 
     async def close(self) -> None:
         if self._session is not None:
@@ -172,6 +172,6 @@ def _read(response: _Response, message: Message) -> Message | None:
 
 
 def _unexpected(response: _Response, message: Message) -> RemoteError:
-    said = response.document[:500].decode(errors="replace").strip()
-    trouble = f"{message.header.recipient} answered with HTTP {response.status}{': ' + said if said else ''}"
-    return Unanswered(trouble) if response.status == 503 else RemoteError(trouble)
+    text = response.document[:500].decode(errors="replace").strip()
+    problem = f"{message.header.recipient} answered with HTTP {response.status}{': ' + text if text else ''}"
+    return Unanswered(problem) if response.status == 503 else RemoteError(problem)

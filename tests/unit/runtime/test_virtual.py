@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from somrs.errors import UsageError
 from somrs.kernel.component import DeliveryFailed, Effect, Input
 from somrs.protocol.messages.envelope import Message
-from somrs.runtime.virtual import CarryOut, Moment, Work, World
+from somrs.runtime.virtual import CarryOut, KillPoint, Work, World
 from tests.support.examples import examples
 from tests.support.ledger import SCHEMA, Ledger, Sink, Teller, doubled, expected, told
 
@@ -39,7 +39,7 @@ class Books:
         return ledger
 
     def tell(self, amount: int) -> None:
-        self.world.ring("teller", str(amount))
+        self.world.fire_timer("teller", str(amount))
 
     def revive(self) -> None:
         self.world.revive("ledger")
@@ -55,7 +55,7 @@ class Tell:
 
 @dataclass(frozen=True)
 class Kill:
-    moment: Moment
+    moment: KillPoint
     effects: int
 
 
@@ -76,7 +76,7 @@ class Wait:
 
 steps = st.one_of(
     st.builds(Tell, st.integers(-99, 99)),
-    st.builds(Kill, st.sampled_from(Moment), st.integers(0, 5)),
+    st.builds(Kill, st.sampled_from(KillPoint), st.integers(0, 5)),
     st.just(Revive()),
     st.just(Snapshot()),
     st.builds(Wait, st.sampled_from((0.0, 0.001, 0.0015, 0.5, 3.0, 40.0))),
@@ -122,14 +122,14 @@ def test_whenever_it_is_killed_the_sums_are_right_and_everything_is_said(steps: 
 @pytest.mark.parametrize(
     ("moment", "effects", "heard", "records"),
     [
-        (Moment.UNSEEN, 0, 0, 0),
-        (Moment.KEPT, 0, 0, 1),
-        (Moment.AMID, 1, 0, 0),
-        (Moment.AMID, 2, 0, 1),
-        (Moment.AMID, 3, 1, 1),
+        (KillPoint.UNSEEN, 0, 0, 0),
+        (KillPoint.JOURNALED, 0, 0, 1),
+        (KillPoint.AMID, 1, 0, 0),
+        (KillPoint.AMID, 2, 0, 1),
+        (KillPoint.AMID, 3, 1, 1),
     ],
 )
-def test_what_is_out_when_it_is_killed(moment: Moment, effects: int, heard: int, records: int) -> None:
+def test_what_is_out_when_it_is_killed(moment: KillPoint, effects: int, heard: int, records: int) -> None:
     books = Books()
     books.world.kill("ledger", moment, effects)
     books.tell(7)
@@ -140,7 +140,7 @@ def test_what_is_out_when_it_is_killed(moment: Moment, effects: int, heard: int,
     assert len(books.world.records["ledger"]) == records
     books.revive()
     books.world.run(0.0001)
-    assert books.ledger.total == (0 if moment is Moment.UNSEEN else 7)
+    assert books.ledger.total == (0 if moment is KillPoint.UNSEEN else 7)
     books.world.run(10.0)
     assert books.ledger.total == 7, "its teller was not heard, and says it again"
     assert books.heard() == expected([7])

@@ -23,7 +23,7 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import State
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.runtime.virtual import Moment, World
+from somrs.runtime.virtual import KillPoint, World
 from somrs.service_manager.participant.calendar import Commitment, first_free_time
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
 from somrs.service_manager.participant.speech import CUT_OFF
@@ -591,7 +591,7 @@ def test_who_is_told_to_stop_is_halted_once_more_after_a_restart() -> None:
 
 def test_terms_are_worked_out_anew_after_a_restart() -> None:
     hall = Hall()
-    hall.world.kill(WASHER, Moment.KEPT)
+    hall.world.kill(WASHER, KillPoint.JOURNALED)
     hall.ask("s1", ARRANGE)
     hall.world.run(1.0)
     hall.restart()
