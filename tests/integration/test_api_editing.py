@@ -15,8 +15,8 @@ from somrs.api.affected import User
 from somrs.api.ontology import ImportOntology
 from somrs.api.remote import LiveApi
 from somrs.cli.editing import alter
-from somrs.client.client import Client, Refused, who
-from somrs.client.refusals import trouble
+from somrs.client.client import Client, Refused, client_name
+from somrs.client.refusals import error_report
 from somrs.errors import InputError, ModelError
 from somrs.ontology.files.loading import load, load_text, upper
 from somrs.ontology.naming import DefinitionKey, Renaming, Section
@@ -149,7 +149,7 @@ def test_what_is_refused_says_each_problem_where_it_is(tmp_path: Path) -> None:
     async def use(desk: LiveApi) -> None:
         with pytest.raises(Refused) as refused:
             await desk.ontology.change(Define(removed=(DefinitionKey(section=Section.TYPES, name="Jar"),)))
-        told = trouble(refused.value)
+        told = error_report(refused.value)
         assert {(rule.section, rule.subject) for rule in told.broken} >= {("objects", "Jar001"), ("objects", "Jar002")}
         assert "Jar001" in told.problem
         with pytest.raises(Refused) as refused:
@@ -163,13 +163,13 @@ def test_who_gave_no_name_is_told_short_and_recorded_whole(tmp_path: Path) -> No
     async def use(desk: LiveApi) -> None:
         made = await desk.ontology.change(Define(definitions=Definitions(types=(VAT,))))
         (event,) = (await desk.ontology.history()).events
-        assert event.author == who()
+        assert event.author == client_name()
         await known(desk, made.version)
         late = Define(removed=(DefinitionKey(section=Section.TYPES, name="Vat"),), author="Ben", expected_version=0)
         with pytest.raises(Refused) as refused:
             await desk.ontology.change(late)
-        told = trouble(refused.value).problem
-        assert f"{person_name(who())} changed it in version 1" in told
+        told = error_report(refused.value).problem
+        assert f"{person_name(client_name())} changed it in version 1" in told
         assert "urn:" not in told
 
     desk(tmp_path, use)
@@ -208,7 +208,7 @@ def test_mistakes_in_a_file_have_their_lines(tmp_path: Path) -> None:
         text = "types:\n  Vat: {parent: Suport}\n  Tub: {parent: Vat, colour: 3}\nwithout: [types Device]\n"
         with pytest.raises(ModelError) as wrong:
             await desk.ontology.import_yaml(ImportOntology(text=text, file="vats.yaml"))
-        mistakes = {(one.file, one.line, one.subject) for one in trouble(wrong.value).mistakes}
+        mistakes = {(one.file, one.line, one.subject) for one in error_report(wrong.value).mistakes}
         assert mistakes >= {("vats.yaml", 2, "Vat"), ("vats.yaml", 3, "Tub"), ("vats.yaml", 4, "Device")}
 
     desk(tmp_path, use)

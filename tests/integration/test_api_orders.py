@@ -222,11 +222,11 @@ def test_an_order_is_stated_when_it_is_due_and_what_came_of_it_is_told(tmp_path:
         assert order.next == MONDAY + HOUR
         await clock.pass_by(HOUR - 1)
         assert await runs(desk, order) == ()
-        with desk.context.hub.listening("orders") as listening:
-            await listening.following()
+        with desk.context.hub.subscribe("orders") as listening:
+            await listening.wait_until_followed()
             await clock.pass_by(2)
             (run,) = await settled(desk, order)
-            assert (await asyncio.wait_for(listening.next(), 120)).topic == "orders"
+            assert (await asyncio.wait_for(listening.next_news(), 120)).topic == "orders"
         assert (run.state, run.outcome, run.due) == (RunState.SUBMITTED, Outcome.ACCOMPLISHED, MONDAY + HOUR)
         assert run.ended_at is not None
         assert porter.done == ["Jar002"]

@@ -88,12 +88,12 @@ def test_the_map_here_is_that_of_the_repository_and_is_not_sent_again(tmp_path: 
         await until(lambda: api.context.version >= version)
         read = api.context._read_map
         api.context._read_map = None  # type: ignore[method-assign,assignment]  # it is not to be read any more
-        with api.context.hub.listening("map") as listening:
-            await listening.following()
+        with api.context.hub.subscribe("map") as listening:
+            await listening.wait_until_followed()
             for number in range(20):
                 version = (await api.map.change(UpdateMap(changes=(ValueSet("Tin0001", "Weight", 1 + number / 10),)))).version
             while api.context.version < version:
-                news = (await listening.next()).value
+                news = (await listening.next_news()).value
                 assert isinstance(news, MapNews)
                 assert len(news.changes) == 1
                 assert api.context.version >= news.version, "the copy here is not behind what is told"
@@ -130,19 +130,19 @@ def test_refusals_are_those_of_the_api(tmp_path: Path) -> None:
 def test_the_api_may_go_and_come_back(tmp_path: Path) -> None:
     async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
         hub = api.context.hub
-        with hub.listening("map", CONNECTION, "tasks") as listening:
-            await listening.following()
+        with hub.subscribe("map", CONNECTION, "tasks") as listening:
+            await listening.wait_until_followed()
             await program.stop()
-            assert await listening.next() == News(topic=CONNECTION, value=False)
+            assert await listening.next_news() == News(topic=CONNECTION, value=False)
             with pytest.raises(Unanswered, match=r"does not answer.*`somrs up` starts it"):
                 await api.map.query("?Thing isOn ?Where")
-            with hub.listening("fleet") as other:
-                await other.following()  # nobody waits for what is away
+            with hub.subscribe("fleet") as other:
+                await other.wait_until_followed()  # nobody waits for what is away
             assert "Jar001" in api.context.map.objects, "what was known still is"
             async with Client(system.addresses) as client:
                 version = await client.update(UpdateMap(changes=(ValueSet("Jar001", "Weight", 0.7),)))
             await program.start()
-            heard = [await listening.next() for _ in range(3)]
+            heard = [await listening.next_news() for _ in range(3)]
             assert heard == [
                 News(topic=CONNECTION, value=True),
                 News(topic="map", missed=True),
@@ -151,7 +151,7 @@ def test_the_api_may_go_and_come_back(tmp_path: Path) -> None:
             assert api.context.version == version
             assert api.context.map.objects["Jar001"].values["Weight"] == 0.7
             await api.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 0.8),)))
-            assert (await listening.next()).topic == "map"
+            assert (await listening.next_news()).topic == "map"
 
     played(tmp_path / "data", scenario)
 
@@ -160,14 +160,14 @@ def test_topics_come_and_go_on_one_connection_and_nothing_is_lost(tmp_path: Path
     async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
         async def listener(number: int) -> None:
             for turn in range(10):
-                with api.context.hub.listening("templates") as listening:
-                    await listening.following()
+                with api.context.hub.subscribe("templates") as listening:
+                    await listening.wait_until_followed()
                     api_changed.clear()
                     asyncio.get_running_loop().call_later(0.001 * number, api_changed.set)
                     await asyncio.wait_for(api_changed.wait(), 5)
                     if number == 0:
                         await api.orders.save_template(f"T{turn}", template)
-                        assert (await asyncio.wait_for(listening.next(), 5)).topic == "templates"
+                        assert (await asyncio.wait_for(listening.next_news(), 5)).topic == "templates"
 
         template = TemplateSaved(task=Submit(effect="Jar001 isOn Platform001"))
         api_changed = asyncio.Event()
@@ -180,10 +180,10 @@ def test_every_topic_has_its_values(tmp_path: Path) -> None:
     async def run() -> None:
         async with asyncio.timeout(60), running(tmp_path / "data") as (system, api):
             system.addresses.write(system.data)
-            with api.context.hub.listening("system", "fleet", "questions", "tasks") as listening:
+            with api.context.hub.subscribe("system", "fleet", "questions", "tasks") as listening:
                 heard: dict[str, object] = {}
                 while len(heard) < 4:
-                    news = await listening.next()
+                    news = await listening.next_news()
                     if not news.missed:
                         heard[news.topic] = news.value
             for topic, value in heard.items():

@@ -83,8 +83,8 @@ def test_a_task_is_seen_whole_while_it_runs_and_when_it_is_over(tmp_path: Path) 
 
 
 async def followed(desk: LiveApi, task: str, heard: list[News]) -> None:
-    with desk.context.hub.listening(f"task {task}") as listening:
-        await listening.following()
+    with desk.context.hub.subscribe(f"task {task}") as listening:
+        await listening.wait_until_followed()
         async for news in listening:
             heard.append(news)
             if isinstance(news.value, TaskChanged) and news.value.view.phase is Phase.ENDED:
@@ -121,8 +121,8 @@ def test_the_list_tells_of_tasks_that_come_and_change(tmp_path: Path) -> None:
         known: dict[str, str] = {}
 
         async def follow(until: Callable[[], bool]) -> None:
-            with desk.context.hub.listening("tasks") as listening:
-                await listening.following()
+            with desk.context.hub.subscribe("tasks") as listening:
+                await listening.wait_until_followed()
                 async for news in listening:
                     assert isinstance(news.value, TasksChanged)
                     if news.value.anew:
@@ -149,9 +149,9 @@ def test_whoever_stops_listening_leaves_nobody_asking(tmp_path: Path) -> None:
         task = (await desk.tasks.submit(Submit(effect=WISH))).task
         await ended(desk, task)
         before = asyncio.all_tasks()
-        with desk.context.hub.listening("tasks", f"task {task}") as listening:
-            await listening.following()
-            await asyncio.wait_for(listening.next(), 120)
+        with desk.context.hub.subscribe("tasks", f"task {task}") as listening:
+            await listening.wait_until_followed()
+            await asyncio.wait_for(listening.next_news(), 120)
         await asyncio.sleep(0.1)
         assert asyncio.all_tasks() <= before
 

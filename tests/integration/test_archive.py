@@ -18,7 +18,7 @@ from msgspec import structs
 
 from somrs.cli import task_commands as tasks
 from somrs.client.export import Format, Table, columns, export, moment
-from somrs.client.task_history import Past, past
+from somrs.client.task_history import TaskHistory, open_task_history
 from somrs.errors import UsageError
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
@@ -69,7 +69,7 @@ def read(db: sqlite3.Connection, wanted: ReadRecords) -> tuple[list[TaskRecord],
         return pages[-1]
 
     async def all() -> list[TaskRecord]:
-        return [record async for page in Past(ask).pages(wanted) for record in page.records]
+        return [record async for page in TaskHistory(ask).pages(wanted) for record in page.records]
 
     return asyncio.run(all()), pages
 
@@ -252,7 +252,7 @@ def test_tasks_that_are_over_can_be_looked_at(stopped: Path, recovered: TaskReco
 
 def test_a_journal_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     async def look(data: Path) -> None:
-        async with past(data) as archive:
+        async with open_task_history(data) as archive:
             await archive.first(ReadRecords(), 1)
 
     with pytest.raises(UsageError, match="somrs up"):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from somrs.api.reliability_stats import WINDOW, Experience, Tally
 from somrs.api.service_presence import UNSEEN, Roster
-from somrs.client.task_history import Past
+from somrs.client.task_history import TaskHistory
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
 from somrs.protocol.messages.clients import WorkView
@@ -96,7 +96,7 @@ class Kept:
         return page
 
     def teach(self, experience: Experience) -> None:
-        asyncio.run(experience.learn(Past(self.ask)))
+        asyncio.run(experience.learn(TaskHistory(self.ask)))
 
 
 def test_reliability_is_what_was_completed_of_what_was_begun_whatever_was_undone_later() -> None:

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from somrs.cli.task_report import tell
 from somrs.client import terminal
-from somrs.client.task_report import Story, reasons, view
+from somrs.client.task_report import TaskReport, reasons, view
 from somrs.gui.pages.history import _row as history_row
 from somrs.gui.pages.task_head import item
 from somrs.gui.pages.task_story import story
@@ -81,7 +81,7 @@ def test_the_terminal_shows_it_whole(record: TaskRecord) -> None:
     seen = view(record)
     assert WHY in shown(terminal.tasks([seen]))
     console = Console(file=io.StringIO(), width=400, highlight=False)
-    tell(Story.of(record), console)
+    tell(TaskReport.from_record(record), console)
     assert isinstance(console.file, io.StringIO)
     assert console.file.getvalue().count(WHY) == 1
 

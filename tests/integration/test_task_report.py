@@ -10,7 +10,7 @@ from rich.console import Console
 
 from somrs.cli.task_report import messages, tell
 from somrs.client import terminal
-from somrs.client.task_report import Story, builtins
+from somrs.client.task_report import TaskReport, to_builtins
 from somrs.client.trace import lines_of, without_heartbeats
 from somrs.protocol.messages.clients import CancelTask, ReadTasks, TaskNews, Tasks, TaskView, WatchTask
 from somrs.protocol.messages.events import EventKind
@@ -27,7 +27,7 @@ NARROW = 80
 def shown(*things: object) -> str:
     console = Console(file=io.StringIO(), width=NARROW, highlight=False)
     for thing in things:
-        if isinstance(thing, Story):
+        if isinstance(thing, TaskReport):
             tell(thing, console)
         else:
             console.print(thing)
@@ -59,7 +59,7 @@ def stranded() -> TaskRecord:
 
 
 def test_a_story_tells_what_was_done_by_whom_on_which_terms(looked_at: TaskRecord) -> None:
-    text = shown(Story.of(looked_at))
+    text = shown(TaskReport.from_record(looked_at))
     head = [line.rstrip() for line in text.splitlines()[:2]]
     assert head == [WISH, f"✔ accomplished in {looked_at.ended_at - looked_at.submitted_at:.1f} s"]
     for part in ("? Unreachable", "✔ Completed", "✔ 10 EUR, 600 s", "chosen", "Robot3.RecognizeSituation"):
@@ -76,7 +76,7 @@ def test_a_story_tells_what_was_done_by_whom_on_which_terms(looked_at: TaskRecor
 
 
 def test_names_of_services_are_not_torn_apart_at_80_columns(looked_at: TaskRecord) -> None:
-    text = shown(Story.of(looked_at), messages(lines_of(looked_at)))
+    text = shown(TaskReport.from_record(looked_at), messages(lines_of(looked_at)))
     assert max(map(len, text.splitlines())) <= NARROW
     for table in ("Last plan", "What was done", "Terms", "Messages"):
         part = text.partition(f"{table}")[2].partition("\n\n")[0]
@@ -84,7 +84,7 @@ def test_names_of_services_are_not_torn_apart_at_80_columns(looked_at: TaskRecor
 
 
 def test_a_failure_is_told_once_with_what_it_left(stranded: TaskRecord) -> None:
-    text = shown(Story.of(stranded))
+    text = shown(TaskReport.from_record(stranded))
     assert "! Stranded" in text
     assert text.count("could not be undone, and it left") == 1
     assert stranded.reasons[0][:40] in text
@@ -110,7 +110,7 @@ def test_messages_are_told_from_the_task_managers_side_without_every_heartbeat(l
 
 
 def test_for_programs_there_is_one_object_with_everything(stranded: TaskRecord) -> None:
-    found = builtins(Story.of(stranded))
+    found = to_builtins(TaskReport.from_record(stranded))
     assert {"task", "effect", "phase", "outcome", "steps", "work", "contracts", "events", "messages", "client"} <= set(found)
     assert found["work"][0]["state"] == "Stranded"
 

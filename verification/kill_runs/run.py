@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import msgspec
 
 from somrs.client.client import Client
-from somrs.client.task_history import Past
+from somrs.client.task_history import TaskHistory
 from somrs.client.trace import TASK_MANAGER, Line
 from somrs.errors import RemoteError, SomrsError
 from somrs.protocol.messages import frp
@@ -228,7 +228,7 @@ class Run:
         await stage.mend()
         states = await self._sent_home(view.task)
         homeless = list(truth.at_home(states))
-        records = await Past(stage.client.records, stage.client).first(ReadRecords(task=view.task), 2)
+        records = await TaskHistory(stage.client.records, stage.client).first(ReadRecords(task=view.task), 2)
         if len(records) != 1:
             result.problems.append(f"{len(records)} records of the task are kept, and not one")
         result.problems += truth.outcome(case, view, records, story.device, story.cancelled_at)

@@ -52,14 +52,14 @@ async def _tasks(data: Path) -> dict[str, str]:
     """State tasks until one is over, one is being undone and another is planned; the latter two, by id."""
     async with Client(Addresses.read(data)) as client:
         over = await client.submit(Submit(effect=FIRST))
-        while (await client.seen(over)).view.phase is not Phase.ENDED:
+        while (await client.read_task(over)).view.phase is not Phase.ENDED:
             await asyncio.sleep(0.05)
         undone = await client.submit(Submit(effect=UNDONE))
-        while not any(work.state is State.COMPLETED for work in (await client.seen(undone)).view.work):
+        while not any(work.state is State.COMPLETED for work in (await client.read_task(undone)).view.work):
             await asyncio.sleep(0.02)
         later = await client.submit(Submit(effect=LATER))
         await client.cancel(undone, "it is not wanted any more")
-        while (await client.seen(undone)).view.phase is not Phase.COMPENSATING:
+        while (await client.read_task(undone)).view.phase is not Phase.COMPENSATING:
             await asyncio.sleep(0.02)
         return {undone: UNDONE, later: LATER}
 

@@ -16,8 +16,8 @@ from somrs.api.reliability_stats import WINDOW, Experience, Tally, device_of
 from somrs.api.service_presence import Coming
 from somrs.api.simulator_gateway import Simulated, break_or_mend, robots
 from somrs.client.operations import operation
-from somrs.client.refusals import Trouble, trouble
-from somrs.client.task_history import Past
+from somrs.client.refusals import ErrorReport, error_report
+from somrs.client.task_history import TaskHistory
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import SomrsError
 from somrs.ontology.services import ServiceKind
@@ -126,7 +126,7 @@ class FleetDesk:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._roster = context.listener.roster
-        self._past = Past(context.client.records, context.client)
+        self._past = TaskHistory(context.client.records, context.client)
         self._experience = Experience()
         context.hub.feed("fleet", self._feed)
 
@@ -251,19 +251,19 @@ class FleetDesk:
     async def _feed(self, topic: str) -> None:
         """Publish the fleet whenever it changes, and what is wrong while it cannot be told."""
         last: object = None
-        with self._context.hub.listening("services") as news:
+        with self._context.hub.subscribe("services") as news:
             while True:
                 try:
-                    found: Devices | Trouble = await self.devices()
+                    found: Devices | ErrorReport = await self.devices()
                 except SomrsError as error:
-                    found = trouble(error)
+                    found = error_report(error)
                 same = msgspec.structs.replace(found, at=0.0) if isinstance(found, Devices) else found
                 if same != last:
                     last = same
                     self._context.hub.publish(topic, found)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(TICK):
-                        await news.next()
+                        await news.next_news()
 
 
 def _works(tasks: Iterable[TaskView]) -> Iterator[WorkView]:

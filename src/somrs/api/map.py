@@ -72,7 +72,7 @@ class MapDesk:
         With `after`, oldest first, from the version behind it. `brief`: without the changes, but how many they were, so that ten thousand
         events can be read at once.
         """
-        return await self._context.client.happened(ReadEvents(before=before, after=after, limit=limit, brief=brief))
+        return await self._context.client.read_events(ReadEvents(before=before, after=after, limit=limit, brief=brief))
 
     @operation("POST", "/map/undo/{version}")
     async def undo(self, version: int, author: str = "") -> Updated:
@@ -88,7 +88,7 @@ class MapDesk:
     async def _as_it_was(self, map: Map, now: int, version: int) -> Map:
         """The map at a version: of one that is near, what leads back is soon told; any other is read as a whole."""
         if 0 < now - version <= NEAR:
-            found = await self._context.client.happened(ReadEvents(after=version, limit=now - version))
+            found = await self._context.client.read_events(ReadEvents(after=version, limit=now - version))
             whole = [event.version for event in found.events] == [*range(version + 1, now + 1)] and found.since <= version
             if whole and all(event.all_changes is None for event in found.events):
                 return rewind_map(map, (event.before for event in reversed(found.events)))

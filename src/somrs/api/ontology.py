@@ -116,7 +116,7 @@ class OntologyDesk:
     @operation("GET", "/ontology/history")
     async def history(self, before: int | None = None, limit: int = 100) -> Events:
         """What changed in the ontology, newest first: by whom, when, what it was before and after."""
-        return await self._context.client.happened(ReadEvents(before=before, limit=limit, ontology=True))
+        return await self._context.client.read_events(ReadEvents(before=before, limit=limit, ontology=True))
 
     @operation("GET", "/ontology/export.yaml")
     async def export_yaml(self, whole: bool = False) -> Document:
@@ -150,7 +150,7 @@ class OntologyDesk:
 
     async def _called_back(self, version: int) -> list[Renaming]:
         """What would get its name back if the version were undone."""
-        events = (await self._context.client.happened(ReadEvents(before=version + 1, limit=1, ontology=True))).events
+        events = (await self._context.client.read_events(ReadEvents(before=version + 1, limit=1, ontology=True))).events
         renamed = (one for event in events if event.version == version for one in event.renamed)
         return [Renaming(section=one.section, name=one.to, to=one.name) for one in renamed]
 

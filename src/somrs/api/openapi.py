@@ -9,7 +9,7 @@ import msgspec
 
 from somrs import __version__
 from somrs.client.operations import Document, Operation, Parameter
-from somrs.client.refusals import REFUSALS, Trouble
+from somrs.client.refusals import REFUSALS, ErrorReport
 
 _REFERENCE = "#/components/schemas/{name}"
 
@@ -18,8 +18,8 @@ def document(operations: Sequence[Operation]) -> dict[str, Any]:
     """The document, as JSON values."""
     types = [one.returns for one in operations if one.returns not in (None, type(None), Document)]
     types += [parameter.type for one in operations for parameter in one.parameters]
-    schemas, components = msgspec.json.schema_components([*types, Trouble], ref_template=_REFERENCE)
-    by_type = dict(zip(map(repr, [*types, Trouble]), schemas, strict=True))
+    schemas, components = msgspec.json.schema_components([*types, ErrorReport], ref_template=_REFERENCE)
+    by_type = dict(zip(map(repr, [*types, ErrorReport]), schemas, strict=True))
     paths: dict[str, Any] = {}
     for one in operations:
         paths.setdefault(one.path, {})[one.method.lower()] = _described(one, by_type)
@@ -57,5 +57,5 @@ def _responses(one: Operation, schemas: dict[str, Any]) -> dict[str, Any]:
         good = {"description": "Done"}
     else:
         good = {"description": "The answer", "content": {"application/json": {"schema": schemas[repr(one.returns)]}}}
-    trouble = {"application/json": {"schema": schemas[repr(Trouble)]}}
+    trouble = {"application/json": {"schema": schemas[repr(ErrorReport)]}}
     return {"200": good, **{str(code): {"description": text, "content": trouble} for code, text in REFUSALS.items()}}

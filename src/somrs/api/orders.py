@@ -10,7 +10,7 @@ import msgspec
 from somrs.api.context import Context
 from somrs.client.client import PATIENCE
 from somrs.client.operations import operation
-from somrs.client.refusals import Trouble, refusal_of
+from somrs.client.refusals import ErrorReport, refusal_of
 from somrs.errors import RemoteError
 from somrs.protocol.messages import frp, orders
 from somrs.protocol.messages.bodies import Body
@@ -82,7 +82,7 @@ class OrdersDesk:
         """State the task that a template is, with its blanks filled in. `once`: as for tasks."""
         task = await self.fill_template(name, body)
         id = message_id("task", "once", once) if once is not None else None
-        return Submitted(task=await self._context.client.submit(task, patience=PATIENCE, id=id, by=body.by))
+        return Submitted(task=await self._context.client.submit(task, patience=PATIENCE, id=id, author=body.by))
 
     # Standing orders
 
@@ -167,7 +167,7 @@ class OrdersDesk:
         answer: object = await self._context.client.ask(scheduler, body, object, patience=patience)
         match answer:
             case orders.OrdersRejected():
-                raise refusal_of(Trouble(**msgspec.structs.asdict(answer)))
+                raise refusal_of(ErrorReport(**msgspec.structs.asdict(answer)))
             case frp.Fault(text=text):
                 raise RemoteError(text)
         assert isinstance(answer, expected), f"a Scheduler does not answer {type(body).__name__} with {type(answer).__name__}"

@@ -108,10 +108,10 @@ class PoseFeed:
             await asyncio.sleep(AGAIN)
 
     async def _follow_map(self) -> None:
-        with self._context.hub.listening("map") as news:
+        with self._context.hub.subscribe("map") as news:
             while True:
                 self._hear(self._by_map())
-                await news.next()
+                await news.next_news()
                 await asyncio.sleep(1 / RATE)
 
     def _by_map(self) -> Poses:

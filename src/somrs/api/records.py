@@ -10,7 +10,7 @@ from somrs.api.context import Context
 from somrs.client.export import PAGE, Format, Table, moment, write
 from somrs.client.operations import Document, operation
 from somrs.client.refusals import NotFound
-from somrs.client.task_history import Past
+from somrs.client.task_history import TaskHistory
 from somrs.errors import UsageError
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
@@ -21,7 +21,7 @@ MEDIA_TYPES = {Format.JSONL: "application/jsonl", Format.CSV: "text/csv; charset
 class RecordsDesk:
     def __init__(self, context: Context) -> None:
         self._client = context.client
-        self._past = Past(context.client.records, context.client)
+        self._past = TaskHistory(context.client.records, context.client)
 
     @operation("GET", "/records")
     async def find(

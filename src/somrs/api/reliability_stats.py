@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import msgspec
 
-from somrs.client.task_history import Past
+from somrs.client.task_history import TaskHistory
 from somrs.protocol.messages.clients import WorkView
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.records import ReadRecords, TaskRecord
@@ -53,7 +53,7 @@ class Experience:
         """Tasks that ended at `_until`."""
         self._learning = asyncio.Lock()
 
-    async def learn(self, past: Past) -> None:
+    async def learn(self, past: TaskHistory) -> None:
         """Read what has come to be kept."""
         async with self._learning:
             since, found = self._until, 0

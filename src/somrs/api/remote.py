@@ -24,7 +24,7 @@ from somrs.client.api_client import ApiClient, address_of
 from somrs.client.client import Addresses
 from somrs.client.hub import News
 from somrs.client.live_news import LiveHub
-from somrs.client.refusals import Trouble
+from somrs.client.refusals import ErrorReport
 from somrs.errors import RemoteError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
@@ -34,7 +34,7 @@ TOPICS: dict[str, tuple[Any, ...]] = {
     "map": (MapNews,),
     "ontology": (int,),
     "services": (ServicesJoined | ServicesLeft,),
-    "fleet": (Devices, Trouble),
+    "fleet": (Devices, ErrorReport),
     "tasks": (TasksChanged,),
     "task": (TaskChanged,),
     "questions": (OpenQuestions,),

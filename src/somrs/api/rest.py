@@ -19,10 +19,10 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from somrs.api.openapi import document
-from somrs.client.hub import Hub, Listening
+from somrs.client.hub import Hub, NewsSubscription
 from somrs.client.live_news import Confirmed, Follow
 from somrs.client.operations import Document, Operation, Parameter
-from somrs.client.refusals import status, trouble
+from somrs.client.refusals import error_report, status
 from somrs.entish.parse import nearest
 from somrs.errors import InputError, SomrsError
 
@@ -76,7 +76,7 @@ def _served(one: Operation) -> Any:
             arguments = {parameter.name: value for parameter in one.parameters for value in await _given(parameter, request)}
             found = await one.function(**arguments)
         except SomrsError as error:
-            return Response(msgspec.json.encode(trouble(error)), status_code=status(error), media_type="application/json")
+            return Response(msgspec.json.encode(error_report(error)), status_code=status(error), media_type="application/json")
         if isinstance(found, Document):
             headers = {"Content-Disposition": f'attachment; filename="{found.name}"'}
             return Response(found.content, media_type=found.media_type, headers=headers)
@@ -116,7 +116,7 @@ async def _given(parameter: Parameter, request: Request) -> list[Any]:
 async def _tell(socket: WebSocket, hub: Hub) -> None:
     """Send the news of the topics that were asked for last, until the connection ends."""
     await socket.accept()
-    with hub.listening() as listening:
+    with hub.subscribe() as listening:
         telling = asyncio.create_task(_telling(socket, listening))
         try:
             while True:
@@ -132,6 +132,6 @@ async def _tell(socket: WebSocket, hub: Hub) -> None:
             telling.cancel()
 
 
-async def _telling(socket: WebSocket, listening: Listening) -> None:
+async def _telling(socket: WebSocket, listening: NewsSubscription) -> None:
     async for news in listening:
         await socket.send_text(msgspec.json.encode(news).decode())

@@ -11,7 +11,7 @@ import msgspec
 
 from somrs.client.client import Client
 from somrs.client.hub import Hub
-from somrs.client.task_history import Past
+from somrs.client.task_history import TaskHistory
 from somrs.errors import RemoteError
 from somrs.protocol.messages.clients import ContractView, Phase, TaskEvent, TaskRow, TasksNews, TaskView, WatchTask, WatchTasks
 from somrs.protocol.messages.records import ReadRecords
@@ -108,5 +108,5 @@ class Following:
 async def final_contracts(client: Client, task: str) -> tuple[ContractView, ...]:
     """Who was asked in a task that is over, and what became of it."""
     wanted = ReadRecords(task=task, without=("steps", "work", "events", "messages"))
-    records = await Past(client.records).first(wanted, 1)
+    records = await TaskHistory(client.records).first(wanted, 1)
     return records[0].contracts if records else ()

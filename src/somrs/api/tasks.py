@@ -10,7 +10,7 @@ from somrs.client.client import PATIENCE
 from somrs.client.message_chart import chart
 from somrs.client.operations import Document, operation
 from somrs.client.refusals import NotFound
-from somrs.client.task_history import Past
+from somrs.client.task_history import TaskHistory
 from somrs.client.task_report import is_named
 from somrs.client.task_report import view as view_of
 from somrs.client.trace import lines_from, without_heartbeats
@@ -71,7 +71,7 @@ class TasksDesk:
         states it.
         """
         id = message_id("task", "once", once) if once is not None else None
-        return Submitted(task=await self._client.submit(body, patience=PATIENCE, id=id, by=by))
+        return Submitted(task=await self._client.submit(body, patience=PATIENCE, id=id, author=by))
 
     @operation("POST", "/tasks/preview")
     async def preview(self, body: Preview) -> Previewed:
@@ -112,7 +112,7 @@ class TasksDesk:
     async def _known(self, task: str) -> TaskSeen | None:
         """As the Task Manager has it in mind, if it does."""
         try:
-            seen = await self._client.seen(task)
+            seen = await self._client.read_task(task)
         except Unanswered:
             raise
         except RemoteError:
@@ -123,7 +123,7 @@ class TasksDesk:
 
     async def _kept(self, task: str) -> TaskSeen:
         """As its record says."""
-        records = await Past(self._client.records).first(ReadRecords(task=task, without=("messages",)), 1)
+        records = await TaskHistory(self._client.records).first(ReadRecords(task=task, without=("messages",)), 1)
         if not records:
             raise _no_such(task)
         return TaskSeen(view=view_of(records[0]), events=records[0].events, contracts=records[0].contracts)
@@ -133,7 +133,7 @@ class TasksDesk:
         if len(name) == WHOLE_ID and name.startswith("urn:uuid:"):
             return name
         known = [row.task for row in await self._client.rows()]
-        kept = await Past(self._client.records).first(ReadRecords(task=name, brief=True), MOST_NAMED) if name else []
+        kept = await TaskHistory(self._client.records).first(ReadRecords(task=name, brief=True), MOST_NAMED) if name else []
         found = [*dict.fromkeys(id for id in (*known, *(record.task for record in kept)) if is_named(id, name))]
         if not found:
             raise _no_such(name)

@@ -35,7 +35,7 @@ def section_called(text: str) -> Section:
 async def history(limit: int, data: Path, *, ontology: bool, before: int | None, json: bool) -> None:
     """What happened to the map and the ontology, or to that only, newest first."""
     async with Client(Addresses.read(data)) as client:
-        found = await client.happened(ReadEvents(limit=limit, before=before, ontology=ontology))
+        found = await client.read_events(ReadEvents(limit=limit, before=before, ontology=ontology))
     if json:
         terminal.print_json(found.events)
     elif not found.events:

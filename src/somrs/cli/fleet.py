@@ -13,7 +13,7 @@ from somrs.api.fleet import BUSY, Devices, DeviceSeen
 from somrs.api.service import desk_of
 from somrs.client import terminal
 from somrs.client.client import Addresses
-from somrs.client.refusals import Trouble
+from somrs.client.refusals import ErrorReport
 
 SHOWN = 5
 """Comings and goings that are shown."""
@@ -38,12 +38,12 @@ async def fleet(data: Path, *, follow: bool, json: bool) -> None:
             else:
                 terminal.console().print(seen(found))
             return
-        with Live(console=terminal.console(), auto_refresh=False) as screen, desk.context.hub.listening("fleet") as listening:
+        with Live(console=terminal.console(), auto_refresh=False) as screen, desk.context.hub.subscribe("fleet") as listening:
             async for news in listening:
                 match news.value:
                     case Devices() as devices:
                         screen.update(seen(devices), refresh=True)
-                    case Trouble(problem=problem):
+                    case ErrorReport(problem=problem):
                         screen.update(Text(problem, style="red"), refresh=True)
 
 
@@ -53,7 +53,7 @@ def seen(found: Devices) -> Group:
         (terminal.lines(one.name, f"a {one.type}" if one.type else ""), _state(one), _does(one), _services(one)) for one in found.devices
     )
     columns = ("device", "state", "does", "services, and how they have done")
-    least = {"device": terminal.room(one.name for one in found.devices)}
+    least = {"device": terminal.column_width(one.name for one in found.devices)}
     made = terminal.table("Fleet", columns, rows, least=least)
     log = [
         Text(f"{terminal.clock(one.at)}  {one.device} {'joined' if one.joined else f'left: {one.reason}'}", style="dim")

@@ -10,7 +10,7 @@ from pathlib import Path
 from somrs.api.remote import Api, api_of
 from somrs.cli.task_commands import do
 from somrs.client import terminal
-from somrs.client.client import Addresses, who
+from somrs.client.client import Addresses, client_name
 from somrs.errors import UsageError
 from somrs.protocol.messages.orders import (
     Blank,
@@ -34,7 +34,7 @@ _MINUTES = {"m": 1, "min": 1, "h": 60, "d": 1440}
 
 def me() -> str:
     """Who changes something, as the histories of templates and orders name them."""
-    return person_name(who())
+    return person_name(client_name())
 
 
 def values(said: Sequence[str]) -> dict[str, str]:

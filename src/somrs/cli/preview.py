@@ -51,7 +51,7 @@ def quotations(found: Iterable[Quotation]) -> RenderableType:
     )
     columns = ("step", "asked (✔ chosen)", "offers", "from, until", "but")
     return terminal.table(
-        "Terms now", columns, rows, whole=("offers",), least={columns[1]: terminal.room(f"✔ {one.service}" for one in asked)}
+        "Terms now", columns, rows, whole=("offers",), least={columns[1]: terminal.column_width(f"✔ {one.service}" for one in asked)}
     )
 
 

@@ -13,8 +13,8 @@ from somrs.cli.procedures import handler
 from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.client.message_chart import chart
-from somrs.client.task_history import Past, past
-from somrs.client.task_report import Story, builtins, is_named, view
+from somrs.client.task_history import TaskHistory, open_task_history
+from somrs.client.task_report import TaskReport, is_named, to_builtins, view
 from somrs.client.trace import Line, lines_from, lines_of, without_heartbeats
 from somrs.errors import FormulaError, UsageError
 from somrs.ontology.services import Handler, Occasion
@@ -79,7 +79,7 @@ async def do(wish: Submit, data: Path, *, wait: bool, json: bool) -> int:
 async def tasks(data: Path, *, history: bool, limit: int, json: bool, wanted: ReadRecords | None = None) -> None:
     """The tasks that run; with their history, those that are over, too, the latest first. `wanted`: only those of the history that are."""
     if history:
-        async with past(data) as archive:
+        async with open_task_history(data) as archive:
             running = await archive.client.tasks(running=True) if archive.client is not None and wanted is None else ()
             records = await archive.first(structs.replace(wanted or ReadRecords(), brief=True), limit)
             found = [*running, *map(view, records)]
@@ -102,21 +102,21 @@ async def task(name: str, data: Path, *, messages: bool, picture: Path | None, j
     """Everything of one task."""
     if any(sign in name for sign in " \t\n=<>(?"):
         raise UsageError(f"`somrs task` shows a task, by its id; to have a formula made true: somrs do '{name}'")
-    async with past(data) as archive:
+    async with open_task_history(data) as archive:
         found = await _story(name, archive)
         lines = await _lines(found, archive) if messages or picture is not None else []
     if picture is not None:
         picture.write_text(chart(without_heartbeats(lines), found.view.effect), encoding="utf-8")
         print(f"{picture}: {len(lines)} messages")
     elif json:
-        terminal.print_json(builtins(found))
+        terminal.print_json(to_builtins(found))
     elif messages:
         terminal.console().print(task_report.messages(lines) if lines else "no messages have passed yet")
     else:
         task_report.tell(found, terminal.console())
 
 
-async def _lines(found: Story, archive: Past) -> list[Line]:
+async def _lines(found: TaskReport, archive: TaskHistory) -> list[Line]:
     """The messages of the task, so far."""
     if found.record is not None:
         return lines_of(found.record)
@@ -124,18 +124,18 @@ async def _lines(found: Story, archive: Past) -> list[Line]:
     return lines_from(await archive.client.all_messages(found.view.task), found.view.task)
 
 
-async def _story(name: str, archive: Past) -> Story:
+async def _story(name: str, archive: TaskHistory) -> TaskReport:
     running = await archive.client.tasks(limit=1 if name == LAST else None) if archive.client is not None else ()
     id = _only(name, [*(view.task for view in running), *await _kept(name, archive)])
     records = await archive.first(ReadRecords(task=id), 1)
     if records:
-        return Story.of(records[0])
+        return TaskReport.from_record(records[0])
     assert archive.client is not None, "what is not kept was heard from the running system"
-    seen = await archive.client.seen(id)
-    return Story(view=seen.view, events=seen.events, contracts=seen.contracts)
+    seen = await archive.client.read_task(id)
+    return TaskReport(view=seen.view, events=seen.events, contracts=seen.contracts)
 
 
-async def _kept(name: str, archive: Past) -> list[str]:
+async def _kept(name: str, archive: TaskHistory) -> list[str]:
     wanted = ReadRecords(brief=True) if name == LAST else ReadRecords(brief=True, task=name)
     return [record.task for record in await archive.first(wanted, 1 if name == LAST else 10)]
 

@@ -9,15 +9,15 @@ from rich.table import Table
 from rich.text import Text
 
 from somrs.client import terminal
-from somrs.client.message_chart import SETBACKS, said
-from somrs.client.task_report import Story
+from somrs.client.message_chart import SETBACKS, describe_message
+from somrs.client.task_report import TaskReport
 from somrs.client.trace import TASK_MANAGER, Line, without_heartbeats
 from somrs.protocol.messages.clients import ContractView, WorkView
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.people import person_name
 
 
-def tell(story: Story, console: Console) -> None:
+def tell(story: TaskReport, console: Console) -> None:
     """All but the messages."""
     seen, record = story.view, story.record
     parts: list[RenderableType] = [Group(Text(seen.effect, style="bold"), terminal.ending(seen), "", _facts(story))]
@@ -33,7 +33,7 @@ def tell(story: Story, console: Console) -> None:
         console.print(*([""] if number else []), part, sep="\n")
 
 
-def _facts(story: Story) -> Table:
+def _facts(story: TaskReport) -> Table:
     seen, record = story.view, story.record
     facts = [
         ("task", seen.task),
@@ -58,7 +58,7 @@ def work(found: Iterable[WorkView]) -> Table:
         (
             one.step,
             terminal.lines(one.service, terminal.inputs(one)),
-            terminal.became(one.state),
+            terminal.state_text(one.state),
             terminal.lines(one.situation or "nothing is known", one.note),
         )
         for one in works
@@ -68,7 +68,7 @@ def work(found: Iterable[WorkView]) -> Table:
         ("step", "by", "became", "and left"),
         rows,
         whole=("became",),
-        least={"by": terminal.room(work.service for work in works)},
+        least={"by": terminal.column_width(work.service for work in works)},
     )
 
 
@@ -83,12 +83,15 @@ def contracts(found: Iterable[ContractView]) -> Table:
                 f"{'✔ ' if one.accepted else ''}{terminal.terms(one.price, one.currency, one.duration) or '-'}",
                 "green" if one.accepted else "",
             ),
-            Group(terminal.became(one.state)) if one.state is not State.ENDED else one.reason or "left",
+            Group(terminal.state_text(one.state)) if one.state is not State.ENDED else one.reason or "left",
         )
         for one in asked
     )
     return terminal.table(
-        "Terms", ("step", "asked", "offered (✔ accepted)", "in the end"), rows, least={"asked": terminal.room(one.service for one in asked)}
+        "Terms",
+        ("step", "asked", "offered (✔ accepted)", "in the end"),
+        rows,
+        least={"asked": terminal.column_width(one.service for one in asked)},
     )
 
 
@@ -100,7 +103,7 @@ def messages(lines: Sequence[Line]) -> Table:
             f"{line.at - start:.2f} s",
             f"→ {line.recipient}" if line.sender == TASK_MANAGER else f"← {line.sender}",
             Text(line.type, style="bold red" if line.type in SETBACKS else "bold"),
-            said(line),
+            describe_message(line),
         )
         for line in without_heartbeats(lines)
     )

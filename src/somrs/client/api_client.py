@@ -17,7 +17,7 @@ from yarl import URL
 
 from somrs.client.client import Addresses
 from somrs.client.operations import Document, Operation, operations
-from somrs.client.refusals import Trouble, refusal
+from somrs.client.refusals import ErrorReport, refusal
 from somrs.errors import RemoteError, UsageError
 from somrs.runtime.http import KEPT_TIME
 from somrs.runtime.wire import Unanswered
@@ -50,32 +50,32 @@ class ApiClient:
 
     def part(self, group: str, declared: type[T]) -> T:
         """A part of the API: what has its operations as coroutine methods."""
-        made = {one.name.partition(".")[2]: partial(self._do, one) for one in operations(group, declared)}
-        return cast(T, _Part(made))
+        functions = {operation.name.partition(".")[2]: partial(self._call, operation) for operation in operations(group, declared)}
+        return cast(T, _Part(functions))
 
-    async def _do(self, one: Operation, *args: object, **kwargs: object) -> object:
-        values = _bound(one, args, kwargs)
-        places = {parameter.name: parameter.place for parameter in one.parameters}
-        path = one.path.format(**{name: _segment(value) for name, value in values.items() if places[name] == "path"})
+    async def _call(self, operation: Operation, *args: object, **kwargs: object) -> object:
+        values = _bound(operation, args, kwargs)
+        places = {parameter.name: parameter.place for parameter in operation.parameters}
+        path = operation.path.format(**{name: _segment(value) for name, value in values.items() if places[name] == "path"})
         query = {name: _text(value) for name, value in values.items() if places[name] == "query" and value is not None}
         body = next((msgspec.json.encode(value) for name, value in values.items() if places[name] == "body" and value is not None), None)
         url = f"{self.url}{path}{f'?{urlencode(query)}' if query else ''}"
         try:
-            async with self.session.request(one.method, URL(url, encoded=True), data=body) as response:
-                said = await response.read()
+            async with self.session.request(operation.method, URL(url, encoded=True), data=body) as response:
+                content = await response.read()
         except (aiohttp.ClientError, TimeoutError) as error:
-            raise Unanswered(self.silent(error)) from None
+            raise Unanswered(self.no_answer_text(error)) from None
         if response.status >= 400:
-            raise self._refusal(response.status, said)
-        return _answer(one, said, response)
+            raise self._refusal(response.status, content)
+        return _answer(operation, content, response)
 
-    def silent(self, error: BaseException) -> str:
+    def no_answer_text(self, error: BaseException) -> str:
         """That nobody answers, and what to do."""
         return f"the API at {self.url} does not answer ({str(error) or 'in time'}); `somrs up` starts it, and starts it again"
 
-    def _refusal(self, status: int, said: bytes) -> Exception:
+    def _refusal(self, status: int, content: bytes) -> Exception:
         try:
-            return refusal(status, msgspec.json.decode(said, type=Trouble))
+            return refusal(status, msgspec.json.decode(content, type=ErrorReport))
         except msgspec.MsgspecError:
             return RemoteError(f"the API at {self.url} answered with HTTP {status}")
 
@@ -94,10 +94,12 @@ def address_of(addresses: Addresses) -> str:
     return addresses.api
 
 
-def _bound(one: Operation, args: tuple[object, ...], kwargs: dict[str, object]) -> dict[str, object]:
+def _bound(operation: Operation, args: tuple[object, ...], kwargs: dict[str, object]) -> dict[str, object]:
     """The values by the names of the operation's parameters. Raises TypeError, as a call does."""
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
-    signature = inspect.Signature([inspect.Parameter(each.name, kind, default=each.default) for each in one.parameters])
+    signature = inspect.Signature(
+        [inspect.Parameter(parameter.name, kind, default=parameter.default) for parameter in operation.parameters]
+    )
     return signature.bind(*args, **kwargs).arguments
 
 
@@ -116,10 +118,10 @@ def _segment(value: object) -> str:
     return quote(text, safe="")
 
 
-def _answer(one: Operation, said: bytes, response: aiohttp.ClientResponse) -> object:
-    if one.returns is Document:
+def _answer(operation: Operation, content: bytes, response: aiohttp.ClientResponse) -> object:
+    if operation.returns is Document:
         disposition = Message()
         disposition["Content-Disposition"] = response.headers.get("Content-Disposition", "")
-        return Document(content=said, media_type=response.headers.get("Content-Type", ""), name=disposition.get_filename() or "")
-    returns: Any = one.returns if one.returns is not None else type(None)
-    return msgspec.json.decode(said, type=returns)
+        return Document(content=content, media_type=response.headers.get("Content-Type", ""), name=disposition.get_filename() or "")
+    returns: Any = operation.returns if operation.returns is not None else type(None)
+    return msgspec.json.decode(content, type=returns)

@@ -74,7 +74,7 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
         (data / name).write_bytes(msgspec.json.format(msgspec.json.encode(self)))
 
 
-def who() -> str:
+def client_name() -> str:
     """Who asks, as far as this machine knows: it is kept with a task. Answers come on the connection, so that it is no address."""
     try:
         user = getpass.getuser()
@@ -89,7 +89,7 @@ class Client:
     def __init__(self, addresses: Addresses) -> None:
         self.addresses = addresses
         self._wire = Wire()
-        self._who = who()
+        self._client_name = client_name()
 
     async def __aenter__(self) -> Client:
         return self
@@ -105,14 +105,16 @@ class Client:
         timeout: float = 30.0,
         patience: float = 0.0,
         id: str | None = None,
-        by: str | None = None,
+        author: str | None = None,
     ) -> Answer:
         """The answer, which is of the expected type. Raises RemoteError when it is not, or none came.
 
         `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same, and so is what
         is sent again with the same `id`. `by`: who asks, if it is not who runs this program.
         """
-        header = Header(sender=client_address(by) if by else self._who, recipient=address, message_id=id or uuid.uuid4().urn)
+        header = Header(
+            sender=client_address(author) if author else self._client_name, recipient=address, message_id=id or uuid.uuid4().urn
+        )
         message = Message(header=header, body=body)
         answer = await retry_unanswered(lambda: self._wire.post(message, timeout=timeout), patience)
         if answer is None:
@@ -130,17 +132,17 @@ class Client:
     async def ontology(self, version: int | None = None) -> Ontology:
         """All definitions, as they are now or as they were at the version. Read again when they change between two pages."""
         while True:
-            found: list[Definition] = []
+            definitions: list[Definition] = []
             changed: set[int] = set()
-            after, more = 0, True
-            while more:
-                question = knowledge.ReadOntology(after=after, at_version=version)
+            offset, has_next_page = 0, True
+            while has_next_page:
+                question = knowledge.ReadOntology(after=offset, at_version=version)
                 page = await self.ask(self.addresses.repository, question, knowledge.OntologyPage)
-                found += page.definitions.all_definitions()
+                definitions += page.definitions.all_definitions()
                 changed.add(page.changed_at)
-                after, more = page.next, page.more
+                offset, has_next_page = page.next, page.more
             if len(changed) <= 1:
-                return Ontology(found)
+                return Ontology(definitions)
 
     async def map(self, version: int | None = None) -> Map:
         """The whole map as it is now, or as it was at the version. Read again from the start when it changes between two pages."""
@@ -148,14 +150,14 @@ class Client:
             objects: list[Object] = []
             facts: list[Fact] = []
             versions: set[int] = set()
-            after, more = "", True
-            while more:
-                question = knowledge.ReadMap(after=after, at_version=version)
+            last_object, has_next_page = "", True
+            while has_next_page:
+                question = knowledge.ReadMap(after=last_object, at_version=version)
                 page = await self.ask(self.addresses.repository, question, knowledge.MapPage)
                 objects += page.objects
                 facts += page.facts
                 versions.add(page.version)
-                after, more = (page.objects[-1].name if page.objects else after), page.more
+                last_object, has_next_page = (page.objects[-1].name if page.objects else last_object), page.more
             if len(versions) <= 1:
                 return Map(objects, facts)
 
@@ -182,38 +184,38 @@ class Client:
         """What would come of the change."""
         return await self.ask(self.addresses.repository, knowledge.Consider(change=change), knowledge.Considered)
 
-    async def happened(self, wanted: knowledge.ReadEvents) -> knowledge.Events:
+    async def read_events(self, request: knowledge.ReadEvents) -> knowledge.Events:
         """What happened to the map and the ontology; as many events as are asked for, from as many pages as it takes."""
-        found: list[knowledge.Event] = []
+        events: list[knowledge.Event] = []
         while True:
-            page = await self.ask(self.addresses.repository, wanted, knowledge.Events)
-            found += page.events
-            left = wanted.limit - len(page.events)
-            if left <= 0 or not page.more or not page.events:
-                return knowledge.Events(events=tuple(found), more=page.more, since=page.since)
-            further = {"before" if wanted.after is None else "after": page.events[-1].version}
-            wanted = msgspec.structs.replace(wanted, limit=left, **further)
+            page = await self.ask(self.addresses.repository, request, knowledge.Events)
+            events += page.events
+            remaining_count = request.limit - len(page.events)
+            if remaining_count <= 0 or not page.more or not page.events:
+                return knowledge.Events(events=tuple(events), more=page.more, since=page.since)
+            further = {"before" if request.after is None else "after": page.events[-1].version}
+            request = msgspec.structs.replace(request, limit=remaining_count, **further)
 
     async def history(self, name: str, limit: int = 100) -> knowledge.History:
         return await self.ask(self.addresses.repository, knowledge.ReadHistory(object=name, limit=limit), knowledge.History)
 
     # The Service Registry
 
-    async def services(self, wanted: directory.Discover | None = None) -> tuple[directory.Offer, ...]:
-        question = wanted or directory.Discover()
+    async def services(self, request: directory.Discover | None = None) -> tuple[directory.Offer, ...]:
+        question = request or directory.Discover()
         offers: list[directory.Offer] = []
         while True:
-            found = await self.ask(self.addresses.registry, question, directory.Discovered)
-            offers += found.offers
-            if not found.more:
+            page = await self.ask(self.addresses.registry, question, directory.Discovered)
+            offers += page.offers
+            if not page.more:
                 return tuple(offers)
             question = msgspec.structs.replace(question, after=offers[-1].service)
 
     # The Task Manager
 
-    async def submit(self, task: clients.Submit, patience: float = 0.0, id: str | None = None, by: str | None = None) -> str:
+    async def submit(self, task: clients.Submit, patience: float = 0.0, id: str | None = None, author: str | None = None) -> str:
         """The task's id. Raises UsageError, with the caret under the mistake, when it is no task. The same message `id` is one task."""
-        answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience, id=id, by=by)
+        answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience, id=id, author=author)
         match answer:
             case clients.Submitted(task=id):
                 return id
@@ -226,88 +228,88 @@ class Client:
 
     async def news(self, task: str) -> AsyncIterator[clients.TaskNews]:
         """What happens to the task, until it ended; a Task Manager that is started again meanwhile goes on telling it."""
-        after = 0
+        event_count = 0
         while True:
-            watch = clients.WatchTask(task=task, after=after)
+            watch = clients.WatchTask(task=task, after=event_count)
             news = await self.watch(watch, patience=PATIENCE)
             yield news
             if news.view.phase is clients.Phase.ENDED and not news.more:
                 return
-            after += len(news.events)
+            event_count += len(news.events)
 
-    async def watch(self, wanted: clients.WatchTask, patience: float = 0.0) -> clients.TaskNews:
+    async def watch(self, request: clients.WatchTask, patience: float = 0.0) -> clients.TaskNews:
         """News of a task, with a view that is whole, however long."""
         parts: list[clients.TaskView] = []
-        news = await self.ask(self.addresses.task_manager, wanted, clients.TaskNews, timeout=wanted.wait + 40, patience=patience)
+        news = await self.ask(self.addresses.task_manager, request, clients.TaskNews, timeout=request.wait + 40, patience=patience)
         while news.rest is not None:
             parts.append(news.view)
-            more = msgspec.structs.replace(wanted, parts=news.rest, wait=0)
-            news = await self.ask(self.addresses.task_manager, more, clients.TaskNews, patience=patience)
+            next_request = msgspec.structs.replace(request, parts=news.rest, wait=0)
+            news = await self.ask(self.addresses.task_manager, next_request, clients.TaskNews, patience=patience)
         if not parts:
             return news
         views = [*parts, news.view]
         steps, work = (tuple(chain.from_iterable(getattr(view, part) for view in views)) for part in ("steps", "work"))
         return msgspec.structs.replace(news, view=msgspec.structs.replace(news.view, steps=steps, work=work))
 
-    async def watch_list(self, wanted: clients.WatchTasks) -> clients.TasksNews:
+    async def watch_list(self, request: clients.WatchTasks) -> clients.TasksNews:
         """What changed in the list of tasks, a page of it."""
-        return await self.ask(self.addresses.task_manager, wanted, clients.TasksNews, timeout=wanted.wait + 40)
+        return await self.ask(self.addresses.task_manager, request, clients.TasksNews, timeout=request.wait + 40)
 
     async def rows(self) -> tuple[clients.TaskRow, ...]:
         """The tasks that the Task Manager has in mind, as a list shows them, newest first."""
-        found: dict[str, clients.TaskRow] = {}
-        after, more = 0, True
-        while more:
-            news = await self.watch_list(clients.WatchTasks(after=after, wait=0))
-            found |= {row.task: row for row in news.rows}
-            after, more = news.version, news.more
-        return tuple(sorted(found.values(), key=lambda row: (row.submitted_at, row.task), reverse=True))
+        rows_by_task: dict[str, clients.TaskRow] = {}
+        version, has_next_page = 0, True
+        while has_next_page:
+            news = await self.watch_list(clients.WatchTasks(after=version, wait=0))
+            rows_by_task |= {row.task: row for row in news.rows}
+            version, has_next_page = news.version, news.more
+        return tuple(sorted(rows_by_task.values(), key=lambda row: (row.submitted_at, row.task), reverse=True))
 
-    async def seen(self, task: str) -> clients.TaskNews:
+    async def read_task(self, task: str) -> clients.TaskNews:
         """The task as it is now, with all that happened to it, and, as long as it runs, all who were asked for its steps."""
         events: tuple[clients.TaskEvent, ...] = ()
         contracts: dict[str, clients.ContractView] = {}
-        changed, more = 0, True
-        while more:
+        changed, has_next_page = 0, True
+        while has_next_page:
             news = await self.watch(clients.WatchTask(task=task, after=len(events), contracts=changed, wait=0))
             events += news.events
             contracts |= {contract.participant: contract for contract in news.contracts}
-            changed, more = news.contracts_at, news.more
-        asked = sorted(contracts.values(), key=lambda contract: contract.number)
-        return msgspec.structs.replace(news, events=events, contracts=tuple(asked))
+            changed, has_next_page = news.contracts_at, news.more
+        sorted_contracts = sorted(contracts.values(), key=lambda contract: contract.number)
+        return msgspec.structs.replace(news, events=events, contracts=tuple(sorted_contracts))
 
     async def all_messages(self, task: str) -> tuple[clients.MessageView, ...]:
         """Those of a task, whether it runs or is over."""
-        found: tuple[clients.MessageView, ...] = ()
-        more = True
-        while more:
-            page = await self.messages(task, len(found))
-            found, more = found + page.messages, page.more
-        return found
+        messages: tuple[clients.MessageView, ...] = ()
+        has_next_page = True
+        while has_next_page:
+            page = await self.messages(task, len(messages))
+            messages, has_next_page = messages + page.messages, page.more
+        return messages
 
     async def tasks(self, *, running: bool = False, limit: int | None = None) -> tuple[clients.TaskView, ...]:
         """The tasks that the Task Manager has in mind, newest first: all, or those that are not over."""
-        found: list[clients.TaskView] = []
+        tasks: list[clients.TaskView] = []
         question = clients.ReadTasks(running=running, limit=PAGE if limit is None else min(limit, PAGE))
-        while limit is None or len(found) < limit:
+        while limit is None or len(tasks) < limit:
             page = await self.ask(self.addresses.task_manager, question, clients.Tasks)
-            found += page.tasks
+            tasks += page.tasks
             if not page.more:
                 break
             question = msgspec.structs.replace(question, behind=page.tasks[-1].task)
-        return tuple(found[:limit])
+        return tuple(tasks[:limit])
 
-    async def records(self, wanted: records.ReadRecords) -> records.Records:
+    async def records(self, query: records.ReadRecords) -> records.Records:
         """A page of what is kept of tasks that are over."""
-        return await self.ask(self.addresses.task_manager, wanted, records.Records)
+        return await self.ask(self.addresses.task_manager, query, records.Records)
 
     async def cancel(self, task: str, reason: str) -> None:
-        wanted = clients.CancelTask(task=task, reason=reason)
-        await self.ask(self.addresses.task_manager, wanted, clients.Cancelling, patience=PATIENCE)
+        request = clients.CancelTask(task=task, reason=reason)
+        await self.ask(self.addresses.task_manager, request, clients.Cancelling, patience=PATIENCE)
 
-    async def messages(self, task: str, after: int = 0) -> clients.Messages:
+    async def messages(self, task: str, offset: int = 0) -> clients.Messages:
         """The messages of a task, whether it runs or is over, behind the first so many: a page of them."""
-        return await self.ask(self.addresses.task_manager, clients.ReadMessages(task=task, after=after), clients.Messages)
+        return await self.ask(self.addresses.task_manager, clients.ReadMessages(task=task, after=offset), clients.Messages)
 
-    async def preview(self, wanted: clients.Preview) -> clients.Previewed:
-        return await self.ask(self.addresses.task_manager, wanted, clients.Previewed, timeout=60)
+    async def preview(self, request: clients.Preview) -> clients.Previewed:
+        return await self.ask(self.addresses.task_manager, request, clients.Previewed, timeout=60)

@@ -18,7 +18,7 @@ from msgspec import structs
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from somrs.client.task_history import Past, past
+from somrs.client.task_history import TaskHistory, open_task_history
 from somrs.errors import UsageError
 from somrs.protocol.messages.clients import ContractView, MessageView, TaskEvent, WorkView
 from somrs.protocol.messages.events import EventKind
@@ -63,14 +63,14 @@ _PARTS: Mapping[Table, tuple[type[msgspec.Struct], Callable[[TaskRecord], Iterab
     Table.MESSAGES: (MessageView, lambda record: record.messages),
 }
 
-_AGO = re.compile(r"(?P<count>\d+(?:\.\d+)?)\s*(?P<unit>[smhdw])")
+_AGE = re.compile(r"(?P<count>\d+(?:\.\d+)?)\s*(?P<unit>[smhdw])")
 _SECONDS = {"s": 1, "m": 60, "h": 3600, "d": 86_400, "w": 604_800}
 
 
 def moment(text: str, now: float) -> float:
     """Seconds since 1970 of a date, a date with a time, or so long ago (`2h`). Raises UsageError."""
-    if (ago := _AGO.fullmatch(text.strip())) is not None:
-        return now - float(ago["count"]) * _SECONDS[ago["unit"]]
+    if (age := _AGE.fullmatch(text.strip())) is not None:
+        return now - float(age["count"]) * _SECONDS[age["unit"]]
     try:
         return datetime.fromisoformat(text.strip()).timestamp()
     except (ValueError, OverflowError):
@@ -79,45 +79,47 @@ def moment(text: str, now: float) -> float:
         ) from None
 
 
-async def export(out: Path | None, data: Path, format: Format, table: Table, which: ReadRecords | None = None) -> None:
+async def export(output: Path | None, data: Path, format: Format, table: Table, query: ReadRecords | None = None) -> None:
     """Write the tasks that are over, or which of them are asked for, the latest first, to a file or to standard output."""
-    wanted = structs.replace(which or ReadRecords(), limit=PAGE)
-    if out is not None and not out.parent.is_dir():
-        raise UsageError(f"{out}: there is no folder {out.parent}; make it first")
-    async with past(data) as archive:
-        if out is None:
-            await write(archive, wanted, sys.stdout, format, table)
+    page_query = structs.replace(query or ReadRecords(), limit=PAGE)
+    if output is not None and not output.parent.is_dir():
+        raise UsageError(f"{output}: there is no folder {output.parent}; make it first")
+    async with open_task_history(data) as archive:
+        if output is None:
+            await write(archive, page_query, sys.stdout, format, table)
             return
         # Under another name until it is whole: what is interrupted does not look like an export.
-        unfinished = out.with_name(f"{out.name}.part")
+        unfinished = output.with_name(f"{output.name}.part")
         try:
-            with unfinished.open("w", encoding="utf-8", newline="") as file, _bar(out) as bar:
-                count = await write(archive, wanted, file, format, table, bar)
-            unfinished.replace(out)
+            with unfinished.open("w", encoding="utf-8", newline="") as file, _bar(output) as bar:
+                count = await write(archive, page_query, file, format, table, bar)
+            unfinished.replace(output)
         finally:
             unfinished.unlink(missing_ok=True)
-    print(f"{out}: {count} task{'s' if count != 1 else ''}")
+    print(f"{output}: {count} task{'s' if count != 1 else ''}")
 
 
-Tell = Callable[[int, int | None], None]
+ProgressCallback = Callable[[int, int | None], None]
 """Told how many records are written, of how many."""
 
 
-async def write(past: Past, wanted: ReadRecords, file: IO[str], format: Format, table: Table, tell: Tell | None = None) -> int:
+async def write(
+    history: TaskHistory, query: ReadRecords, file: IO[str], format: Format, table: Table, on_progress: ProgressCallback | None = None
+) -> int:
     """Write all that is asked for; `limit` is a page's. Returns how many tasks that is."""
     count, total = 0, None
-    async for page in _lines(past, wanted, file, format, table):
+    async for page in _lines(history, query, file, format, table):
         count, total = count + len(page.records), page.total if page.total is not None else total
-        if tell is not None:
-            tell(count, total)
+        if on_progress is not None:
+            on_progress(count, total)
     return count
 
 
-async def _lines(past: Past, wanted: ReadRecords, file: IO[str], format: Format, table: Table) -> AsyncIterator[Records]:
+async def _lines(history: TaskHistory, query: ReadRecords, file: IO[str], format: Format, table: Table) -> AsyncIterator[Records]:
     writer = csv.DictWriter(file, columns(table), lineterminator="\n") if format is Format.CSV else None
     if writer is not None:
         writer.writeheader()
-    async for page in past.pages(wanted):
+    async for page in history.pages(query):
         for record in page.records:
             if writer is not None:
                 writer.writerows(rows(record, table))
@@ -127,12 +129,12 @@ async def _lines(past: Past, wanted: ReadRecords, file: IO[str], format: Format,
 
 
 @contextlib.contextmanager
-def _bar(out: Path) -> Iterator[Tell]:
+def _bar(output: Path) -> Iterator[ProgressCallback]:
     """A bar on standard error, if that is a terminal."""
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        bar = shown.add_task(out.name, total=None)
-        yield lambda count, total: shown.update(bar, completed=count, total=total)
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        bar = progress.add_task(output.name, total=None)
+        yield lambda count, total: progress.update(bar, completed=count, total=total)
 
 
 # CSV
@@ -159,21 +161,21 @@ def rows(record: TaskRecord, table: Table) -> Iterator[Row]:
 def _task(record: TaskRecord) -> Row:
     accepted = [contract for contract in record.contracts if contract.accepted and contract.price is not None]
     currencies = {contract.currency for contract in accepted}
-    became = [work.state for work in record.work]
-    found: dict[str, object] = {
+    states = [work.state for work in record.work]
+    values: dict[str, object] = {
         **{name: getattr(record, name) for name in TASK_COLUMNS if name in TaskRecord.__struct_fields__},
         "seconds": round(record.ended_at - record.submitted_at, 3),
         "steps": len(record.steps),
         "work": len(record.work),
-        "completed": became.count(State.COMPLETED),
-        "compensated": became.count(State.COMPENSATED),
-        "stranded": became.count(State.STRANDED),
+        "completed": states.count(State.COMPLETED),
+        "compensated": states.count(State.COMPENSATED),
+        "stranded": states.count(State.STRANDED),
         "setbacks": sum(event.kind is EventKind.SETBACK for event in record.events),
         # What is paid in several currencies has no sum.
         "price": sum(contract.price or 0 for contract in accepted) if len(currencies) == 1 else 0 if not accepted else None,
         "currency": " ".join(sorted(currencies)),
     }
-    return {name: _cell(name, value) for name, value in found.items()}
+    return {name: _cell(name, value) for name, value in values.items()}
 
 
 def _cell(name: str, value: object) -> Cell:

@@ -32,7 +32,7 @@ Feed = Callable[[str], Awaitable[None]]
 """Publishes what happens to a topic, until it is cancelled."""
 
 
-class Listening:
+class NewsSubscription:
     """What one listener has not heard yet. `topics`: those of which it hears."""
 
     def __init__(self, hub: Hub) -> None:
@@ -42,14 +42,14 @@ class Listening:
 
     def follow(self, topics: Iterable[str]) -> None:
         """Hear of these topics from now on, and of no others."""
-        before, self.topics = self.topics, frozenset(topics)
-        self._hub.turn(self, before)
+        previous_topics, self.topics = self.topics, frozenset(topics)
+        self._hub.change_topics(self, previous_topics)
 
-    async def following(self) -> None:
+    async def wait_until_followed(self) -> None:
         """Return when nothing that happens to the topics is missed any more: what is read from now on is not older than the news."""
-        await self._hub.followed(self.topics)
+        await self._hub.wait_until_followed(self.topics)
 
-    def put(self, news: News) -> None:
+    def enqueue(self, news: News) -> None:
         if self._waiting.qsize() >= MOST_WAITING:
             topics = {news.topic}
             while not self._waiting.empty():
@@ -59,7 +59,7 @@ class Listening:
         else:
             self._waiting.put_nowait(news)
 
-    async def next(self) -> News:
+    async def next_news(self) -> News:
         return await self._waiting.get()
 
     async def __aiter__(self) -> AsyncIterator[News]:
@@ -71,14 +71,14 @@ class Hub:
     """Brings news to those who listen. Everything runs in one event loop."""
 
     def __init__(self) -> None:
-        self._listening: dict[str, set[Listening]] = {}
+        self._subscriptions: dict[str, set[NewsSubscription]] = {}
         self._feeds: dict[str, Feed] = {}
         self._fed: dict[str, asyncio.Task[None]] = {}
 
     @property
     def topics(self) -> frozenset[str]:
         """Those that somebody listens to."""
-        return frozenset(self._listening)
+        return frozenset(self._subscriptions)
 
     def feed(self, kind: str, feed: Feed) -> None:
         """Where the news of topics come from whose first word is `kind`: run while somebody listens to one."""
@@ -86,31 +86,31 @@ class Hub:
 
     def publish(self, topic: str, value: object = None, *, missed: bool = False) -> None:
         news = News(topic=topic, value=value, missed=missed)
-        for listener in self._listening.get(topic, ()):
-            listener.put(news)
+        for listener in self._subscriptions.get(topic, ()):
+            listener.enqueue(news)
 
     @contextmanager
-    def listening(self, *topics: str) -> Iterator[Listening]:
+    def subscribe(self, *topics: str) -> Iterator[NewsSubscription]:
         """The news of the topics from now on."""
-        listener = Listening(self)
+        listener = NewsSubscription(self)
         try:
             listener.follow(topics)
             yield listener
         finally:
             listener.follow(())
 
-    def turn(self, listener: Listening, before: frozenset[str]) -> None:
+    def change_topics(self, listener: NewsSubscription, previous_topics: frozenset[str]) -> None:
         """The listener has other topics than before."""
-        for topic in sorted(listener.topics - before):
-            self._listening.setdefault(topic, set()).add(listener)
+        for topic in sorted(listener.topics - previous_topics):
+            self._subscriptions.setdefault(topic, set()).add(listener)
             self._begin(topic)
-        for topic in sorted(before - listener.topics):
-            self._listening[topic].discard(listener)
-            if not self._listening[topic]:
-                del self._listening[topic]
+        for topic in sorted(previous_topics - listener.topics):
+            self._subscriptions[topic].discard(listener)
+            if not self._subscriptions[topic]:
+                del self._subscriptions[topic]
                 self._end(topic)
 
-    async def followed(self, topics: frozenset[str]) -> None:
+    async def wait_until_followed(self, topics: frozenset[str]) -> None:
         """Return when nothing that happens to these topics is missed any more: here, at once."""
 
     def _begin(self, topic: str) -> None:

@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 CONNECTION = "connection"
 """The topic that says, here only, whether the API is there: True or False."""
 
-AGAIN = (0.2, 0.5, 1.0, 2.0)
+RETRY_DELAYS = (0.2, 0.5, 1.0, 2.0)
 """Seconds before each attempt to connect again; the last one goes on."""
 
 SIGN_OF_LIFE = 10.0
@@ -43,7 +43,7 @@ class Confirmed(msgspec.Struct, frozen=True, kw_only=True):
     confirmed: int
 
 
-class Said(msgspec.Struct, frozen=True, kw_only=True):
+class ServerMessage(msgspec.Struct, frozen=True, kw_only=True):
     """What is heard at `live`: a piece of news, or a confirmation."""
 
     topic: str = ""
@@ -58,7 +58,7 @@ class Copy(Protocol):
     async def read(self) -> None:
         """Anything may have changed."""
 
-    async def heed(self, news: News) -> None: ...
+    async def apply_news(self, news: News) -> None: ...
 
 
 class LiveHub(Hub):
@@ -72,14 +72,14 @@ class LiveHub(Hub):
         self._turned = asyncio.Event()
         self._followed: frozenset[str] | None = None
         """What the API has confirmed; None without a connection."""
-        self._asked: tuple[int, frozenset[str]] = (0, frozenset())
+        self._last_request: tuple[int, frozenset[str]] = (0, frozenset())
         self.connected = False
 
     @property
     def topics(self) -> frozenset[str]:
         return (super().topics | self._always) - {CONNECTION}
 
-    async def followed(self, topics: frozenset[str]) -> None:
+    async def wait_until_followed(self, topics: frozenset[str]) -> None:
         """Without a connection, at once: when it is there again, they are told as missed."""
         while self._followed is not None and not topics - {CONNECTION} <= self._followed:
             turned = self._turned
@@ -107,33 +107,33 @@ class LiveHub(Hub):
                 log.info("no news from %s: %s", self._api.url, error)
             finally:
                 self._turn(None)
-                self._tell(connected=False)
-            await asyncio.sleep(AGAIN[min(attempt, len(AGAIN) - 1)])
+                self._set_connected(connected=False)
+            await asyncio.sleep(RETRY_DELAYS[min(attempt, len(RETRY_DELAYS) - 1)])
             attempt += 1
 
     async def _hear(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self._turn(frozenset())
-        asking = asyncio.create_task(self._ask(socket))
+        sender = asyncio.create_task(self._ask(socket))
         try:
             async for message in socket:
                 if message.type is not aiohttp.WSMsgType.TEXT:
                     break
-                said = msgspec.json.decode(message.data, type=Said)
-                number, topics = self._asked
-                if said.confirmed is None:
-                    await self._heed(said)
-                elif said.confirmed == number and self.connected:
+                server_message = msgspec.json.decode(message.data, type=ServerMessage)
+                number, topics = self._last_request
+                if server_message.confirmed is None:
+                    await self._apply_message(server_message)
+                elif server_message.confirmed == number and self.connected:
                     self._turn(topics)
-                elif said.confirmed == number:
-                    await self._begun(topics)
+                elif server_message.confirmed == number:
+                    await self._start_following(topics)
         finally:
-            asking.cancel()
+            sender.cancel()
 
-    async def _begun(self, topics: frozenset[str]) -> None:
+    async def _start_following(self, topics: frozenset[str]) -> None:
         """The first topics are followed: whatever was before is to be read anew."""
         await self._copy.read()
         self._turn(topics)
-        self._tell(connected=True)
+        self._set_connected(connected=True)
         for topic in sorted(topics):
             self.publish(topic, missed=True)
 
@@ -141,31 +141,31 @@ class LiveHub(Hub):
         """Tell which topics are to be followed, whenever they change."""
         while True:
             self._changed.clear()
-            self._asked = number, topics = self._asked[0] + 1, self.topics
+            self._last_request = number, topics = self._last_request[0] + 1, self.topics
             await socket.send_str(msgspec.json.encode(Follow(follow=tuple(sorted(topics)), confirm=number)).decode())
             await self._changed.wait()
 
-    async def _heed(self, said: Said) -> None:
-        news = News(topic=said.topic, value=self._value(said), missed=said.missed)
-        await self._copy.heed(news)
+    async def _apply_message(self, server_message: ServerMessage) -> None:
+        news = News(topic=server_message.topic, value=self._value(server_message), missed=server_message.missed)
+        await self._copy.apply_news(news)
         self.publish(news.topic, news.value, missed=news.missed)
 
-    def _value(self, said: Said) -> object:
-        if bytes(said.value) == b"null":
+    def _value(self, server_message: ServerMessage) -> object:
+        if bytes(server_message.value) == b"null":
             return None
-        for type in self._types.get(said.topic.partition(" ")[0], ()):
+        for type in self._types.get(server_message.topic.partition(" ")[0], ()):
             try:
-                return msgspec.json.decode(said.value, type=type)
+                return msgspec.json.decode(server_message.value, type=type)
             except msgspec.ValidationError:
                 continue
-        raise RemoteError(f"the API tells of {said.topic} what is not understood here; is it of another version?")
+        raise RemoteError(f"the API tells of {server_message.topic} what is not understood here; is it of another version?")
 
     def _turn(self, followed: frozenset[str] | None) -> None:
         self._followed = followed
         self._turned.set()
         self._turned = asyncio.Event()
 
-    def _tell(self, *, connected: bool) -> None:
+    def _set_connected(self, *, connected: bool) -> None:
         if connected != self.connected:
             self.connected = connected
             self.publish(CONNECTION, connected)

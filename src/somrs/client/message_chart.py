@@ -7,7 +7,7 @@ from html import escape
 
 from somrs.client.trace import TASK_MANAGER, Line
 
-LEFT, TOP, COLUMN, ROW = 90, 90, 330, 40
+LEFT_MARGIN, TOP_MARGIN, COLUMN, ROW = 90, 90, 330, 40
 """Pixels: where the first lifeline is, how far apart lifelines are, how far apart messages."""
 
 MOST_TEXT = 50
@@ -34,24 +34,24 @@ def chart(lines: Sequence[Line], title: str) -> str:
     """An SVG document: a lifeline for each party, an arrow for each message, in the order in which they passed."""
     services = dict.fromkeys(party for line in lines for party in (line.sender, line.recipient) if party != TASK_MANAGER)
     parties = [TASK_MANAGER, *sorted(services)]
-    place = {party: LEFT + 60 + index * COLUMN for index, party in enumerate(parties)}
+    place = {party: LEFT_MARGIN + 60 + index * COLUMN for index, party in enumerate(parties)}
     width = place[parties[-1]] + 160
-    height = TOP + ROW * (len(lines) + 1) + 30
+    height = TOP_MARGIN + ROW * (len(lines) + 1) + 30
     drawn = [
         f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {width} {height}" width="{width}" height="{height}">',
         f"<title>{escape(title)}</title><style>{STYLE}</style>",
         *_arrowheads(),
         f'<rect class="ground" width="{width}" height="{height}"/>',
-        f'<text x="{LEFT - 60}" y="28" font-size="16" font-weight="600">{escape(title)}</text>',
+        f'<text x="{LEFT_MARGIN - 60}" y="28" font-size="16" font-weight="600">{escape(title)}</text>',
     ]
     for party, x in place.items():
         half = max(100, 4 * len(party) + 14)
-        drawn.append(f'<line class="life" x1="{x}" y1="{TOP - 14}" x2="{x}" y2="{height - 20}"/>')
-        drawn.append(f'<rect class="head" x="{x - half}" y="{TOP - 46}" width="{2 * half}" height="30" rx="6"/>')
-        drawn.append(f'<text class="name" x="{x}" y="{TOP - 26}">{escape(party)}</text>')
+        drawn.append(f'<line class="life" x1="{x}" y1="{TOP_MARGIN - 14}" x2="{x}" y2="{height - 20}"/>')
+        drawn.append(f'<rect class="head" x="{x - half}" y="{TOP_MARGIN - 46}" width="{2 * half}" height="30" rx="6"/>')
+        drawn.append(f'<text class="name" x="{x}" y="{TOP_MARGIN - 26}">{escape(party)}</text>')
     start = lines[0].at if lines else 0.0
     for number, line in enumerate(lines):
-        drawn += _arrow(line, place[line.sender], place[line.recipient], TOP + ROW * (number + 1), start)
+        drawn += _arrow(line, place[line.sender], place[line.recipient], TOP_MARGIN + ROW * (number + 1), start)
     return "\n".join([*drawn, "</svg>"]) + "\n"
 
 
@@ -63,7 +63,7 @@ def _arrowheads() -> Iterable[str]:
         )
 
 
-def _arrow(line: Line, start: int, end: int, y: int, since: float) -> Iterable[str]:
+def _arrow(line: Line, start: int, end: int, y: int, start_time: float) -> Iterable[str]:
     bad = line.type in SETBACKS
     ending = -2 if end > start else 2
     yield (
@@ -73,12 +73,12 @@ def _arrow(line: Line, start: int, end: int, y: int, since: float) -> Iterable[s
     # Labels stand beside the service's own lifeline, so that long arrows do not carry them across other lifelines.
     middle = (max(start, end)) - COLUMN // 2
     yield f'<text class="label" x="{middle}" y="{y - 5}">{escape(line.type)}</text>'
-    if note := said(line):
+    if note := describe_message(line):
         yield f'<text class="note" x="{middle}" y="{y + 12}">{escape(note)}</text>'
-    yield f'<text class="time" x="{LEFT - 10}" y="{y + 4}">{line.at - since:.2f} s</text>'
+    yield f'<text class="time" x="{LEFT_MARGIN - 10}" y="{y + 4}">{line.at - start_time:.2f} s</text>'
 
 
-def said(line: Line) -> str:
+def describe_message(line: Line) -> str:
     """What a message says, short enough for a line."""
     body = line.body
     match line.type:

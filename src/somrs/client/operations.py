@@ -86,9 +86,16 @@ def _declared(function: Callable[..., Awaitable[Any]], path: str) -> tuple[tuple
     hints = get_type_hints(function)
     in_path = set(re.findall(r"{(\w+)}", path))
     parameters = tuple(
-        Parameter(one.name, "path" if one.name in in_path else "body" if one.name == BODY else "query", hints[one.name], one.default)
-        for one in inspect.signature(function).parameters.values()
-        if one.name != "self"
+        Parameter(
+            parameter.name,
+            "path" if parameter.name in in_path else "body" if parameter.name == BODY else "query",
+            hints[parameter.name],
+            parameter.default,
+        )
+        for parameter in inspect.signature(function).parameters.values()
+        if parameter.name != "self"
     )
-    assert in_path <= {one.name for one in parameters}, f"{function.__qualname__}: {path} names what the operation does not take"
+    assert in_path <= {parameter.name for parameter in parameters}, (
+        f"{function.__qualname__}: {path} names what the operation does not take"
+    )
     return parameters, hints.get("return"), inspect.getdoc(function) or ""

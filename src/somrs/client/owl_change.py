@@ -16,16 +16,16 @@ from somrs.repository.outcome import revision
 class OwlChange:
     """What a file that was read changes in an ontology: `define` leads to it."""
 
-    def __init__(self, found: owl.OwlImport, ontology: Ontology, author: str, expected_version: int | None = None) -> None:
-        self._found = found
-        self._renamer = Renamer(found.renamings, ontology.extended(found.ontology))
-        removed = tuple(what for what in found.removed if find_definition(ontology, what) is not None)
-        before = self._renamer.ontology(revise_ontology(ontology, removed, ()))
-        self._after = before.extended(self._renamer.definition(one) for one in found.ontology)
+    def __init__(self, owl_content: owl.OwlImport, ontology: Ontology, author: str, expected_version: int | None = None) -> None:
+        self._owl_content = owl_content
+        self._renamer = Renamer(owl_content.renamings, ontology.extended(owl_content.ontology))
+        removed = tuple(word for word in owl_content.removed if find_definition(ontology, word) is not None)
+        ontology_before = self._renamer.ontology(revise_ontology(ontology, removed, ()))
+        self._ontology_after = ontology_before.extended(self._renamer.definition(definition) for definition in owl_content.ontology)
         self.define = Define(
-            definitions=(revision(before, self._after) or Revision()).after,
+            definitions=(revision(ontology_before, self._ontology_after) or Revision()).after,
             removed=removed,
-            renamed=found.renamings,
+            renamed=owl_content.renamings,
             author=author,
             expected_version=expected_version,
         )
@@ -34,14 +34,19 @@ class OwlChange:
     def changes_ontology(self) -> bool:
         return bool(self.define.removed or self.define.renamed or any(self.define.definitions.all_definitions()))
 
-    def on_map(self, now: Map, file: str) -> tuple[Change, ...]:
+    def on_map(self, current_map: Map, file: str) -> tuple[Change, ...]:
         """How the file's individuals change the map, once the ontology is as it says: they are as it says, with the facts whose first
         argument they are; other objects stay. Raises ModelError when the map would not conform."""
-        before, found = (map.changed(self._renamer.changes(map)) for map in (now, self._found.map))
-        facts = [fact for fact in before.facts() if not fact.arguments or fact.arguments[0] not in found.objects]
-        after = Map({**before.objects, **found.objects}.values(), [*facts, *found.facts()])
-        changes = tuple(differences(before, after))
-        broken = violations_of(after, self._after, {name for change in changes for name in objects_of(change)})
+        map_before, file_map = (map.changed(self._renamer.changes(map)) for map in (current_map, self._owl_content.map))
+        facts = [fact for fact in map_before.facts() if not fact.arguments or fact.arguments[0] not in file_map.objects]
+        map_after = Map({**map_before.objects, **file_map.objects}.values(), [*facts, *file_map.facts()])
+        changes = tuple(differences(map_before, map_after))
+        broken = violations_of(map_after, self._ontology_after, {name for change in changes for name in objects_of(change)})
         if broken:
-            raise ModelError([Problem(file=file, line=None, subject=one.subject, rule=one.rule, message=one.message) for one in broken])
+            raise ModelError(
+                [
+                    Problem(file=file, line=None, subject=violation.subject, rule=violation.rule, message=violation.message)
+                    for violation in broken
+                ]
+            )
         return changes

@@ -9,7 +9,7 @@ from somrs.client.client import Addresses
 from somrs.devices.person.questions import FILE, Question, Questions
 from somrs.errors import RemoteError, UsageError
 
-TAKING = 10.0
+ANSWER_PATIENCE = 10.0
 """Seconds within which a person's program looks at an answer, if it runs."""
 
 
@@ -18,11 +18,11 @@ def open_questions(data: Path) -> list[Question]:
     if not (data / FILE).exists():
         Addresses.read(data)  # raises UsageError where no system runs
         return []
-    kept = Questions(data)
+    store = Questions(data)
     try:
-        return kept.open()
+        return store.open()
     finally:
-        kept.close()
+        store.close()
 
 
 def put_answer(number: int, formula: str | None, data: Path) -> None:
@@ -31,18 +31,18 @@ def put_answer(number: int, formula: str | None, data: Path) -> None:
         raise UsageError("an answer says what is so, such as `Jar002 isOn Table001`; otherwise say that you cannot tell")
     if not (data / FILE).exists():
         Addresses.read(data)
-    kept = Questions(data)
+    store = Questions(data)
     try:
-        kept.answer(number, formula or "")
-        _wait(kept, number)
+        store.answer(number, formula or "")
+        _wait(store, number)
     finally:
-        kept.close()
+        store.close()
 
 
-def _wait(kept: Questions, number: int) -> None:
-    end, person = time.monotonic() + TAKING, ""
+def _wait(store: Questions, number: int) -> None:
+    end, person = time.monotonic() + ANSWER_PATIENCE, ""
     while time.monotonic() < end:
-        question = kept.read(number)
+        question = store.read(number)
         assert question is not None, "questions are kept"
         person = question.person
         if question.ended == "taken":
@@ -52,4 +52,4 @@ def _wait(kept: Questions, number: int) -> None:
         if question.problem:
             raise UsageError(f"{question.problem}\nthe question is still open; answer it again")
         time.sleep(0.1)
-    raise RemoteError(f"nobody took the answer within {TAKING:.0f} s; is the program of {person} running?")
+    raise RemoteError(f"nobody took the answer within {ANSWER_PATIENCE:.0f} s; is the program of {person} running?")

@@ -9,7 +9,7 @@ from somrs.errors import FormulaError, InputError, ModelError, Problem, RemoteEr
 from somrs.protocol.messages.knowledge import BrokenRule, Rejected
 from somrs.runtime.wire import Unanswered
 
-__all__ = ["REFUSALS", "Changed", "NotFound", "Refused", "Trouble", "refusal", "refusal_of", "status", "trouble"]
+__all__ = ["REFUSALS", "Changed", "NotFound", "Refused", "ErrorReport", "refusal", "refusal_of", "status", "error_report"]
 
 
 class NotFound(InputError):
@@ -30,7 +30,7 @@ class Mistake(msgspec.Struct, frozen=True, kw_only=True):
     message: str
 
 
-class Trouble(msgspec.Struct, frozen=True, kw_only=True):
+class ErrorReport(msgspec.Struct, frozen=True, kw_only=True):
     """Why an operation was not carried out; nothing was changed. `problem` is for people, and says what to do next; `error` says for
     programs of which sort it is. `position`: where in the formula, which is `text`, counted from 0; `problems`: each by itself, when there
     are several. `broken`: the rules that a change of the map or the ontology would break, with what each concerns; `mistakes`: those in a
@@ -68,34 +68,34 @@ def status(error: SomrsError) -> int:
             return 409
 
 
-def trouble(error: SomrsError) -> Trouble:
+def error_report(error: SomrsError) -> ErrorReport:
     """The error as it is sent."""
     sort = type(error).__name__
     if isinstance(error, FormulaError):
-        return Trouble(problem=error.problem, error=sort, text=error.text, position=error.position, hint=error.hint)
+        return ErrorReport(problem=error.problem, error=sort, text=error.text, position=error.position, hint=error.hint)
     problems = tuple(str(error).splitlines())
     if isinstance(error, Refused):
-        return Trouble(problem=str(error), error=sort, problems=problems, broken=error.broken)
+        return ErrorReport(problem=str(error), error=sort, problems=problems, broken=error.broken)
     if isinstance(error, ModelError):
-        mistakes = tuple(Mistake(**{name: getattr(one, name) for name in one.__slots__}) for one in error.problems)
-        return Trouble(problem=str(error), error=sort, problems=tuple(map(str, error.problems)), mistakes=mistakes)
-    return Trouble(problem=str(error), error=sort, problems=problems)
+        mistakes = tuple(Mistake(**{name: getattr(problem, name) for name in problem.__slots__}) for problem in error.problems)
+        return ErrorReport(problem=str(error), error=sort, problems=tuple(map(str, error.problems)), mistakes=mistakes)
+    return ErrorReport(problem=str(error), error=sort, problems=problems)
 
 
-def refusal(code: int, sent: Trouble) -> SomrsError:
+def refusal(code: int, report: ErrorReport) -> SomrsError:
     """The error again, of what was sent with this HTTP status."""
-    match sent:
-        case Trouble(position=int() as position):
-            return FormulaError(sent.text, position, sent.problem, sent.hint)
-        case Trouble(mistakes=mistakes) if mistakes:
-            return ModelError([Problem(**msgspec.structs.asdict(one)) for one in mistakes])
-        case Trouble(error="Refused"):
-            return Refused(Rejected(problems=sent.problems, broken=sent.broken))
-        case Trouble(error="Changed"):
-            return Changed(sent.problem)
-    return {400: UsageError, 404: NotFound, 503: Unanswered}.get(code, RemoteError)(sent.problem)
+    match report:
+        case ErrorReport(position=int() as position):
+            return FormulaError(report.text, position, report.problem, report.hint)
+        case ErrorReport(mistakes=mistakes) if mistakes:
+            return ModelError([Problem(**msgspec.structs.asdict(mistake)) for mistake in mistakes])
+        case ErrorReport(error="Refused"):
+            return Refused(Rejected(problems=report.problems, broken=report.broken))
+        case ErrorReport(error="Changed"):
+            return Changed(report.problem)
+    return {400: UsageError, 404: NotFound, 503: Unanswered}.get(code, RemoteError)(report.problem)
 
 
-def refusal_of(sent: Trouble) -> SomrsError:
+def refusal_of(report: ErrorReport) -> SomrsError:
     """The error again, of what another part of the system said, which has no HTTP status."""
-    return refusal({"NotFound": 404, "RemoteError": 409, "Unanswered": 503}.get(sent.error, 400), sent)
+    return refusal({"NotFound": 404, "RemoteError": 409, "Unanswered": 503}.get(report.error, 400), report)

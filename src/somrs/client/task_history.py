@@ -20,36 +20,36 @@ BUSY_TIME = 1.0
 """Seconds that a journal which another process has open is waited for."""
 
 
-class Past:
+class TaskHistory:
     """Answers what is asked of tasks that are over. `client` asks the running system, and is None when none runs."""
 
     def __init__(self, ask: Callable[[ReadRecords], Awaitable[Records]], client: Client | None = None) -> None:
         self._ask, self.client = ask, client
 
-    async def pages(self, wanted: ReadRecords) -> AsyncIterator[Records]:
+    async def pages(self, query: ReadRecords) -> AsyncIterator[Records]:
         """All that is asked for, page by page, each record whole; `limit` is a page's."""
         while True:
-            page = await self._ask(wanted)
+            page = await self._ask(query)
             if page.rest is not None:
-                page = structs.replace(page, records=(*page.records[:-1], await self._whole(page.records[-1], page.rest, wanted)))
+                page = structs.replace(page, records=(*page.records[:-1], await self._read_rest(page.records[-1], page.rest, query)))
             yield page
             if not page.more or not page.records:
                 return
-            wanted = structs.replace(wanted, behind=page.records[-1].task)
+            query = structs.replace(query, behind=page.records[-1].task)
 
-    async def first(self, wanted: ReadRecords, count: int) -> list[TaskRecord]:
+    async def first(self, query: ReadRecords, count: int) -> list[TaskRecord]:
         """The first so many of what is asked for."""
-        found: list[TaskRecord] = []
-        async for page in self.pages(structs.replace(wanted, limit=count)):
-            found += page.records
-            if len(found) >= count:
+        records: list[TaskRecord] = []
+        async for page in self.pages(structs.replace(query, limit=count)):
+            records += page.records
+            if len(records) >= count:
                 break
-        return found[:count]
+        return records[:count]
 
-    async def _whole(self, record: TaskRecord, after: int, wanted: ReadRecords) -> TaskRecord:
-        rest: int | None = after
+    async def _read_rest(self, record: TaskRecord, offset: int, query: ReadRecords) -> TaskRecord:
+        rest: int | None = offset
         while rest is not None:
-            page = await self._ask(ReadRecords(task=record.task, after=rest, brief=wanted.brief, without=wanted.without))
+            page = await self._ask(ReadRecords(task=record.task, after=rest, brief=query.brief, without=query.without))
             if not page.records:
                 raise RemoteError(f"{record.task} is not kept any more")
             record, rest = archive.joined(record, page.records[0]), page.rest
@@ -57,7 +57,7 @@ class Past:
 
 
 @asynccontextmanager
-async def past(data: Path) -> AsyncIterator[Past]:
+async def open_task_history(data: Path) -> AsyncIterator[TaskHistory]:
     """What is over, in the system of a data folder. Raises UsageError when nothing is kept there."""
     file = data / archive.FILE
     if not (data / SYSTEM_FILE).exists() and not file.exists():
@@ -70,25 +70,25 @@ async def past(data: Path) -> AsyncIterator[Past]:
                 if not file.exists():
                     raise
             else:
-                yield Past(client.records, client)
+                yield TaskHistory(client.records, client)
                 return
-    db = _opened(file)
+    db = _open_journal(file)
     try:
-        yield Past(lambda wanted: _read(wanted, file, db))
+        yield TaskHistory(lambda query: _read(query, file, db))
     finally:
         db.close()
 
 
-async def _read(wanted: ReadRecords, file: Path, db: sqlite3.Connection) -> Records:
+async def _read(query: ReadRecords, file: Path, db: sqlite3.Connection) -> Records:
     try:
-        return archive.find_records(wanted, db)
+        return archive.find_records(query, db)
     except sqlite3.DatabaseError as error:
         raise _unreadable(file, error) from None
     except msgspec.MsgspecError as error:
         raise UsageError(f"{file}: holds something that is no record of a task ({error}); put a copy back") from None
 
 
-def _opened(file: Path) -> sqlite3.Connection:
+def _open_journal(file: Path) -> sqlite3.Connection:
     """The journal, to be read only; nobody else can open it for writing meanwhile."""
     try:
         db = sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_TIME)

@@ -10,7 +10,7 @@ from somrs.protocol.messages.clients import ContractView, Phase, Previewed, Task
 from somrs.protocol.messages.records import TaskRecord
 
 
-class Story(msgspec.Struct, frozen=True, kw_only=True):
+class TaskReport(msgspec.Struct, frozen=True, kw_only=True):
     """What is known of a task. Only of one that is over there is a record."""
 
     view: TaskView
@@ -19,7 +19,7 @@ class Story(msgspec.Struct, frozen=True, kw_only=True):
     record: TaskRecord | None = None
 
     @classmethod
-    def of(cls, record: TaskRecord) -> Story:
+    def from_record(cls, record: TaskRecord) -> TaskReport:
         return cls(view=view(record), events=record.events, contracts=record.contracts, record=record)
 
 
@@ -29,11 +29,11 @@ def view(record: TaskRecord) -> TaskView:
     return TaskView(phase=Phase.ENDED, **shared)
 
 
-def builtins(story: Story) -> dict[str, Any]:
+def to_builtins(report: TaskReport) -> dict[str, Any]:
     """For programs: one flat object, with the fields of a TaskView, and `events`; and of a TaskRecord, once there is one."""
-    more = {"events": story.events, "contracts": story.contracts}
-    found: dict[str, Any] = msgspec.to_builtins(story.view) | msgspec.to_builtins(more)
-    return found if story.record is None else found | msgspec.to_builtins(story.record)
+    additions = {"events": report.events, "contracts": report.contracts}
+    values: dict[str, Any] = msgspec.to_builtins(report.view) | msgspec.to_builtins(additions)
+    return values if report.record is None else values | msgspec.to_builtins(report.record)
 
 
 def is_named(id: str, name: str) -> bool:
@@ -41,6 +41,6 @@ def is_named(id: str, name: str) -> bool:
     return bool(name) and (id == name or id.rpartition(":")[2].startswith(name.rpartition(":")[2].lower()))
 
 
-def reasons(of: TaskView | TaskRow | TaskRecord | Previewed) -> tuple[str, ...]:
+def reasons(task: TaskView | TaskRow | TaskRecord | Previewed) -> tuple[str, ...]:
     """Why it is so, each reason by itself; what SO-MRS 0.1 kept has the whole explanation only."""
-    return of.reasons or ((of.explanation,) if of.explanation else ())
+    return task.reasons or ((task.explanation,) if task.explanation else ())

@@ -14,7 +14,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from somrs.client.message_chart import SETBACKS, said
+from somrs.client.message_chart import SETBACKS, describe_message
 from somrs.client.state_labels import OUTCOMES, task_state
 from somrs.client.task_report import reasons
 from somrs.client.trace import Line
@@ -57,15 +57,15 @@ def table(
 ) -> Table:
     """A table that fits the terminal. The columns in `whole` are not broken within a line; `least` are widths that columns have, even
     if others have to be narrow."""
-    made = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=SIMPLE_HEAD, show_edge=False)
+    grid = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=SIMPLE_HEAD, show_edge=False)
     for column in columns:
-        made.add_column(column, overflow="fold", no_wrap=column in whole, min_width=least.get(column))
+        grid.add_column(column, overflow="fold", no_wrap=column in whole, min_width=least.get(column))
     for row in rows:
-        made.add_row(*(cell if isinstance(cell, Text | ProgressBar | Group) else str(cell) for cell in row))
-    return made
+        grid.add_row(*(cell if isinstance(cell, Text | ProgressBar | Group) else str(cell) for cell in row))
+    return grid
 
 
-def room(names: Iterable[str]) -> int:
+def column_width(names: Iterable[str]) -> int:
     """The width in which names are not torn apart, unless they are long."""
     return min(MOST_NAME, max(map(len, names), default=0))
 
@@ -75,29 +75,29 @@ def lines(*parts: str) -> str:
     return "\n".join(part for part in parts if part)
 
 
-def inputs(of: StepView | WorkView) -> str:
-    return "\n".join(f"{name}: {value}" for name, value in of.inputs.items())
+def inputs(step: StepView | WorkView) -> str:
+    return "\n".join(f"{name}: {value}" for name, value in step.inputs.items())
 
 
-def steps(title: str, found: Sequence[StepView], beside: Sequence[WorkView] = ()) -> Table:
+def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkView] = ()) -> Table:
     """A plan, and how far each step is; `beside` it, what is done for other reasons."""
-    after = any(step.after for step in found)
-    columns = ("step", "what", *(("after",) if after else ()), "by", "state")
+    is_ordered = any(step.after for step in step_views)
+    columns = ("step", "what", *(("after",) if is_ordered else ()), "by", "state")
     rows = [
         (
             step.step,
             lines(step.service_type, inputs(step)),
-            *((", ".join(step.after) or "-",) if after else ()),
+            *((", ".join(step.after) or "-",) if is_ordered else ()),
             lines(step.service or "-", terms(step.price, "EUR", step.duration)),
-            how_far(step),
+            step_progress(step),
         )
-        for step in found
+        for step in step_views
     ]
-    made = table(title, columns, rows, whole=("state",), least={"by": room(step.service or "-" for step in found)})
-    for work in beside:
-        what = lines(work.service_type, inputs(work))
-        made.add_row(work.step, what, *(("-",) if after else ()), work.service, became(work.state))
-    return made
+    grid = table(title, columns, rows, whole=("state",), least={"by": column_width(step.service or "-" for step in step_views)})
+    for work in other_work:
+        description = lines(work.service_type, inputs(work))
+        grid.add_row(work.step, description, *(("-",) if is_ordered else ()), work.service, state_text(work.state))
+    return grid
 
 
 def terms(price: float | None, currency: str, duration: float | None) -> str:
@@ -106,22 +106,22 @@ def terms(price: float | None, currency: str, duration: float | None) -> str:
     return ", ".join(part for part in (cost, f"{duration:.0f} s" if duration is not None else "") if part)
 
 
-def how_far(step: StepView) -> Group | Text:
+def step_progress(step: StepView) -> Group | Text:
     """The state of a step, with a bar while it is executed."""
     if step.state is State.NEW:
         return Text("open", style="dim")
     if step.state is not State.EXECUTING:
-        return became(step.state)
+        return state_text(step.state)
     return Group(Text(f"{step.state.value} {100 * step.fraction:.0f} %"), ProgressBar(total=1.0, completed=step.fraction, width=14))
 
 
-def became(state: State) -> Text:
+def state_text(state: State) -> Text:
     """What became of work, or of whoever did it."""
     sign, colour = SIGNS.get(state, ("", ""))
     return Text(f"{sign} {state.value}".strip(), style=colour)
 
 
-def plan(found: Sequence[StepView]) -> Table:
+def plan(step_views: Sequence[StepView]) -> Table:
     """A plan that nobody carries out."""
     return table(
         "Plan",
@@ -133,18 +133,18 @@ def plan(found: Sequence[StepView]) -> Table:
                 ", ".join(step.after) or "-",
                 "\n".join(dict.fromkeys(step.because)) or "-",
             )
-            for step in found
+            for step in step_views
         ),
     )
 
 
 def outcome(view: TaskView) -> Text:
     """How far a task is, or how it ended, and the first reason for that."""
-    why = "".join(f": {reason}" for reason in reasons(view)[:1])
-    return how(view).append(why, style="not bold" if view.outcome is None else None)
+    reason_text = "".join(f": {reason}" for reason in reasons(view)[:1])
+    return progress_text(view).append(reason_text, style="not bold" if view.outcome is None else None)
 
 
-def how(view: TaskView) -> Text:
+def progress_text(view: TaskView) -> Text:
     """How far a task is, or how it ended."""
     if view.outcome is None:
         return Text(task_state(view.phase, None).lower(), style="bold")
@@ -155,11 +155,11 @@ def how(view: TaskView) -> Text:
 
 def ending(view: TaskView) -> Group:
     """How far a task is, or how it ended and why, a reason a line."""
-    return Group(how(view), *(Padding(Text(reason), (0, 0, 0, 2)) for reason in reasons(view)))
+    return Group(progress_text(view), *(Padding(Text(reason), (0, 0, 0, 2)) for reason in reasons(view)))
 
 
-def tasks(found: Sequence[TaskView]) -> Table:
-    rows = ((short(view.task), view.effect, moment(view.submitted_at), outcome(view)) for view in found)
+def tasks(views: Sequence[TaskView]) -> Table:
+    rows = ((short(view.task), view.effect, moment(view.submitted_at), outcome(view)) for view in views)
     return table("Tasks", ("task", "wish", "submitted", "how far"), rows, whole=("task", "submitted"))
 
 
@@ -168,7 +168,7 @@ def short(task: str) -> str:
     return task.rpartition(":")[2][:8]
 
 
-def services(found: Sequence[Offer]) -> Table:
+def services(offers: Sequence[Offer]) -> Table:
     return table(
         "Services on offer",
         ("service", "brings about", "if", "attributes"),
@@ -179,62 +179,64 @@ def services(found: Sequence[Offer]) -> Table:
                 offer.service_type.precondition or "-",
                 "\n".join(f"{name} {value}" for name, value in offer.attributes.items()) or "-",
             )
-            for offer in found
+            for offer in offers
         ),
-        least={"service": room(offer.service for offer in found)},
+        least={"service": column_width(offer.service for offer in offers)},
     )
 
 
-def clock(at: float) -> str:
-    return datetime.fromtimestamp(at).strftime("%H:%M:%S")
+def clock(timestamp: float) -> str:
+    return datetime.fromtimestamp(timestamp).strftime("%H:%M:%S")
 
 
-def moment(at: float) -> str:
+def moment(timestamp: float) -> str:
     """With the date, unless it is today."""
-    then = datetime.fromtimestamp(at)
-    return f"{then:%H:%M:%S}" if then.date() == datetime.now().date() else f"{then:%Y-%m-%d %H:%M}"
+    date_time = datetime.fromtimestamp(timestamp)
+    return f"{date_time:%H:%M:%S}" if date_time.date() == datetime.now().date() else f"{date_time:%Y-%m-%d %H:%M}"
 
 
-def event(happened: TaskEvent) -> Text:
+def event(task_event: TaskEvent) -> Text:
     """Something that happened to a task, in a line."""
-    step = f"{happened.step}: " if happened.step else ""
-    return Text.assemble((f"{clock(happened.at)}  ", "dim"), (step, "bold"), happened.text)
+    step = f"{task_event.step}: " if task_event.step else ""
+    return Text.assemble((f"{clock(task_event.at)}  ", "dim"), (step, "bold"), task_event.text)
 
 
-def events(happened: Iterable[TaskEvent]) -> Table:
+def events(task_events: Iterable[TaskEvent]) -> Table:
     """What happened to a task: when, what kind of news it is if it is not the plain kind, and the news. Why it ended, `ending` says."""
-    made = Table.grid(padding=(0, 1), pad_edge=False)
-    made.add_column(style="dim", no_wrap=True)
-    made.add_column(min_width=max(len(kind.value) for kind in EventKind), no_wrap=True)
-    made.add_column(overflow="fold")
-    for one in happened:
-        colour = COLOURS.get(one.kind, "bold cyan")
-        kind = Text("" if one.kind is EventKind.NEWS else one.kind.value, style=colour)
-        step = f"{one.step}: " if one.step else ""
-        text = OUTCOMES[one.event.outcome].lower() if isinstance(one.event, TaskEnded) else one.text
-        made.add_row(clock(one.at), kind, Text.assemble((step, "bold"), text))
-    return made
+    grid = Table.grid(padding=(0, 1), pad_edge=False)
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column(min_width=max(len(kind.value) for kind in EventKind), no_wrap=True)
+    grid.add_column(overflow="fold")
+    for task_event in task_events:
+        colour = COLOURS.get(task_event.kind, "bold cyan")
+        kind = Text("" if task_event.kind is EventKind.NEWS else task_event.kind.value, style=colour)
+        step = f"{task_event.step}: " if task_event.step else ""
+        text = OUTCOMES[task_event.event.outcome].lower() if isinstance(task_event.event, TaskEnded) else task_event.text
+        grid.add_row(clock(task_event.at), kind, Text.assemble((step, "bold"), text))
+    return grid
 
 
 def passing(line: Line, start: float) -> Text:
     """A message as it passes, so long after the first."""
     style = "bold red" if line.type in SETBACKS else "bold"
     parties = f"{line.sender:>{PARTY}} → {line.recipient:<{PARTY}} "
-    return Text.assemble(f"{line.at - start:7.2f} s ", (parties, "dim"), (f"{line.type:<12}", style), said(line))
+    return Text.assemble(f"{line.at - start:7.2f} s ", (parties, "dim"), (f"{line.type:<12}", style), describe_message(line))
 
 
 def live(view: TaskView) -> Group:
     """A task under way, or how it ended."""
     if not view.steps:
         return ending(view)
-    known = {step.step for step in view.steps}
-    beside = [work for work in view.work if work.state is State.EXECUTING and work.step not in known] if view.outcome is None else []
-    return Group("", steps(view.effect, view.steps, beside), "", ending(view))
+    step_names = {step.step for step in view.steps}
+    other_work = (
+        [work for work in view.work if work.state is State.EXECUTING and work.step not in step_names] if view.outcome is None else []
+    )
+    return Group("", steps(view.effect, view.steps, other_work), "", ending(view))
 
 
-def change(made: Change) -> str:
+def change(map_change: Change) -> str:
     """A change of the map, in a line."""
-    match made:
+    match map_change:
         case ObjectAdded(object):
             return f"{object.name}: {object.type} appeared"
         case ObjectRemoved(name):

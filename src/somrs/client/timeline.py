@@ -28,7 +28,7 @@ class Bar:
     kind: str
     start: float
     end: float
-    how: str
+    ending: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,34 +36,34 @@ class Mark:
     """Something that happened, to a part of the system or to the task."""
 
     at: float
-    who: str
+    subject: str
     text: str
 
 
 def bars(lines: Sequence[Line]) -> list[Bar]:
     """The work that the messages tell of; what did not come to an end is lost when the last was said to or by whoever did it."""
-    last = {line.participant: line.at for line in lines if line.type != "End"}
-    found: dict[tuple[str, str], Bar] = {}
+    last_times = {line.participant: line.at for line in lines if line.type != "End"}
+    bars_by_work: dict[tuple[str, str], Bar] = {}
     for line in lines:
         if line.type in BEGINS:
             device, _, _ = line.recipient.partition(".")
             label = str(line.body.get("inputs", {}).get("Object") or str(line.body.get("situation", "")).partition(" ")[0])
             kind = BEGINS[line.type]
-            if (line.participant, kind) not in found:
-                found[line.participant, kind] = Bar(
-                    device=device, label=label, kind=kind, start=line.at, end=last[line.participant], how="lost"
+            if (line.participant, kind) not in bars_by_work:
+                bars_by_work[line.participant, kind] = Bar(
+                    device=device, label=label, kind=kind, start=line.at, end=last_times[line.participant], ending="lost"
                 )
         elif line.type in ENDS:
             kind = "undoes" if line.type in ("Compensated", "Stranded") else "does"
-            begun = found.get((line.participant, kind))
-            if begun is not None and begun.how == "lost":
-                found[line.participant, kind] = Bar(
-                    device=begun.device, label=begun.label, kind=kind, start=begun.start, end=line.at, how=line.type
+            bar = bars_by_work.get((line.participant, kind))
+            if bar is not None and bar.ending == "lost":
+                bars_by_work[line.participant, kind] = Bar(
+                    device=bar.device, label=bar.label, kind=kind, start=bar.start, end=line.at, ending=line.type
                 )
-    return [*found.values()]
+    return [*bars_by_work.values()]
 
 
-def drawn(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) -> Table:
+def timeline_table(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) -> Table:
     """For the terminal: a row for each piece of work, in the order in which they began, and for what happened."""
     start, end = _limits(bars, marks)
     scale = width / max(end - start, 1e-9)
@@ -75,19 +75,19 @@ def drawn(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) -> Table:
     for bar in bars:
         begin = int((bar.start - start) * scale)
         length = max(1, round((bar.end - bar.start) * scale))
-        fill = {"does": "█", "undoes": "▒"}[bar.kind] if bar.how != "lost" else "░"
-        colour = COLOURS["lost" if bar.how in ("lost", "Failed", "Stranded") else bar.kind]
-        line = Text(" " * begin) + Text(fill * min(length, width - begin), style=colour) + Text(f" {SIGNS[bar.how]}")
+        fill = {"does": "█", "undoes": "▒"}[bar.kind] if bar.ending != "lost" else "░"
+        colour = COLOURS["lost" if bar.ending in ("lost", "Failed", "Stranded") else bar.kind]
+        line = Text(" " * begin) + Text(fill * min(length, width - begin), style=colour) + Text(f" {SIGNS[bar.ending]}")
         rows.append((bar.start, bar.device, f"{bar.kind}: {bar.label}", line))
     for mark in marks:
-        rows.append((mark.at, mark.who, mark.text, Text(" " * int((mark.at - start) * scale)) + Text("◆", style="bold red")))
-    for _, who, what, line in sorted(rows, key=lambda row: row[0]):
-        table.add_row(who, what, line)
-    table.caption = "  ".join(f"{sign} {how}" for how, sign in SIGNS.items())
+        rows.append((mark.at, mark.subject, mark.text, Text(" " * int((mark.at - start) * scale)) + Text("◆", style="bold red")))
+    for _, subject, description, line in sorted(rows, key=lambda row: row[0]):
+        table.add_row(subject, description, line)
+    table.caption = "  ".join(f"{sign} {ending}" for ending, sign in SIGNS.items())
     return table
 
 
-LEFT, TOP, LANE, WIDE, RIGHT = 130, 70, 44, 1100, 110
+LEFT_MARGIN, TOP_MARGIN, LANE, CHART_WIDTH, RIGHT_MARGIN = 130, 70, 44, 1100, 110
 LETTER = 7.2
 """Pixels that a letter takes at most."""
 STYLE = """
@@ -104,52 +104,59 @@ STYLE = """
 def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
     """An SVG document: a lane for each device, bars on it, and lines where something happened."""
     start, end = _limits(bars, marks)
-    scale = WIDE / max(end - start, 1e-9)
+    scale = CHART_WIDTH / max(end - start, 1e-9)
     lanes = _lanes(bars)
     names = list(dict.fromkeys(device for device, _ in lanes.values()))
     rows = {(device, row) for device, row in lanes.values()}
-    place = {key: TOP + LANE * index for index, key in enumerate(sorted(rows, key=lambda key: (names.index(key[0]), key[1])))}
-    bottom = TOP + LANE * len(place)
+    place = {key: TOP_MARGIN + LANE * index for index, key in enumerate(sorted(rows, key=lambda key: (names.index(key[0]), key[1])))}
+    bottom = TOP_MARGIN + LANE * len(place)
     height = bottom + 24 * len(marks) + 30
-    made = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" class="timeline" viewBox="0 0 {LEFT + WIDE + RIGHT} {height}" '
-        f'width="{LEFT + WIDE + RIGHT}" height="{height}">',
+    elements = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="timeline" viewBox="0 0 {LEFT_MARGIN + CHART_WIDTH + RIGHT_MARGIN} {height}" '
+        f'width="{LEFT_MARGIN + CHART_WIDTH + RIGHT_MARGIN}" height="{height}">',
         f"<title>{escape(title)}</title><style>{STYLE}</style>",
-        f'<rect width="{LEFT + WIDE + RIGHT}" height="{height}" fill="#ffffff"/>',
+        f'<rect width="{LEFT_MARGIN + CHART_WIDTH + RIGHT_MARGIN}" height="{height}" fill="#ffffff"/>',
         f'<text x="20" y="28" font-size="16" font-weight="600">{escape(title)}</text>',
     ]
     for number, (kind, colour) in enumerate(COLOURS.items()):
-        left = LEFT + WIDE - 90 * (len(COLOURS) - number)
-        made.append(f'<rect x="{left}" y="17" width="12" height="12" rx="3" fill="{colour}"/><text x="{left + 18}" y="28">{kind}</text>')
+        legend_x = LEFT_MARGIN + CHART_WIDTH - 90 * (len(COLOURS) - number)
+        elements.append(
+            f'<rect x="{legend_x}" y="17" width="12" height="12" rx="3" fill="{colour}"/><text x="{legend_x + 18}" y="28">{kind}</text>'
+        )
     for seconds in _ticks(end - start):
-        x = LEFT + seconds * scale
-        made.append(f'<line class="lane" x1="{x:.1f}" y1="{TOP - 14}" x2="{x:.1f}" y2="{bottom}"/>')
-        made.append(f'<text x="{x:.1f}" y="{TOP - 20}" text-anchor="middle">{seconds:g} s</text>')
+        x = LEFT_MARGIN + seconds * scale
+        elements.append(f'<line class="lane" x1="{x:.1f}" y1="{TOP_MARGIN - 14}" x2="{x:.1f}" y2="{bottom}"/>')
+        elements.append(f'<text x="{x:.1f}" y="{TOP_MARGIN - 20}" text-anchor="middle">{seconds:g} s</text>')
     for (device, row), y in place.items():
         if row == 0:
-            made.append(f'<text class="who" x="{LEFT - 12}" y="{y + 20}">{escape(device)}</text>')
+            elements.append(f'<text class="who" x="{LEFT_MARGIN - 12}" y="{y + 20}">{escape(device)}</text>')
     texts: list[str] = []
     """Drawn last, so that no line runs through them."""
     for bar in bars:
         y = place[lanes[bar]]
-        x, wide = LEFT + (bar.start - start) * scale, max(3.0, (bar.end - bar.start) * scale)
-        colour = COLOURS["lost" if bar.how in ("lost", "Failed", "Stranded") else bar.kind]
-        opacity = ' fill-opacity="0.35"' if bar.how == "lost" else ""
-        made.append(f'<rect x="{x:.1f}" y="{y + 4}" width="{wide:.1f}" height="24" rx="4" fill="{colour}"{opacity}/>')
-        said = f"{SIGNS[bar.how]} {bar.label}"
-        after = min((other.start for other in bars if lanes[other] == lanes[bar] and other.start >= bar.end), default=end + RIGHT / scale)
-        if (after - bar.end) * scale > LETTER * len(said) and (bar.how == "lost" or wide <= LETTER * len(said)):
-            texts.append(f'<text class="beside" x="{x + wide + 5:.1f}" y="{y + 20}">{escape(said)}</text>')
+        x, wide = LEFT_MARGIN + (bar.start - start) * scale, max(3.0, (bar.end - bar.start) * scale)
+        colour = COLOURS["lost" if bar.ending in ("lost", "Failed", "Stranded") else bar.kind]
+        opacity = ' fill-opacity="0.35"' if bar.ending == "lost" else ""
+        elements.append(f'<rect x="{x:.1f}" y="{y + 4}" width="{wide:.1f}" height="24" rx="4" fill="{colour}"{opacity}/>')
+        label = f"{SIGNS[bar.ending]} {bar.label}"
+        next_start = min(
+            (other_bar.start for other_bar in bars if lanes[other_bar] == lanes[bar] and other_bar.start >= bar.end),
+            default=end + RIGHT_MARGIN / scale,
+        )
+        if (next_start - bar.end) * scale > LETTER * len(label) and (bar.ending == "lost" or wide <= LETTER * len(label)):
+            texts.append(f'<text class="beside" x="{x + wide + 5:.1f}" y="{y + 20}">{escape(label)}</text>')
         else:
-            fits = said if wide > LETTER * len(said) else SIGNS[bar.how]
+            fits = label if wide > LETTER * len(label) else SIGNS[bar.ending]
             texts.append(f'<text class="inside" x="{x + 6:.1f}" y="{y + 20}">{escape(fits)}</text>')
     for number, mark in enumerate(sorted(marks, key=lambda mark: mark.at)):
-        x, y = LEFT + (mark.at - start) * scale, bottom + 16 + 24 * number
-        made.append(f'<line class="mark" x1="{x:.1f}" y1="{TOP - 14}" x2="{x:.1f}" y2="{y}"/>')
-        late = x > LEFT + WIDE * 0.7
+        x, y = LEFT_MARGIN + (mark.at - start) * scale, bottom + 16 + 24 * number
+        elements.append(f'<line class="mark" x1="{x:.1f}" y1="{TOP_MARGIN - 14}" x2="{x:.1f}" y2="{y}"/>')
+        late = x > LEFT_MARGIN + CHART_WIDTH * 0.7
         anchor = ' text-anchor="end"' if late else ""
-        texts.append(f'<text class="told"{anchor} x="{x + (-6 if late else 6):.1f}" y="{y}">{escape(f"{mark.who}: {mark.text}")}</text>')
-    return "\n".join([*made, *texts, "</svg>"]) + "\n"
+        texts.append(
+            f'<text class="told"{anchor} x="{x + (-6 if late else 6):.1f}" y="{y}">{escape(f"{mark.subject}: {mark.text}")}</text>'
+        )
+    return "\n".join([*elements, *texts, "</svg>"]) + "\n"
 
 
 def _limits(bars: Sequence[Bar], marks: Sequence[Mark]) -> tuple[float, float]:
@@ -159,14 +166,14 @@ def _limits(bars: Sequence[Bar], marks: Sequence[Mark]) -> tuple[float, float]:
 
 def _lanes(bars: Sequence[Bar]) -> dict[Bar, tuple[str, int]]:
     """For each bar its device and which of the device's rows: bars on one row do not overlap."""
-    taken: dict[str, list[float]] = {}
-    found: dict[Bar, tuple[str, int]] = {}
+    end_times: dict[str, list[float]] = {}
+    lanes: dict[Bar, tuple[str, int]] = {}
     for bar in sorted(bars, key=lambda bar: bar.start):
-        rows = taken.setdefault(bar.device, [])
-        row = next((index for index, until in enumerate(rows) if until <= bar.start), len(rows))
+        rows = end_times.setdefault(bar.device, [])
+        row = next((index for index, end_time in enumerate(rows) if end_time <= bar.start), len(rows))
         rows[row:] = [bar.end, *rows[row + 1 :]]
-        found[bar] = (bar.device, row)
-    return found
+        lanes[bar] = (bar.device, row)
+    return lanes
 
 
 def _ticks(seconds: float) -> Iterable[float]:

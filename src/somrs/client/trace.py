@@ -33,13 +33,13 @@ def line_of(message: Message, now: float, coordinator: str) -> Line:
     """A message with names that people know: the Task Manager, and services."""
     header = message.header
     service = (header.participant or "").partition("#")[0] or header.recipient
-    sent = header.sender == coordinator
+    is_outgoing = header.sender == coordinator
     body: dict[str, Any] = msgspec.to_builtins(message.body)
     body.pop("type", None)
     return Line(
         at=now,
-        sender=TASK_MANAGER if sent else service,
-        recipient=service if sent else TASK_MANAGER,
+        sender=TASK_MANAGER if is_outgoing else service,
+        recipient=service if is_outgoing else TASK_MANAGER,
         type=type(message.body).__name__,
         transaction=header.transaction or "",
         participant=header.participant or "",
@@ -57,15 +57,15 @@ def lines_of(record: TaskRecord) -> list[Line]:
 def lines_from(messages: Sequence[MessageView], task: str) -> list[Line]:
     """The messages of a task, with names that people know."""
     coordinator = next((message.sender for message in messages if message.type == "Arrange"), "")
-    found = []
+    lines = []
     for message in messages:
-        service, sent = message.participant.partition("#")[0], message.sender == coordinator
+        service, is_outgoing = message.participant.partition("#")[0], message.sender == coordinator
         body: dict[str, Any] = msgspec.json.decode(message.body)
-        found.append(
+        lines.append(
             Line(
                 at=message.at,
-                sender=TASK_MANAGER if sent else service,
-                recipient=service if sent else TASK_MANAGER,
+                sender=TASK_MANAGER if is_outgoing else service,
+                recipient=service if is_outgoing else TASK_MANAGER,
                 type=message.type,
                 transaction=task,
                 participant=message.participant,
@@ -74,18 +74,18 @@ def lines_from(messages: Sequence[MessageView], task: str) -> list[Line]:
                 body={key: value for key, value in body.items() if key != "type" and value is not None},
             )
         )
-    return found
+    return lines
 
 
 def without_heartbeats(lines: Sequence[Line]) -> list[Line]:
     """Of signs of life that a participant gives in a row, the last only."""
-    following: dict[str, str] = {}
-    kept: list[Line] = []
+    next_types: dict[str, str] = {}
+    kept_lines: list[Line] = []
     for line in reversed(lines):
-        if line.type != "Progress" or following.get(line.participant) != line.type:
-            kept.append(line)
-        following[line.participant] = line.type
-    return kept[::-1]
+        if line.type != "Progress" or next_types.get(line.participant) != line.type:
+            kept_lines.append(line)
+        next_types[line.participant] = line.type
+    return kept_lines[::-1]
 
 
 class Trace:

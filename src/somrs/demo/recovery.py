@@ -18,7 +18,7 @@ from rich.text import Text
 from somrs.client import terminal
 from somrs.client.client import Client
 from somrs.client.message_chart import chart
-from somrs.client.timeline import Mark, bars, drawn, svg
+from somrs.client.timeline import Mark, bars, svg, timeline_table
 from somrs.client.trace import Follower, Line
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.link import OperatorLink
@@ -124,7 +124,7 @@ class Stage:
                     self._console.print(Text(f"{'':>10} · ", style="dim") + terminal.event(event))
 
     def _mark(self, who: str, text: str) -> None:
-        self.story.marks.append(Mark(at=time.time(), who=who, text=text))
+        self.story.marks.append(Mark(at=time.time(), subject=who, text=text))
         self._console.print(f"[bold red]{'':>10} ◆ {who}: {text}[/]")
 
     def _print(self) -> None:
@@ -155,7 +155,7 @@ async def perform(system: System, out: Path, console: Console) -> int:
     done = bars(story.lines)
     (out / "timeline.svg").write_text(svg(done, story.marks, "Scenario 2: what a transaction survives"), encoding="utf-8")
     console.print()
-    console.print(drawn(done, story.marks))
+    console.print(timeline_table(done, story.marks))
     console.print(_work(story.view))
     console.print(terminal.outcome(story.view))
     checks = verdict(story, before, map, stands)

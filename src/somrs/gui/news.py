@@ -23,8 +23,8 @@ def follow(hub: Hub, topic: str, begin: Callable[[], Awaitable[None]], hear: Hea
 
     async def following() -> None:
         await client.connected()
-        with hub.listening(topic) as listening:
-            await listening.following()
+        with hub.subscribe(topic) as listening:
+            await listening.wait_until_followed()
             begun = await _tried(topic, begin)
             async for news in listening:
                 if not begun:

@@ -15,7 +15,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from yarl import URL
 
 from somrs.client.api_client import ApiClient
-from somrs.client.refusals import status, trouble
+from somrs.client.refusals import error_report, status
 from somrs.runtime.wire import Unanswered
 
 OWN = frozenset(("connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade"))
@@ -62,8 +62,8 @@ class Proxy:
                 allow_redirects=False,
             )
         except (aiohttp.ClientError, TimeoutError) as error:
-            silent = Unanswered(self._api.silent(error))
-            return Response(msgspec.json.encode(trouble(silent)), status(silent), media_type="application/json")
+            silent = Unanswered(self._api.no_answer_text(error))
+            return Response(msgspec.json.encode(error_report(silent)), status(silent), media_type="application/json")
         passed = {name: value for name, value in answer.headers.items() if name.lower() not in OWN}
 
         async def parts() -> AsyncIterator[bytes]:

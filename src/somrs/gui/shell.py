@@ -11,7 +11,7 @@ from typing import Literal, ParamSpec, Protocol, TypeVar
 from nicegui import app, ui
 
 from somrs.api.remote import LiveApi
-from somrs.client.client import who
+from somrs.client.client import client_name
 from somrs.errors import SomrsError
 from somrs.gui.unavailable_banner import Unreachable
 
@@ -99,7 +99,7 @@ def _turn(dark: ui.dark_mode, button: ui.button) -> None:
 def author() -> str:
     """Who sits in front of the page, as histories record them: what was said in this browser, or the user of this machine. `person` shows
     them."""
-    return str(app.storage.user.get("author") or who())
+    return str(app.storage.user.get("author") or client_name())
 
 
 def tell(text: str, *, bad: bool = False) -> None:

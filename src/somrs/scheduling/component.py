@@ -9,7 +9,7 @@ from typing import Self, TypeVar
 
 from msgspec import structs
 
-from somrs.client.refusals import trouble
+from somrs.client.refusals import error_report
 from somrs.errors import SomrsError, UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import (
@@ -198,7 +198,7 @@ class Scheduler:
                     answer = yield from self._asked(message, body, now)
                     yield self._answer(message, answer)
         except SomrsError as error:
-            said = trouble(error)
+            said = error_report(error)
             yield self._answer(message, orders.OrdersRejected(**{name: getattr(said, name) for name in REJECTED}))
 
     def _serve_waiting(self, now: float) -> Effects:

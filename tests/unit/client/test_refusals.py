@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from somrs.client.refusals import Changed, NotFound, Refused, Trouble, refusal, status, trouble
+from somrs.client.refusals import Changed, ErrorReport, NotFound, Refused, error_report, refusal, status
 from somrs.errors import FormulaError, InputError, ModelError, Problem, RemoteError, SomrsError, UsageError
 from somrs.protocol.messages.knowledge import BrokenRule, Rejected
 from somrs.runtime.wire import Unanswered
@@ -29,16 +29,16 @@ PROBLEM = Problem(file="a.yaml", line=3, subject="Jar", rule="types", message="t
     ids=lambda error: type(error).__name__,
 )
 def test_an_error_comes_as_it_was_raised(error: SomrsError) -> None:
-    sent = msgspec.json.encode(trouble(error))
-    again = refusal(status(error), msgspec.json.decode(sent, type=Trouble))
+    sent = msgspec.json.encode(error_report(error))
+    again = refusal(status(error), msgspec.json.decode(sent, type=ErrorReport))
     assert type(again) is type(error)
     assert str(again) == str(error)
-    assert trouble(again) == trouble(error), "with all that is known of it"
+    assert error_report(again) == error_report(error), "with all that is known of it"
 
 
 def test_what_is_not_known_here_keeps_its_sort() -> None:
     class Odd(InputError):
         """Of a later version."""
 
-    assert type(refusal(status(Odd("x")), trouble(Odd("x")))) is UsageError
-    assert type(refusal(418, Trouble(problem="x"))) is RemoteError
+    assert type(refusal(status(Odd("x")), error_report(Odd("x")))) is UsageError
+    assert type(refusal(418, ErrorReport(problem="x"))) is RemoteError

@@ -11,7 +11,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 def bar(start: float, end: float, label: str = "Carton001") -> Bar:
-    return Bar(device="Robot1", label=label, kind="does", start=start, end=end, how="Completed")
+    return Bar(device="Robot1", label=label, kind="does", start=start, end=end, ending="Completed")
 
 
 @pytest.mark.parametrize("seconds", [0.1, 5.0, 8.0, 20.0])
@@ -24,7 +24,7 @@ def test_what_stands_beside_the_last_bar_is_within_the_picture(seconds: float) -
 
 
 def test_words_are_drawn_over_the_lines() -> None:
-    marks = [Mark(at=at, who="client", text="changes its mind") for at in (1.0, 2.0, 3.0)]
+    marks = [Mark(at=at, subject="client", text="changes its mind") for at in (1.0, 2.0, 3.0)]
     drawn = list(etree.fromstring(svg([bar(0.0, 10.0)], marks, "Who did what").encode()))
     lines = [number for number, part in enumerate(drawn) if part.tag == f"{SVG}line"]
     words = [number for number, part in enumerate(drawn) if (part.text or "").endswith(("Carton001", "changes its mind"))]

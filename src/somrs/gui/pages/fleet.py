@@ -9,7 +9,7 @@ from somrs.api.fleet import BUSY, Devices, DeviceSeen, Presence
 from somrs.api.remote import LiveApi
 from somrs.api.service_presence import Coming
 from somrs.client.hub import News
-from somrs.client.refusals import Trouble, trouble
+from somrs.client.refusals import ErrorReport, error_report
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import SomrsError
 from somrs.gui.device_card import LEAVING, DeviceCard
@@ -59,18 +59,18 @@ class _Fleet:
         try:
             self._show(await self._desk.fleet.devices())
         except SomrsError as error:
-            self._show_trouble(trouble(error))
+            self._show_trouble(error_report(error))
 
     async def hear(self, news: News) -> None:
         match news.value:
             case Devices() as devices:
                 self._show(devices)
-            case Trouble() as wrong:
+            case ErrorReport() as wrong:
                 self._show_trouble(wrong)
             case _:
                 await self.read()
 
-    def _show_trouble(self, wrong: Trouble) -> None:
+    def _show_trouble(self, wrong: ErrorReport) -> None:
         self._trouble.set_text(f"What is shown may be old: {wrong.problem}")
         self._trouble.visible = True
 
