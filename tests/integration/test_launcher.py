@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from somrs.deployment.launcher import Begun, Launcher, Process, spawned
+from somrs.deployment.launcher import Launcher, LauncherProcess, Process, spawn_launcher
 from somrs.errors import RemoteError
 from tests.support import warm
 from tests.support.paths import SCENARIO_1
 
 
-def launching(use: Callable[[Launcher], Awaitable[None]], begun: Callable[[], Begun] = warm.begun) -> None:
+def launching(use: Callable[[Launcher], Awaitable[None]], begun: Callable[[], LauncherProcess] = warm.begun) -> None:
     async def run() -> None:
         launcher = Launcher(begun())
         try:
@@ -66,7 +66,7 @@ def test_a_program_writes_where_it_is_to_and_its_end_is_told(tmp_path: Path) -> 
             badly.send_signal(signal.SIGTERM)
         badly.kill()
 
-    launching(use, spawned)
+    launching(use, spawn_launcher)
 
 
 def test_each_has_an_environment_of_its_own(tmp_path: Path) -> None:

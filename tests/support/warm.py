@@ -18,7 +18,7 @@ from pathlib import Path
 import msgspec
 import setproctitle
 
-from somrs.deployment.launcher import Begun, Launcher, Start, Started, import_common, launch
+from somrs.deployment.launcher import Launcher, LauncherProcess, Start, Started, import_common, launch
 from tests.support.leftovers import WARM
 
 PROGRAMS = (
@@ -52,11 +52,11 @@ def launcher() -> Launcher:
     return Launcher(begun())
 
 
-def begun() -> Begun:
+def begun() -> LauncherProcess:
     here, there = socket.socketpair()
     with there:
         socket.send_fds(_warm(), [b"?"], [there.fileno()])
-    return Begun(here, PID.unpack(_warm().recv(PID.size))[0], lambda: None)
+    return LauncherProcess(here, PID.unpack(_warm().recv(PID.size))[0], lambda: None)
 
 
 @functools.cache

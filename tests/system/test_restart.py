@@ -42,7 +42,7 @@ def test_tasks_outlive_their_task_manager(tmp_path: Path) -> None:
             told: list[str] = []
             keeping = asyncio.create_task(system.keep_running(told.append))
             manager = system.programs["task-manager"]
-            before = manager.at
+            before = manager.address
             follower = Follower(tmp_path / "messages.jsonl")
             for number, (kind, effect) in enumerate(places.items(), start=1):
                 [*follower.new()]
@@ -53,7 +53,7 @@ def test_tasks_outlive_their_task_manager(tmp_path: Path) -> None:
                     view = await ended(client, task)
                 assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
                 assert told.count("task-manager is back") == number
-                assert manager.at == before
+                assert manager.address == before
                 assert (await client.query(effect)).rows
             again = await client.submit(Submit(effect="Jar003 isOn Table001"))
             assert (await asyncio.wait_for(ended(client, again), 120)).outcome is Outcome.ACCOMPLISHED

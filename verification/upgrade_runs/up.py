@@ -19,7 +19,7 @@ SPEED = "2"
 
 
 async def main(site: Path, data: Path, world: str | None = None) -> None:
-    async with System([site], data, speed=SPEED, stage=world) as system:
+    async with System([site], data, speed=SPEED, world_address=world) as system:
         print(f"up: {system.addresses.task_manager}", flush=True)
         await until_stopped()
 

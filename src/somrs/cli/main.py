@@ -52,9 +52,9 @@ def demo(
     seed: Annotated[int | None, typer.Option(help="Start at random places, and break the drive at a random moment.")] = None,
 ) -> None:
     """Play a scenario of the paper in the simulator."""
-    from somrs.deployment.launcher import Launcher, forked
+    from somrs.deployment.launcher import Launcher, fork_launcher
 
-    begun = forked()  # before there are threads, as numpy has them
+    begun = fork_launcher()  # before there are threads, as numpy has them
     from somrs.demo.scenarios import play
 
     sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed, launcher=Launcher(begun))))
@@ -71,10 +71,10 @@ def up(
     """Start a whole system for a site: every part a process of its own. Ctrl-C ends it."""
     from somrs.cli.commands import check_files
     from somrs.cli.commands import up as run
-    from somrs.deployment.launcher import Launcher, forked
+    from somrs.deployment.launcher import Launcher, fork_launcher
 
     guarded(lambda: check_files(site))
-    begun = forked()
+    begun = fork_launcher()
     awaited(run(site, data, speed, host, fresh, Launcher(begun)))
 
 

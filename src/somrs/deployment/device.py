@@ -74,7 +74,7 @@ class DeviceRunner:
         self._own_journal = journal is None
         self._journal = journal if journal is not None else device_journal(data, device.name)
         self._host = host
-        self._rim: Host | None = None
+        self._runtime: Host | None = None
         self._node: Node | None = None
         self._early: list[str] = []
         """What the device observed while it was opened."""
@@ -83,13 +83,13 @@ class DeviceRunner:
     async def start(self) -> str:
         """Connect to the hardware, and join. Returns the address. Raises DeviceError when the device cannot join."""
         self.device.profile()  # a class that cannot be run is told of before anything is connected
-        self._rim = rim = await self._listen()
+        self._runtime = runtime = await self._listen()
         self.device.map = MapReader(self._ask)
         self.device.observer = self._observed
         await self.device.open()
         profile = self.device.profile()
         repository, registry = self._addresses.repository, self._addresses.registry
-        self._node = rim.add_journaled(
+        self._node = runtime.add_journaled(
             f"/devices/{self.device.name}",
             lambda address: ServiceManager(profile, repository=repository, registry=registry),
             self._journal,
@@ -122,8 +122,8 @@ class DeviceRunner:
             await self._node.flush(2.0)
             if isinstance(self._host, Host):
                 await self._host.remove(self._node)
-        if self._rim is not None and self._rim is not self._host:
-            await self._rim.stop()
+        if self._runtime is not None and self._runtime is not self._host:
+            await self._runtime.stop()
         await self.device.close()
         if self._own_journal:
             self._journal.close()
@@ -140,15 +140,15 @@ class DeviceRunner:
             return self._host
         port = urlsplit(self._journal.address).port or 0
         for candidate in dict.fromkeys((port, 0)):
-            rim = Host(self._host, candidate)
+            runtime = Host(self._host, candidate)
             try:
-                await rim.start()
+                await runtime.start()
             except (OSError, SystemExit, RemoteError, InputError):
                 if candidate == 0:
                     raise
                 log.warning("%s: port %d is taken, so those who waited for it have to find it anew", self.device.name, candidate)
             else:
-                return rim
+                return runtime
         raise AssertionError("port 0 is always tried")
 
     async def _carry_out(self, task: object, report: Report) -> object:
@@ -169,9 +169,9 @@ class DeviceRunner:
     async def _ask(self, body: Body) -> Body:
         """Ask the Repository. One that is started again meanwhile is waited for: that is no reason to refuse, or to fail."""
         header = Header(sender=ANONYMOUS, recipient=self._addresses.repository, message_id=uuid.uuid4().urn)
-        rim, question = self._rim, Message(header=header, body=body)
-        assert rim is not None, "devices ask once they listen"
-        return (await retry_unanswered(lambda: rim.request(question), MAP_TIME)).body
+        runtime, question = self._runtime, Message(header=header, body=body)
+        assert runtime is not None, "devices ask once they listen"
+        return (await retry_unanswered(lambda: runtime.request(question), MAP_TIME)).body
 
 
 async def serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:
@@ -208,17 +208,17 @@ def run(kind: type[Device]) -> None:
 
 def load(driver: str) -> type[Device]:
     """The class that `module:Class` or `file.py:Class` names. Raises DeviceError."""
-    where, separator, name = driver.rpartition(":")
-    if not separator or not where or not name:
+    module_name, separator, name = driver.rpartition(":")
+    if not separator or not module_name or not name:
         raise DeviceError(f"{driver!r} does not name a device's class: write module:Class or file.py:Class")
     try:
-        module = _module_in(Path(where)) if where.endswith(".py") else importlib.import_module(where)
+        module = _module_in(Path(module_name)) if module_name.endswith(".py") else importlib.import_module(module_name)
     except (ImportError, OSError, SyntaxError) as error:
-        raise DeviceError(f"{driver}: {where} cannot be imported: {error}") from error
+        raise DeviceError(f"{driver}: {module_name} cannot be imported: {error}") from error
     kind = getattr(module, name, None)
     if not (isinstance(kind, type) and issubclass(kind, Device)):
         devices = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, Device) and v is not Device]
-        raise DeviceError(f"{driver}: {where} has no class {name} that is a Device; it has {', '.join(devices) or 'none at all'}")
+        raise DeviceError(f"{driver}: {module_name} has no class {name} that is a Device; it has {', '.join(devices) or 'none at all'}")
     return kind
 
 

@@ -43,7 +43,7 @@ COMMON = (
 )
 """What several programs import."""
 
-MADE = ("somrs.cli.main:command", "somrs.ontology.files.loading:upper")
+SHARED_OBJECTS = ("somrs.cli.main:command", "somrs.ontology.files.loading:upper")
 """What several programs make, and never change: the command line, and the upper ontology with the grammar of its formulas."""
 
 CHUNK = 1 << 16
@@ -75,19 +75,19 @@ class Process:
     def __init__(self, pid: int, stdout: asyncio.StreamReader) -> None:
         self.pid, self.stdout = pid, stdout
         self.returncode: int | None = None
-        self._over = asyncio.Event()
+        self._end_event = asyncio.Event()
 
     async def wait(self) -> int:
         """Its exit code, or minus the number of the signal that ended it."""
-        await self._over.wait()
+        await self._end_event.wait()
         assert self.returncode is not None, "known when it is over"
         return self.returncode
 
-    def send_signal(self, what: int) -> None:
+    def send_signal(self, signal_number: int) -> None:
         """Raises ProcessLookupError when the process has ended."""
         if self.returncode is not None:
             raise ProcessLookupError(f"process {self.pid} has ended")
-        os.kill(self.pid, what)
+        os.kill(self.pid, signal_number)
 
     def kill(self) -> None:
         """End it at once, unless it has ended."""
@@ -96,45 +96,45 @@ class Process:
 
     def ended(self, code: int) -> None:
         self.returncode = code
-        self._over.set()
+        self._end_event.set()
 
 
 @dataclass(slots=True)
-class Begun:
+class LauncherProcess:
     """A launcher that runs."""
 
     channel: socket.socket
     pid: int
-    over: Callable[[], object]
+    reap: Callable[[], object]
     """To be called when its end of the channel is closed: it is at its end, and somebody has to ask how it ended."""
 
 
-def spawned() -> Begun:
+def spawn_launcher() -> LauncherProcess:
     """A launcher that is a Python of its own."""
-    here, there = socket.socketpair()
-    with there:
+    own_end, other_end = socket.socketpair()
+    with other_end:
         line = [sys.executable, "-m", "somrs.deployment.launcher"]
-        program = subprocess.Popen(line, stdin=there.fileno(), stdout=subprocess.DEVNULL, start_new_session=True)
-    return Begun(here, program.pid, program.wait)
+        program = subprocess.Popen(line, stdin=other_end.fileno(), stdout=subprocess.DEVNULL, start_new_session=True)
+    return LauncherProcess(own_end, program.pid, program.wait)
 
 
-def forked() -> Begun:
+def fork_launcher() -> LauncherProcess:
     """A launcher that comes out of this process, which has no event loop yet; where it has threads, one that is spawned. It saves to start
     another Python, and what both import."""
     if _threads() > 1:
-        return spawned()
+        return spawn_launcher()
     import_common()
-    here, there = socket.socketpair()
+    own_end, other_end = socket.socketpair()
     pid = os.fork()
     if pid == 0:
-        here.close()
+        own_end.close()
         os.setsid()  # Ctrl-C is for who started it
-        nothing = os.open(os.devnull, os.O_RDWR)
+        null_file = os.open(os.devnull, os.O_RDWR)
         for standard in (0, 1):
-            os.dup2(nothing, standard)
-        launch(there)
-    there.close()
-    return Begun(here, pid, lambda: os.waitpid(pid, 0))
+            os.dup2(null_file, standard)
+        launch(other_end)
+    other_end.close()
+    return LauncherProcess(own_end, pid, lambda: os.waitpid(pid, 0))
 
 
 class Launcher:
@@ -143,12 +143,12 @@ class Launcher:
     `begun`: one that runs already.
     """
 
-    def __init__(self, begun: Begun | None = None) -> None:
+    def __init__(self, launcher_process: LauncherProcess | None = None) -> None:
         self._lock = asyncio.Lock()
-        self._begun = begun
-        self._over: asyncio.Event | None = None
+        self._launcher_process = launcher_process
+        self._end_event: asyncio.Event | None = None
         """Set when the launcher that is listened to has ended."""
-        self._heard = b""
+        self._buffer = b""
         self._stdout: asyncio.StreamReader | None = None
         self._started: asyncio.Queue[Process | None] = asyncio.Queue()
         self._running: dict[int, Process] = {}
@@ -156,19 +156,19 @@ class Launcher:
     @property
     def pid(self) -> int | None:
         """The process of the launcher; None while there is none."""
-        return self._begun.pid if self._begun is not None else None
+        return self._launcher_process.pid if self._launcher_process is not None else None
 
     async def start(self, arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> Process:
         """Start `somrs` with the arguments; errors go to the log. Raises RemoteError when the launcher is killed meanwhile."""
         request = msgspec.json.encode(Start(arguments=tuple(arguments), environment=dict(environment))) + b"\n"
         async with self._lock:
-            channel = self._listened_to().channel
+            channel = self._ensure_listening().channel
             self._stdout = stdout = asyncio.StreamReader()
             read, write = os.pipe()
             await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(stdout), os.fdopen(read, "rb"))
             with os.fdopen(write, "wb") as output, log.open("ab") as errors, contextlib.suppress(ConnectionError):  # the queue tells
-                sent = socket.send_fds(channel, [request], [output.fileno(), errors.fileno()])
-                channel.sendall(request[sent:])
+                sent_count = socket.send_fds(channel, [request], [output.fileno(), errors.fileno()])
+                channel.sendall(request[sent_count:])
             process = await self._started.get()
         if process is None:
             raise RemoteError(f"somrs {' '.join(arguments)} was not started: the process that starts programs was killed")
@@ -176,28 +176,30 @@ class Launcher:
 
     async def stop(self) -> None:
         """End the launcher, and all that it has started and that has not ended."""
-        if self._begun is not None:
-            begun, over = self._listened_to(), self._over
+        if self._launcher_process is not None:
+            launcher_process, end_event = self._ensure_listening(), self._end_event
             with contextlib.suppress(OSError):  # it has ended
-                begun.channel.shutdown(socket.SHUT_WR)
-            assert over is not None, "made when it is listened to"
-            await over.wait()
+                launcher_process.channel.shutdown(socket.SHUT_WR)
+            assert end_event is not None, "made when it is listened to"
+            await end_event.wait()
 
-    def _listened_to(self) -> Begun:
+    def _ensure_listening(self) -> LauncherProcess:
         """A launcher that is there, and is listened to."""
-        if self._begun is None:
-            self._begun = spawned()
-        if self._over is None:
-            self._over, self._heard, self._started = asyncio.Event(), b"", asyncio.Queue()
-            asyncio.get_running_loop().add_reader(self._begun.channel, self._hear, self._begun, self._over)
-        return self._begun
+        if self._launcher_process is None:
+            self._launcher_process = spawn_launcher()
+        if self._end_event is None:
+            self._end_event, self._buffer, self._started = asyncio.Event(), b"", asyncio.Queue()
+            asyncio.get_running_loop().add_reader(
+                self._launcher_process.channel, self._read_channel, self._launcher_process, self._end_event
+            )
+        return self._launcher_process
 
-    def _hear(self, begun: Begun, over: asyncio.Event) -> None:
+    def _read_channel(self, launcher_process: LauncherProcess, end_event: asyncio.Event) -> None:
         try:
-            more = begun.channel.recv(CHUNK)
+            chunk = launcher_process.channel.recv(CHUNK)
         except ConnectionError:
-            more = b""
-        *lines, self._heard = (self._heard + more).split(b"\n")
+            chunk = b""
+        *lines, self._buffer = (self._buffer + chunk).split(b"\n")
         for line in lines:
             match _ANSWERS.decode(line):
                 case Started(pid=pid):
@@ -206,19 +208,19 @@ class Launcher:
                     self._started.put_nowait(process)
                 case Ended(pid=pid, code=code):
                     self._running.pop(pid).ended(code)
-        if not more:
-            self._ended(begun)
-            over.set()
+        if not chunk:
+            self._ended(launcher_process)
+            end_event.set()
 
-    def _ended(self, begun: Begun) -> None:
-        asyncio.get_running_loop().remove_reader(begun.channel)
-        begun.channel.close()
-        begun.over()
+    def _ended(self, launcher_process: LauncherProcess) -> None:
+        asyncio.get_running_loop().remove_reader(launcher_process.channel)
+        launcher_process.channel.close()
+        launcher_process.reap()
         for process in self._running.values():
             process.kill()
             process.ended(-signal.SIGKILL)
         self._running.clear()
-        self._begun = self._over = None
+        self._launcher_process = self._end_event = None
         self._started.put_nowait(None)
 
 
@@ -239,8 +241,8 @@ def import_common() -> None:
     for name in COMMON:
         with contextlib.suppress(ImportError):  # of an extra that is not installed
             importlib.import_module(name)
-    for made in MADE:
-        module, _, function = made.partition(":")
+    for reference in SHARED_OBJECTS:
+        module, _, function = reference.partition(":")
         getattr(importlib.import_module(module), function)()
     gc.collect()
     gc.freeze()  # what is there is not looked at again, and stays shared
@@ -249,9 +251,9 @@ def import_common() -> None:
 def launch(channel: socket.socket) -> NoReturn:
     """Be a launcher, until nobody is there any more who wants it."""
     setproctitle.setproctitle("somrs launcher")
-    begun = serve(channel)
-    if begun is not None:
-        become(*begun)
+    request_with_files = serve(channel)
+    if request_with_files is not None:
+        run_request(*request_with_files)
         sys.exit()
     os._exit(0)  # there is nothing to be put in order
 
@@ -269,7 +271,7 @@ def serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
             for key, _ in selector.select():
                 if key.fileobj is woken:
                     woken.recv(CHUNK)
-                    _tell_ended(channel)
+                    _report_ended(channel)
                     continue
                 text, files = _request(channel)
                 if not text:
@@ -279,10 +281,10 @@ def serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
                     return msgspec.json.decode(text, type=Start), files
                 for file in files:
                     os.close(file)
-                _say(channel, Started(pid=pid))
+                _send_event(channel, Started(pid=pid))
 
 
-def become(request: Start, files: list[int]) -> None:
+def run_request(request: Start, files: list[int]) -> None:
     """Be the program."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     os.setsid()
@@ -301,22 +303,22 @@ def _request(channel: socket.socket) -> tuple[bytes, list[int]]:
     try:
         text, files, _, _ = socket.recv_fds(channel, CHUNK, 2)
         while text and not text.endswith(b"\n"):
-            more = channel.recv(CHUNK)
-            text = text + more if more else b""
+            chunk = channel.recv(CHUNK)
+            text = text + chunk if chunk else b""
     except ConnectionError:  # it was killed before it had read all
         return b"", []
     return text, files
 
 
-def _tell_ended(channel: socket.socket) -> None:
+def _report_ended(channel: socket.socket) -> None:
     with contextlib.suppress(ChildProcessError):
         while (ended := os.waitpid(-1, os.WNOHANG))[0]:
-            _say(channel, Ended(pid=ended[0], code=os.waitstatus_to_exitcode(ended[1])))
+            _send_event(channel, Ended(pid=ended[0], code=os.waitstatus_to_exitcode(ended[1])))
 
 
-def _say(channel: socket.socket, what: Started | Ended) -> None:
+def _send_event(channel: socket.socket, event: Started | Ended) -> None:
     with contextlib.suppress(ConnectionError):  # whoever is to hear it is gone
-        channel.sendall(msgspec.json.encode(what) + b"\n")
+        channel.sendall(msgspec.json.encode(event) + b"\n")
 
 
 if __name__ == "__main__":

@@ -48,26 +48,26 @@ class Ready(msgspec.Struct, frozen=True, kw_only=True):
     """What a program says when it is up."""
 
     ready: str
-    at: str
+    address: str = msgspec.field(name="at")
 
 
-async def until_stopped(name: str = "", at: str = "") -> None:
+async def until_stopped(name: str = "", address: str = "") -> None:
     """Return when somebody wants this process to end, or when its parent is gone. A program that has a name says that it is ready,
     and where: from then on it ends in good order when it is told to."""
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
-    for wanted in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(wanted, stopped.set)
+    for signal_number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(signal_number, stopped.set)
     parent = os.getppid()
     if name:
-        say_ready(name, at)
+        say_ready(name, address)
     while not stopped.is_set() and os.getppid() == parent:
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stopped.wait(), PARENT_CHECK)
 
 
-def say_ready(name: str, at: str) -> None:
-    print(msgspec.json.encode(Ready(ready=name, at=at)).decode(), flush=True)
+def say_ready(name: str, address: str) -> None:
+    print(msgspec.json.encode(Ready(ready=name, address=address)).decode(), flush=True)
 
 
 def load_site(site: Sequence[Path]) -> LoadedModel:
@@ -86,7 +86,7 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
     from somrs.repository.state import Contents
     from somrs.storage.repository_store import repository_journal
 
-    def made(address: str) -> Repository:
+    def create_repository(address: str) -> Repository:
         loaded = load_site(site)
         assert loaded.map is not None, "load_site sees to that"
         return Repository(address, Contents(ontology=loaded.ontology, map=loaded.map))
@@ -94,11 +94,11 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
     data.mkdir(parents=True, exist_ok=True)
     journal = repository_journal(data / "repository.sqlite")
     try:
-        rim = Host(host, port)
-        await rim.start()
-        node = rim.add_journaled("/repository", made, journal, carry_out=journal.carry_out)
+        runtime = Host(host, port)
+        await runtime.start()
+        node = runtime.add_journaled("/repository", create_repository, journal, carry_out=journal.carry_out)
         await until_stopped("repository", node.address)
-        await rim.stop()
+        await runtime.stop()
     finally:
         journal.close()
 
@@ -112,11 +112,11 @@ async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -
     data.mkdir(parents=True, exist_ok=True)
     journal = Journal(data / "registry.sqlite", SCHEMA, f"the Repository at {addresses.repository}")
     try:
-        rim = Host(host, port)
-        await rim.start()
-        node = rim.add_journaled("/registry", lambda address: Registry(address, upper(), addresses.repository), journal)
+        runtime = Host(host, port)
+        await runtime.start()
+        node = runtime.add_journaled("/registry", lambda address: Registry(address, upper(), addresses.repository), journal)
         await until_stopped("registry", node.address)
-        await rim.stop()
+        await runtime.stop()
     finally:
         journal.close()
 
@@ -136,7 +136,7 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
     journal = Journal(data / FILE, SCHEMA, f"the Repository at {addresses.repository}, the Registry at {addresses.registry}")
     try:
         trace = Trace(data / "messages.jsonl")
-        rim = await _where_it_was(journal, host, port, trace)
+        runtime = await _start_runtime(journal, host, port, trace)
         with PlannerProcess() as process:
             planner = Planner(process)
 
@@ -146,35 +146,35 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
                 assert isinstance(task, Problem), "a Task Manager asks for nothing else"
                 return await planner.plan(task)
 
-            trace.coordinator = f"{rim.url}/task-manager"
-            node = rim.add_journaled(
+            trace.coordinator = f"{runtime.url}/task-manager"
+            node = runtime.add_journaled(
                 "/task-manager",
                 lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
                 journal,
                 carry_out=carry_out,
             )
             await until_stopped("task-manager", node.address)
-            await rim.stop()
+            await runtime.stop()
         trace.close()
     finally:
         journal.close()
 
 
-async def _where_it_was(journal: Journal, host: str, port: int, watch: Watch) -> Host:
+async def _start_runtime(journal: Journal, host: str, port: int, watch: Watch) -> Host:
     """Listen at the port, or where the journal's owner was reached before: participants know that address only."""
-    before = urlsplit(journal.address).port or 0
-    rim = Host(host, port or before, watch)
+    last_port = urlsplit(journal.address).port or 0
+    runtime = Host(host, port or last_port, watch)
     try:
-        await rim.start()
+        await runtime.start()
     except UsageError as error:
-        if port or not before:
+        if port or not last_port:
             raise
         if journal.open:
-            known = f"whoever works for one of the {len(journal.open)} open tasks knows the Task Manager at {journal.address} only"
-            raise UsageError(f"{error}; but {known}: stop what listens there") from None
-        rim = Host(host, 0, watch)
-        await rim.start()
-    return rim
+            explanation = f"whoever works for one of the {len(journal.open)} open tasks knows the Task Manager at {journal.address} only"
+            raise UsageError(f"{error}; but {explanation}: stop what listens there") from None
+        runtime = Host(host, 0, watch)
+        await runtime.start()
+    return runtime
 
 
 def speed_of(text: str) -> float | None:
@@ -194,10 +194,10 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
     """The simulator. Its world is made of the map that the Repository has, and follows what is added to it."""
     from somrs.devices.simulator.server.follower import Follower
 
-    rim = Host(host)
-    await rim.start()
-    world = Follower(f"{rim.url}/simulator", addresses.repository)
-    rim.add("/simulator", lambda address: world)
+    runtime = Host(host)
+    await runtime.start()
+    world = Follower(f"{runtime.url}/simulator", addresses.repository)
+    runtime.add("/simulator", lambda address: world)
     try:
         await asyncio.wait_for(world.read.wait(), MAP_TIME)
         assert world.simulation is not None, "it is there once the map was read"
@@ -205,7 +205,7 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
     except TimeoutError:
         raise RemoteError(f"no map came from {addresses.repository} within {MAP_TIME:.0f} s; is the Repository running?") from None
     finally:
-        await rim.stop()
+        await runtime.stop()
 
 
 async def run_simulator_of_files(site: Sequence[Path], host: str, port: int, speed: float | None) -> None:
@@ -242,8 +242,8 @@ async def _serve_robots(simulation: Simulation, host: str, port: int, speed: flo
 
     server = Server(simulation, host=host, port=port, speed=speed)
     await server.start()
-    told = asyncio.create_task(until_stopped("simulator", f"{server.host}:{server.port}"))
-    running = [told, asyncio.create_task(server.ended())]
+    stop_waiter = asyncio.create_task(until_stopped("simulator", f"{server.host}:{server.port}"))
+    running = [stop_waiter, asyncio.create_task(server.ended())]
     await asyncio.wait(running, return_when=asyncio.FIRST_COMPLETED)
     for task in running:
         task.cancel()

@@ -50,7 +50,7 @@ class Program:
     arguments: list[str]
     process: Process
     log: Path
-    at: str = ""
+    address: str = ""
     restarts: int = 0
 
 
@@ -70,12 +70,12 @@ class System:
         host: str = "127.0.0.1",
         fresh: bool = False,
         windows: bool = False,
-        stage: str | None = None,
+        world_address: str | None = None,
         launcher: Launcher | None = None,
     ) -> None:
         self.site, self.data, self.speed, self.host, self.fresh = [path.resolve() for path in site], data, speed, host, fresh
         self.programs: dict[str, Program] = {}
-        self.windows, self.stage = windows, stage
+        self.windows, self.world_address = windows, world_address
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._listed = False
         self._reservation: Reservation | None = None
@@ -83,12 +83,12 @@ class System:
 
     def _check_site(self) -> None:
         """A map that is kept from an earlier run is gone on with, but only if it began with the same files."""
-        kept = self.data / SITE_FILE
-        if not kept.exists() or not (self.data / "repository.sqlite").exists():
+        site_file = self.data / SITE_FILE
+        if not site_file.exists() or not (self.data / "repository.sqlite").exists():
             return
-        before = msgspec.json.decode(kept.read_bytes(), type=list[str])
-        if before != [str(path) for path in self.site]:
-            kept_map = f"{self.data} holds the map of {', '.join(before)}"
+        earlier_site = msgspec.json.decode(site_file.read_bytes(), type=list[str])
+        if earlier_site != [str(path) for path in self.site]:
+            kept_map = f"{self.data} holds the map of {', '.join(earlier_site)}"
             raise UsageError(f"{kept_map}; `--fresh` forgets it and begins with the new site, `--data` takes another folder")
 
     async def __aenter__(self) -> System:
@@ -124,39 +124,39 @@ class System:
             ontology, map = await client.ontology(), await client.map()
         driven = devices(map, ontology)
         bodiless = symbolic(driven)
-        stage = self.stage or f"{self.host}:{ports[3]}"
-        self.addresses = replace(self.addresses, world=stage) if bodiless else replace(self.addresses, simulator=stage)
+        world_address = self.world_address or f"{self.host}:{ports[3]}"
+        self.addresses = replace(self.addresses, world=world_address) if bodiless else replace(self.addresses, simulator=world_address)
         # Only now: while another system has the store, its addresses are to stay.
         self.addresses.write(self.data)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         first = [self._start("registry", "--port", str(ports[1])), self._start("task-manager", "--port", str(ports[2]))]
-        if self.stage is None:
+        if self.world_address is None:
             first.append(self._start("world" if bodiless else "simulator", "--port", str(ports[3]), "--speed", self.speed))
         await asyncio.gather(*first)
-        last = [self._start("device", driver, "--name", name, label=name) for name, driver in driven]
-        last += [self._start("scheduler", "--port", str(ports[6])), self._start("api", "--port", str(ports[5]))]
+        last_starts = [self._start("device", driver, "--name", name, label=name) for name, driver in driven]
+        last_starts += [self._start("scheduler", "--port", str(ports[6])), self._start("api", "--port", str(ports[5]))]
         if self.addresses.gui is not None:
-            last.append(self._start("gui", "--port", str(ports[4])))
-        await asyncio.gather(*last)
+            last_starts.append(self._start("gui", "--port", str(ports[4])))
+        await asyncio.gather(*last_starts)
         # Not before: where a start came to nothing because an address was taken, the next one is to try that address again.
         self.addresses.write(self.data, LAST_FILE)
 
     def _ports_before(self) -> list[int]:
         """Where the parts listened in the last run; nothing when there was none."""
         try:
-            before = Addresses.read(self.data, LAST_FILE)
+            addresses = Addresses.read(self.data, LAST_FILE)
         except UsageError:
             return []
-        stage = f"//{before.simulator or before.world}"
+        world_address = f"//{addresses.simulator or addresses.world}"
         places = (
-            before.repository,
-            before.registry,
-            before.task_manager,
-            stage,
-            before.gui or "",
-            before.api or "",
-            before.scheduler or "",
+            addresses.repository,
+            addresses.registry,
+            addresses.task_manager,
+            world_address,
+            addresses.gui or "",
+            addresses.api or "",
+            addresses.scheduler or "",
         )
         return [urlsplit(place).port or 0 for place in places]
 
@@ -175,7 +175,7 @@ class System:
         assert self._reservation is not None, "made before any program is started"
         return await self._launcher.start(arguments, output, self._reservation.environment)
 
-    async def keep_running(self, tell: Callable[[str], None]) -> None:
+    async def keep_running(self, report: Callable[[str], None]) -> None:
         """Start again whatever ends without having been told to, until cancelled. What it had kept on disk, it still has."""
         while True:
             ends = [asyncio.create_task(program.process.wait()) for program in self.programs.values()]
@@ -185,15 +185,15 @@ class System:
                 for waiting in ends:
                     waiting.cancel()
             # As they were started: devices want the Repository, and several may have ended at the same time.
-            for program in [one for one in self.programs.values() if one.process.returncode is not None]:
-                tell(f"{program.name} ended ({_how(program.process.returncode)}; see {program.log}); starting it again")
+            for program in [program for program in self.programs.values() if program.process.returncode is not None]:
+                report(f"{program.name} ended ({_describe_exit(program.process.returncode)}; see {program.log}); starting it again")
                 await asyncio.sleep(min(0.2 * 2**program.restarts, MOST_PAUSE))
                 try:
                     await self.restart(program.name)
                 except SomrsError as error:
-                    tell(str(error))
+                    report(str(error))
                 else:
-                    tell(f"{program.name} is back")
+                    report(f"{program.name} is back")
 
     async def restart(self, name: str) -> None:
         """Start a program again that has ended, and wait until it is ready. Raises UsageError or RemoteError when it does not get so
@@ -222,23 +222,23 @@ class System:
 
 async def _ready(program: Program) -> None:
     """Wait until a program says that it is ready, or ends: one that takes long is not wrong."""
-    before = program.log.stat().st_size
+    log_size = program.log.stat().st_size
     reading = asyncio.ensure_future(program.process.stdout.readline())
     try:
         while not (await asyncio.wait([reading], timeout=PATIENCE))[0]:
             log.warning("%s is not ready yet; what it says is in %s", program.name, program.log)
     finally:
         reading.cancel()
-    if not (said := reading.result()):
+    if not (ready_line := reading.result()):
         await program.process.wait()
         with program.log.open("rb") as output:
-            output.seek(before)
-            told = output.read().decode(errors="replace").strip()
-        raise UsageError(told or f"{program.name} ended at once; see {program.log}")
-    program.at = msgspec.json.decode(said, type=Ready).at
+            output.seek(log_size)
+            error_text = output.read().decode(errors="replace").strip()
+        raise UsageError(error_text or f"{program.name} ended at once; see {program.log}")
+    program.address = msgspec.json.decode(ready_line, type=Ready).address
 
 
-def _how(code: int | None) -> str:
+def _describe_exit(code: int | None) -> str:
     """How a process ended."""
     return f"signal {signal.Signals(-code).name}" if code is not None and code < 0 else f"exit code {code}"
 
@@ -253,15 +253,15 @@ async def _end(program: Program) -> None:
 
 def devices(map: Map, ontology: Ontology) -> list[tuple[str, str]]:
     """The devices on the map that a program serves, with that program: the types say which."""
-    found = ((name, ontology.driver(object.type)) for name, object in sorted(map.objects.items()))
-    return [(name, driver) for name, driver in found if driver is not None]
+    drivers = ((name, ontology.driver(object.type)) for name, object in sorted(map.objects.items()))
+    return [(name, driver) for name, driver in drivers if driver is not None]
 
 
 def symbolic(driven: Sequence[tuple[str, str]]) -> bool:
     """Whether the devices live in a symbolic world instead of the simulator. Raises UsageError if some do, and some do not."""
-    without = [name for name, driver in driven if driver.startswith("somrs.devices.symbolic.")]
+    bodiless = [name for name, driver in driven if driver.startswith("somrs.devices.symbolic.")]
     simulated = [name for name, driver in driven if driver.startswith("somrs.devices.simulator.")]
-    if without and simulated:
-        what = f"{without[0]} is a device of a symbolic world, and {simulated[0]} one of the simulator"
-        raise UsageError(f"{what}; a system has one of the two, so take one of them from the map")
-    return bool(without)
+    if bodiless and simulated:
+        conflict = f"{bodiless[0]} is a device of a symbolic world, and {simulated[0]} one of the simulator"
+        raise UsageError(f"{conflict}; a system has one of the two, so take one of them from the map")
+    return bool(bodiless)

@@ -29,7 +29,7 @@ def test_a_program_that_takes_long_is_waited_for_and_that_is_said(
             await asyncio.sleep(0)
         slow.process.stdout.feed_data(b'{"ready": "repository", "at": "http://127.0.0.1:8000"}\n')
         await waiting
-        assert slow.at == "http://127.0.0.1:8000"
+        assert slow.address == "http://127.0.0.1:8000"
 
     monkeypatch.setattr(system, "PATIENCE", 0.001)
     asyncio.run(run())
